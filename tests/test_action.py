@@ -74,7 +74,7 @@ def test_short_orbits_are_found_where_a_symmetric_guess_is_on_a_saddle(kappa, p,
     assert flux.action_difference(kappa, p, q) > 0
 
 
-def test_the_residue_of_period_two_is_kappa_squared_over_four_and_no_call_leaves_a_trace():
+def test_the_residue_of_period_two_is_kappa_squared_over_4_at_each_call():
     for _ in range(2):
         assert periodic.residue((2.5,), 1, 2) == pytest.approx(2.5**2 / 4, rel=1e-14)
 
@@ -144,7 +144,7 @@ def test_no_orbit_is_joined_twice_at_a_scale(monkeypatch):
     assert len(calls) == len(set(calls)) > 3
 
 
-def test_a_lost_orbit_says_why_and_only_long_ones_say_that_circles_are_broken(monkeypatch):
+def test_only_long_lost_orbits_are_taken_as_evidence_of_broken_circles(monkeypatch):
     kappa, omega = (0.3, 0.2, 0.25), parse("[1;4,(1)]")
     assert farey.circle_stands(omega, kappa)
     scanned = action.Ladder.scan

@@ -87,7 +87,7 @@ OWN += [(tol, (k, 1, -k, -1), "[0;(4)]") for tol, k in ((1e-3, 0.3), (1e-3, 1), 
 
 
 @pytest.mark.parametrize("case", thirds([*OWN, *CASES, (2e-5, ray(24.3))]))
-def test_the_bracket_is_as_narrow_as_asked_for_and_all_methods_see_the_breakup_in_it(case):
+def test_every_method_finds_the_breakup_in_a_bracket_of_the_tolerance(case):
     tol, profile, *omega = case
     found = critical_scale(profile, tol)
     assert is_shown(found)
@@ -339,7 +339,7 @@ def test_near_the_cusp_the_answer_is_honest(offset):
         [(1, 1), *map(ray, np.random.default_rng(16).uniform(0, 45, 5)), (1, -1), (1, 0, -1, 0)]
     ),
 )
-def test_the_last_circle_is_the_graph_of_an_invariant_circle_at_the_lower_scale(profile):
+def test_the_last_circle_is_an_invariant_graph_at_the_lower_scale(profile):
     found = critical_scale(profile, 1e-3)
     circle = barriers.last_circle(found, profile)
     assert circle.certified
@@ -361,7 +361,7 @@ def test_without_a_certified_circle_there_is_no_last_one():
 
 
 @pytest.mark.parametrize("kappa", thirds([(0.9, 0.3), (1.2,), (0.3, 0.9), (0.2, 0.2, 0.9)]))
-def test_the_remnant_of_the_last_circle_has_its_rotation_number_for_a_while(kappa):
+def test_the_longest_lived_start_keeps_the_last_rotation_number_a_while(kappa):
     """At the start of the period, whichever site the search began at."""
     scale = barriers.critical_scale(kappa, 1e-3)
     beyond = scale.value * 1.0005 * np.array(kappa)

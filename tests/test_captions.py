@@ -82,7 +82,7 @@ def test_biases_that_are_too_few_or_do_not_fall_have_no_power_law():
     assert "nan" not in caption
 
 
-def test_direct_iteration_that_sees_no_transport_in_the_plane_has_no_cells_to_speak_of():
+def test_a_plane_without_transport_has_a_caption_without_boundary_cells():
     dims = {"n": [100], "angle": [0.0, 45.0]}
     scale = xr.DataArray(np.full((1, 2), np.nan), dims, ("n", "angle"))
     barrier = xr.Dataset({"critical_scale": ("angle", [0.486, 1.374])}, {"angle": dims["angle"]})

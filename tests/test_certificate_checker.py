@@ -44,7 +44,7 @@ def variation(eta, cosines):
     return terms[0] / 2 + sum(terms[1:])
 
 
-def test_the_second_variation_is_bounded_in_boxes_and_the_bounds_are_reached():
+def test_the_second_variation_has_sharp_bounds_in_boxes():
     rng, largest = np.random.default_rng(1), np.zeros(5)
     for i in range(400):
         a, box = random_box(rng)

@@ -403,7 +403,7 @@ def test_orbits_that_are_lost_are_not_followed(made):
     refuted(made["transport"], {"lives": lives}, "orbits of a box are lost")
 
 
-def test_a_circle_with_a_large_residual_is_refused_before_an_inverse_is_sought(made, monkeypatch):
+def test_a_circle_with_a_large_residual_is_refused_without_an_inverse(made, monkeypatch):
     monkeypatch.setattr(certificate_checker, "inverse", None)
     unit, numbers = -1, [[[[[], [0, 1, 1, 1]]]]]
     refuted(made["barrier"], {"moves": {"unit": unit, "numbers": numbers}}, "a residual that")

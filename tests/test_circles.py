@@ -59,7 +59,7 @@ def test_newton_error_squares(newton_step):
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("kappa", [(0.2, 0.1), (0.05, -0.3), (0.1, 0.05, 0.1)])
-def test_a_certified_circle_is_invariant_under_the_map_and_its_orbits_have_its_omega(name, kappa):
+def test_a_certified_circle_is_invariant_and_rotates_by_its_omega(name, kappa):
     circle = circles.invariant_circle(parse(name), kappa)
     assert circle.certified
     residual = circles.residual(circle.omega, circle.kappa, fourier.resample(circle.u, 512))
@@ -142,7 +142,7 @@ def naive_circle(n, kappa_end, step):
 
 
 @pytest.mark.parametrize(("n", "past"), [(16, 0.27), (32, 0.1), (64, 0.05), (128, 0.009)])
-def test_too_few_modes_and_small_updates_make_fake_circles_that_are_rejected(n, past):
+def test_fake_circles_of_too_few_modes_or_small_updates_are_rejected(n, past):
     kappa, fake = naive_circle(n, KAPPA_G + past, 0.01)
     assert kappa > KAPPA_G + past - 0.01
     assert kappa > KAPPA_G
@@ -207,7 +207,7 @@ def test_beyond_the_twist_and_next_to_fractions_there_is_a_status(prefix, kappa,
     assert circle.status is status or (status is None and not circle.certified)
 
 
-def test_with_enough_modes_the_circle_just_below_is_certified_and_too_many_drown_in_rounding():
+def test_just_below_the_breakup_enough_modes_certify_the_circle():
     for name, kappa in (("gamma", (KAPPA_G - 0.01,)), ("2gamma", (KAPPA_G - 0.02,) * 2)):
         few = circles.invariant_circle(parse(name), kappa, n_max=512)
         assert few.status is Status.TOO_FEW_MODES
@@ -215,7 +215,10 @@ def test_with_enough_modes_the_circle_just_below_is_certified_and_too_many_drown
         enough = circles.invariant_circle(parse(name), kappa, n_max=8192)
         assert enough.certified
         assert enough.error < 1e-8
-    # From the rotation, on a far too fine grid, rounding in the high modes decides.
+
+
+def test_on_far_too_fine_a_grid_rounding_hides_a_circle():
+    # From the rotation: rounding in the high modes decides.
     start = np.zeros((2, 16384))
     assert not circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384, start=start).certified
     adapted = circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384)

@@ -60,7 +60,7 @@ FIGURES = {
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_no_line_and_no_point_is_drawn_where_the_error_is_above_two_percent(name, cubes):
+def test_nothing_is_drawn_where_the_error_is_above_two_percent(name, cubes):
     draw, *data = FIGURES[name]
     with style.sheet():
         figure = draw(*(cubes[key] for key in data))
@@ -92,7 +92,7 @@ def computed(plane, circles, angles, job=breakdown.by_continuation, effort=1e-4)
     return cube.filled(job.compute(known, cube.settings)).assign_attrs(cube.attributes)
 
 
-def test_where_continuation_does_not_reach_the_tolerance_residues_answer_and_the_point_says_so():
+def test_residues_answer_where_continuation_misses_the_tolerance():
     found = computed(two_kicks(), ["2gamma"], [30.0, 134.722])
     assert style.has_flag(found.method, "continuation").values.tolist() == [[True, False]]
     assert style.has_flag(found.method, "residue").values.tolist() == [[False, True]]

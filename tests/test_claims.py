@@ -148,7 +148,7 @@ def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
     assert len(table(tmp_path / "claims_envelope.csv")) == len(ranges)
 
 
-def test_the_page_begins_with_claims_that_do_not_hold_and_has_each_command_once(exact, tmp_path):
+def test_the_page_begins_with_failed_claims_and_has_each_command_once(exact, tmp_path):
     found, errata = exact
     last = replace(found[-1], verdict=Verdict.FAILS, value="the one that fails")
     circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)

@@ -36,7 +36,7 @@ def test_every_file_at_the_top_is_a_command_that_says_what_it_does(name):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_is_the_last_function_of_its_file_as_it_runs_where_it_is_made(name):
+def test_a_command_is_the_last_function_of_its_file(name):
     source = inspect.getsource(inspect.getmodule(main_of(name).callback))
     assert getattr(ast.parse(source).body[-1], "name", None) == "main"
 
@@ -108,7 +108,7 @@ def test_every_command_has_a_folder_of_its_own():
     assert "[default: out/ramp]" in told.stdout
 
 
-def test_files_are_named_after_their_command_so_that_none_replaces_one_of_another():
+def test_files_of_different_commands_have_different_names():
     """Of all literal names; what the others are is seen in `test_every_command`."""
     assert not [(a, b) for a in COMMANDS for b in COMMANDS if a != b and b.startswith(a)]
     for name in COMMANDS:

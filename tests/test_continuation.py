@@ -33,7 +33,7 @@ def test_the_error_covers_the_difference_to_residues(tol, n, seed, part):
     assert np.mean(covered) >= part
 
 
-def test_fineness_grows_by_the_golden_ratio_as_the_distance_shrinks_by_delta():
+def test_fineness_grows_by_the_golden_ratio_per_shrinking_by_delta():
     delta, growth = continuation.UNSTABLE[1,], (1 + 5**0.5) / 2
     finest = []
     for distance in 0.01 / delta ** np.arange(3):
@@ -138,7 +138,7 @@ KNOWN = [
 
 
 @pytest.mark.parametrize(("name", "profile"), KNOWN)
-def test_a_circle_is_certified_at_the_distance_asked_for_and_none_beyond_the_breakup(name, profile):
+def test_a_circle_is_certified_at_the_given_distance_and_none_beyond(name, profile):
     omega = parse(name)
     lower = continuation.critical_scale(omega, profile, 1e-4).lower * np.array(profile)
     assert circles.invariant_circle(omega, lower, n_max=8192).certified
@@ -170,7 +170,7 @@ def test_without_a_breakup_nothing_is_certified():
 
 
 @pytest.mark.slow
-def test_a_circle_that_a_step_leaves_with_little_more_than_a_tenth_is_certified_by_one_more():
+def test_a_circle_is_certified_exactly_at_the_distance_if_it_can_be():
     profile, distance = ray(23.4375), 1.6e-5
     breakup = periodic.critical_scale("gamma", profile).value
     found = continuation.certified_circle("gamma", profile, breakup, distance)[0]

@@ -59,7 +59,7 @@ def plan(**changes):
 @pytest.mark.parametrize(
     "name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG)]
 )
-def test_a_tile_has_the_variables_of_its_cube_and_each_has_a_name_and_a_unit(name):
+def test_a_tile_has_the_variables_of_its_cube_with_names_and_units(name):
     job = JOBS[name]
     cube = cloudpickle.loads(cloudpickle.dumps(job)).cube
     for variable in cube.template.variables.values():
@@ -77,7 +77,7 @@ def test_a_tile_has_the_variables_of_its_cube_and_each_has_a_name_and_a_unit(nam
     assert 0 < job.predict(coords, cube.settings) < 60
 
 
-def test_a_fraction_of_a_rotating_map_has_its_last_barrier_and_turns_per_kick():
+def test_a_tile_of_a_rotating_map_has_its_last_barrier_per_kick():
     coords = {"forcing": ["1/2,0", "1/2,0.25"], "angle": np.array([45.0])}  # (√2 s, 0), (s, s)/√2
     found = rotating_maps._last_barriers(coords, {"kicks": 400, "tol": 1e-3})
     scales = found["critical_scale"][:, 0]
@@ -119,7 +119,7 @@ def test_tiles_of_rays_are_seconds_of_work_in_few_files(job):
     assert 1 < job.predict(axes, job.cube.settings) <= 3
 
 
-def test_the_boundary_at_any_angles_is_what_the_method_answers_on_their_images():
+def test_the_boundary_at_any_angles_is_that_of_their_images():
     angles = [200.0, 45.0, 10.0, 95.0]
     found = barrier.boundary(angles, 1e-2)
     assert found.angle.values.tolist() == angles
@@ -159,7 +159,7 @@ def test_a_cell_is_certified_only_by_a_certificate_that_holds_all_of_it(halves):
 
 
 @pytest.mark.parametrize("painted", [(0, 1), (1, 0), (0, 0)])
-def test_a_cell_beyond_the_diagonal_is_certified_by_that_of_its_image_alone(painted):
+def test_a_cell_beyond_the_diagonal_is_certified_by_its_image_alone(painted):
     states = np.full((2, 2), proofs.cells.OPEN)
     states[painted] = proofs.cells.TRANSPORT
     centres = (np.arange(2) + 24.5) / 32

@@ -23,7 +23,7 @@ ROOT = "toy.zarr/zarr.json"
 DIGESTS = "toy.zarr/digests.json"
 
 
-def test_a_tile_whose_data_are_lost_or_cut_is_missing_though_its_record_is_there(place):
+def test_a_tile_with_a_record_but_lost_or_cut_data_is_missing(place):
     plan = toy.cube()
     fill(place, plan)
     store.record_failure(place, "toy", (0, 0), "before it was computed")
@@ -60,7 +60,7 @@ def test_a_listing_while_tiles_are_committed_finds_no_record_without_data(on_dis
     assert (state.done, state.lost) == (4, 0)
 
 
-def test_a_copy_that_was_made_while_a_sweep_ran_is_completed_by_the_same_command(here, tmp_path):
+def test_a_copy_made_during_a_sweep_is_completed_by_the_same_command(here, tmp_path):
     plan, out, copy = toy.cube(5, 5, tile=1), tmp_path / "out", tmp_path / "copy"
 
     def copied(*names):
@@ -100,7 +100,7 @@ def test_data_that_are_lost_under_way_are_missed_at_the_end(here, tmp_path):
     toy.assert_complete(tmp_path, plan)
 
 
-def test_to_read_lost_data_is_a_warning_and_to_read_what_is_not_yet_computed_is_none(place):
+def test_reading_warns_of_lost_data_and_not_of_tiles_yet_to_compute(place):
     fill(place, toy.cube(), [(0, 0), (1, 2), (2, 2)])
     cube = store.read(place, "toy").load()  # warnings are errors
     assert np.isnan(cube.wave).any()
@@ -187,9 +187,7 @@ EDITS = {
 
 
 @pytest.mark.parametrize("edit", EDITS)
-def test_edited_metadata_are_noticed_cost_no_tile_and_are_restored_by_the_same_command(
-    on_disk, edit
-):
+def test_edited_metadata_are_restored_by_the_same_command_at_no_tile(on_disk, edit):
     plan = toy.cube(10, 15, 5, plane='{"name": "a plane"}', n_max=10, precision="double")
     fill(on_disk, plan)
     before = {key: get(on_disk, key) for key in contents(on_disk)}
@@ -230,7 +228,7 @@ def test_a_study_whose_metadata_were_edited_is_written_anew(on_disk):
         assert list(store.verify(on_disk, "squares")) == []
 
 
-def test_a_store_of_an_earlier_version_is_read_but_not_repaired_before_it_has_digests(on_disk):
+def test_a_store_without_digests_is_read_but_not_repaired(on_disk):
     plan, chunk = toy.cube(tile=5), "toy.zarr/wave/c/0/1/1"
     fill(on_disk, plan)
     put(on_disk, DIGESTS, None)
@@ -251,7 +249,7 @@ def test_a_store_of_an_earlier_version_is_read_but_not_repaired_before_it_has_di
     toy.assert_complete(on_disk, plan)
 
 
-def test_repair_of_a_store_with_edited_metadata_ends_with_code_1_and_touches_nothing(on_disk):
+def test_repair_of_edited_metadata_ends_with_code_1_and_changes_nothing(on_disk):
     fill(on_disk, toy.cube())
     EDITS["byte order"](on_disk)
     before = contents(on_disk)

@@ -27,7 +27,7 @@ def test_strong_kicks_diffuse_as_rechester_and_white_say(kappa):
     assert abs(found.value - theory) < 4 * found.error + 0.08 * theory
 
 
-def test_images_of_a_forcing_and_the_standard_map_in_both_its_places_diffuse_alike():
+def test_images_of_a_forcing_diffuse_alike():
     for one, other, factor in (
         ((1.8, 1.8), (1.8,), 2),
         ((0.9, 0.0), (1.8,), 0.25),

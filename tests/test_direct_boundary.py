@@ -50,7 +50,7 @@ def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
 
 
 @pytest.mark.slow
-def test_no_more_is_iterated_than_the_boundary_needs_as_foreseen_and_as_status_says(direct):
+def test_direct_iteration_computes_about_the_tiles_that_it_predicts(direct):
     cube = xr.open_zarr(direct / "direct_boundary.zarr")
     n = int(cube.escape_time.notnull().sum())
     assert f"direct_boundary: {n} of {n} tiles\n" in succeed("status", direct)

@@ -39,9 +39,7 @@ def test_letters_that_an_encoding_lacks_are_escaped(encoding):
         ("exec >/dev/full ;", 1, "Error: standard output cannot be written: No space left"),
     ],
 )
-def test_streams_that_are_closed_or_full_end_nothing_but_a_finding_is_not_lost_in_silence(
-    redirection, code, words
-):
+def test_a_closed_or_full_stream_ends_no_command_but_loses_no_result(redirection, code, words):
     told = python(*HELP, shell=redirection)
     output = (told.stdout + told.stderr).decode()
     assert told.returncode == code

@@ -82,7 +82,7 @@ def test_times_are_those_of_the_definition(kappa, n_max):
 
 
 @pytest.mark.parametrize("kappa", thirds([(1.5, 1.5), (0.9, 0.0), (0.7, -0.7, 0.5)]))
-def test_long_times_are_distributed_as_those_of_the_definition_and_of_single_precision(kappa):
+def test_long_escape_times_are_distributed_as_those_of_the_definition(kappa):
     x, y = ensemble(4000)
     ours = escape_time(kappa, x, y, 5000)
     single = scalar_times(kappa, x, y, 5000, escape.PAPER_WINDOW, "single")
@@ -131,7 +131,7 @@ def test_windows_of_any_kind(window):
     assert smallest == times.min() > 0
 
 
-def test_a_start_outside_has_escaped_at_time_0_whenever_it_joins_the_ensemble():
+def test_a_start_outside_escapes_at_time_0_in_every_ensemble():
     starts = [-2.1, 2.31, 40.0, -1e300, -2.0, 0.1, 2.3]
     times = escape_time((0.1, 0.1), 0.0, starts, 10)
     assert (times == 0).tolist() == [True] * 4 + [False] * 3
@@ -228,7 +228,7 @@ def test_boundary_includes_rays_along_every_edge_of_the_plane():
         assert boundary(times, first, second, [angle], 5)[0] == pytest.approx(0.6, abs=0.06)
 
 
-def test_boundary_is_not_known_where_the_ray_enters_in_transport_or_next_to_unknown_cells():
+def test_the_boundary_is_unknown_in_transport_or_next_to_unknown_cells():
     kappa1, kappa2 = np.arange(0.35, 1, 0.1), np.arange(0.05, 1, 0.1)
     times = np.full((10, 7), np.inf)
     times[:, 0] = times[:, 5] = 5.0

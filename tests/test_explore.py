@@ -69,7 +69,7 @@ NEAR = View((0.96995, 0.97005), (0.09995, 0.10005), (54, 54))
 
 
 @pytest.mark.parametrize("view", [VIEW, NEAR])
-def test_every_pixel_with_an_escape_and_all_along_the_boundary_has_its_own_time(view):
+def test_pixels_with_an_escape_or_at_the_boundary_have_their_own_time(view):
     found, n_forcings = pictures(view, 300)
     times, block = found[-1]
     assert block == 1
@@ -82,7 +82,7 @@ def test_every_pixel_with_an_escape_and_all_along_the_boundary_has_its_own_time(
     assert [blocks for _, blocks in found] == sorted((b for _, b in found), reverse=True)
 
 
-def test_where_single_pixels_cost_too_much_they_are_computed_along_the_boundary_only(monkeypatch):
+def test_expensive_pixels_are_computed_along_the_boundary_only(monkeypatch):
     beyond = View((0.9, 1.2), (0.0, 0.3), VIEW.shape)
     every, n_forcings = pictures(beyond, 300)
     own = every[-1][0]
@@ -229,7 +229,7 @@ def test_of_a_decimal_number_a_noble_one_is_followed_that_rounds_to_it(text):
     assert round(float(parse(noble)), len(text.partition(".")[2])) == float(text)
 
 
-def test_an_ensemble_that_spreads_from_a_box_has_the_diffusion_of_the_whole_cell(monkeypatch):
+def test_an_ensemble_started_in_a_box_has_the_diffusion_of_the_cell(monkeypatch):
     monkeypatch.setattr(instruments, "_LOOK", 0)
     monkeypatch.setattr(instruments, "_SIDE", 24)
     kappa, found = np.array([4.0, 3.5]), None
@@ -321,7 +321,7 @@ def test_a_closed_tab_ends_its_generators():
         ("show=boundary,all", "must be some of boundary,kicks,symmetry,cycles,manifolds"),
     ],
 )
-def test_an_address_that_asks_for_what_is_not_there_says_so_and_changes_nothing(query, words):
+def test_an_address_with_invalid_state_is_explained_and_changes_nothing(query, words):
     state = State(two_kicks())
     first = state.address()
     with pytest.raises(ValueError, match=re.escape(words)):
@@ -488,7 +488,7 @@ REQUESTS += [
 ]
 
 
-def test_names_of_this_machine_are_answered_and_another_site_cannot_connect():
+def test_names_of_this_machine_are_answered_and_other_sites_are_not():
     found, _ = answers([request[:2] for request in REQUESTS])
     assert [answer.code for answer in found] == [code for *_, code in REQUESTS]
 

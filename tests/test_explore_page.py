@@ -98,7 +98,7 @@ def seen_at(image, box, x, y):
     return image[row[inside], column[inside]]
 
 
-def test_orbits_have_the_colours_of_their_rotation_numbers_and_the_circle_is_certified(opened):
+def test_orbits_are_coloured_by_rotation_number_and_circles_certified(opened):
     tab, words = opened
     image, expected = pixels(tab), verdict(KAPPA)
     for line, y in ((0.5, 12 * 2 + 1), (0.0, 2 * 14), (0.0, 2 * 20)):  # of `orbits.portrait`
@@ -233,7 +233,7 @@ _FOCUS = """() => {
 }"""
 
 
-def test_the_keyboard_reaches_all_in_order_moves_the_forcing_and_back_undoes_it(opened):
+def test_the_keyboard_reaches_all_in_order_and_back_undoes_its_moves(opened):
     tab, said = opened[0], []
     at(tab)
     told(tab, "BARRIER at")  # so that it can be asked where the boundary is
@@ -273,7 +273,7 @@ def test_a_dark_page_follows_the_system_in_pictures_and_fields(opened):
         wait(tab, painted, "#16181a,#ddd" if dark else "#222,#fff")
 
 
-def test_beyond_the_boundary_a_click_shows_the_start_that_lives_longest_next_to_it_nothing(opened):
+def test_a_click_beyond_the_boundary_shows_the_longest_lived_start(opened):
     value = barriers.critical_scale((1.0, 1.0), 1e-3).value
     tab, _ = opened
     at(tab, k1=value, k2=value)
@@ -379,9 +379,7 @@ def test_the_forcing_plays_along_the_ray_and_what_is_asked_for_is_drawn(opened):
     type_in(tab, "Orbits of a fraction", "")
 
 
-def test_bad_input_stays_in_its_field_with_words_below_it_and_a_lost_worker_is_replaced(
-    opened, served
-):
+def test_bad_input_is_explained_below_its_field_and_a_lost_worker_replaced(opened, served):
     tab, _ = opened
     good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "0.618", "Orbits added": "0.5 0.3"}
     good["Orbits of a fraction"] = ""
@@ -484,7 +482,7 @@ def test_what_out_holds_is_painted_before_there_are_workers_or_kernels(chromium,
             process.kill()
 
 
-def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_its_escape_times(opened):
+def test_a_phone_stacks_panels_and_zooms_to_1e_4_with_escape_times(opened):
     tab, _ = opened
     tab.set_viewport_size({"width": 390, "height": 900})
     wait(tab, "document.documentElement.scrollWidth <= 390")

@@ -12,7 +12,7 @@ RIPPLE = np.array([1, -1, -1, 1])
 
 
 @pytest.mark.parametrize("profile", thirds([ray(30), (0.3, 0.2, 0.25), (1, 0.2, 1), (1,)]))
-def test_below_the_breakup_a_circle_stands_and_above_it_the_last_one_is_named(profile):
+def test_a_circle_exists_below_the_breakup_and_the_last_is_named_above(profile):
     last = barriers.critical_scale(profile, 1e-3)
     inside, outside, *far = (last.value * s * np.array(profile) for s in (0.999, 1.0002, 1.01, 99))
     omega, _, _ = farey.standing(inside)

@@ -31,7 +31,7 @@ def files_of_at_most(n_bytes):
 
 @pytest.mark.parametrize("n_bytes", [20, 100, 1000])
 @pytest.mark.parametrize("is_there", [False, True])
-def test_a_study_on_a_full_disk_is_one_message_and_the_same_command_completes_it(
+def test_a_study_on_a_full_disk_is_one_message_and_can_be_completed(
     tmp_path, monkeypatch, is_there, n_bytes
 ):
     if is_there:  # of other code

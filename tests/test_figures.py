@@ -71,27 +71,27 @@ def lab(colour, seen_by):
 
 
 @pytest.mark.parametrize("seen_by", DICHROMATS)
-def test_the_colour_blind_tell_the_colours_of_circles_from_each_other_and_from_the_greys(seen_by):
+def test_the_colour_blind_distinguish_colours_of_circles_and_greys(seen_by):
     greys = ["black", "white", style.INSIDE, style.NO_ESCAPE, "0.5"]
     pairs = [*combinations(style.COLOURS, 2), *product(style.COLOURS, greys)]
     apart = {(a, b): np.linalg.norm(lab(a, seen_by) - lab(b, seen_by)) for a, b in pairs}
     assert min(apart.values()) >= 15, min(apart, key=apart.get)
 
 
-def test_circles_that_meet_on_the_boundary_differ_in_colour_and_all_others_in_colour_or_marker():
+def test_circles_that_meet_on_the_boundary_differ_in_colour():
     looks = [circle_style(text, 1) for text in ON_THE_BOUNDARY + IN_THE_TIP]
     assert len({look["color"] for look in looks[: len(ON_THE_BOUNDARY)]}) == len(ON_THE_BOUNDARY)
     assert all(a["color"] != b["color"] for a, b in pairwise(looks))
     assert len({(look["color"], look["marker"]) for look in looks}) == len(looks)
 
 
-def test_the_six_circles_of_the_paper_differ_in_colour_or_dash_and_the_golden_one_is_a_solid_blue():
+def test_the_six_circles_of_the_paper_differ_and_the_golden_one_is_blue():
     looks = [circle_style(str(parse(name)), 1) for name in NAMES]
     assert len({(look["color"], look["ls"]) for look in looks}) == len(NAMES)
     assert looks[0] == {"color": style.COLOURS[0], "marker": "o", "ls": "-"}
 
 
-def test_of_any_circles_of_one_figure_no_two_look_alike_and_the_simplest_keep_their_own_look():
+def test_no_two_circles_of_a_figure_look_alike_and_simple_ones_keep_theirs():
     """Those of three kicks that had one colour and marker, and all of a tree of 60."""
     alike = ["[0;1,3,(1)]", "[0;2,2,(1)]", "[1;3,(1)]"]
     assert len({str(circle_style(text)) for text in alike}) == 1
@@ -108,14 +108,14 @@ def test_of_any_circles_of_one_figure_no_two_look_alike_and_the_simplest_keep_th
     assert styles["[1;3,(1)]"] == circle_style("[1;3,(1)]")
 
 
-def test_a_circle_and_its_image_look_alike_where_they_are_images_and_differ_elsewhere():
+def test_a_circle_and_its_image_look_alike_under_the_symmetry_only():
     one, image = "[0;1,3,(1)]", "[0;4,(1)]"
     assert circle_class(image) == one
     assert circle_style(one, 1) == circle_style(image, 1) == circle_style(one)
     assert circle_style(one)["color"] != circle_style(image)["color"]
 
 
-def test_the_longest_arcs_come_first_and_arcs_of_less_than_a_hundredth_are_left_out():
+def test_the_longest_arcs_come_first_and_none_below_a_hundredth():
     angles = np.linspace(0, 90, 361)
     classes = np.full(361, "[0;(1)]", dtype=object)
     classes[:250], classes[300], classes[310:] = "[0;1,2,(1)]", "[0;1,3,(1)]", ""
@@ -131,9 +131,7 @@ def test_the_picture_of_the_boundary_has_the_colours_of_its_circles():
         assert (shown == colour).all(axis=1).sum() > 100, text
 
 
-def test_a_figure_for_a_column_is_as_wide_as_one_and_has_letters_but_no_titles(
-    tmp_path, monkeypatch
-):
+def test_a_figure_for_a_column_is_as_wide_and_has_letters_for_titles(tmp_path, monkeypatch):
     monkeypatch.setattr(Figure, "savefig", SAVE)
     with style.sheet(column=True):
         figure, drawn = style.panels(1, 2, 12, 5)
@@ -209,9 +207,7 @@ print(len(changed))
         assert (theirs / path.name).read_bytes() == path.read_bytes(), path.name
 
 
-def test_a_figure_that_cannot_be_drawn_costs_neither_findings_nor_other_figures(
-    tmp_path, monkeypatch
-):
+def test_a_figure_that_cannot_be_drawn_costs_no_result_and_no_other_figure(tmp_path, monkeypatch):
     def failing(_):
         raise RuntimeError("no layout for this\nand more")
 
@@ -317,7 +313,7 @@ def around():
 
 
 @pytest.mark.parametrize("column", [False, True])
-def test_the_last_barrier_of_any_plane_names_all_circles_and_no_two_look_alike(around, column):
+def test_last_barriers_of_any_plane_are_named_and_no_two_look_alike(around, column):
     with style.sheet(column):
         figure = draw_last_barrier(around)
         style.finish(figure)

@@ -55,7 +55,7 @@ def page(tmp_path_factory, workers):
     return out / "index.html"
 
 
-def test_the_page_shows_every_figure_with_its_command_and_the_claims_of_which_version(page):
+def test_the_page_shows_every_figure_with_command_claims_and_version(page):
     text, here = page.read_text(encoding="utf-8"), page.parent / "period_one"
     targets = set(map(unquote, re.findall(r'(?:href|src)="([^"#:]+)"', text)))
     assert all((page.parent / target).exists() for target in targets - {"claims/claims.html"})
@@ -75,7 +75,7 @@ def test_the_page_shows_every_figure_with_its_command_and_the_claims_of_which_ve
         assert f'<tr class="{verdict.value.replace(" ", "-")}">' in text
 
 
-def test_the_lines_below_the_figures_run_beside_the_cubes_as_a_script_and_as_a_notebook(page):
+def test_the_lines_below_figures_run_as_a_script_and_as_a_notebook(page):
     text, out = unescape(page.read_text(encoding="utf-8")), page.parent
     for exhibit in SMALL:
         script = out / "recipes" / f"{exhibit.name}.py"

@@ -47,7 +47,7 @@ MORE = {"arithmetic.kernels": "filelock", "proofs.barrier": "flint", "proofs.fan
 
 
 @pytest.mark.parametrize("module", NASM)
-def test_nasm_knows_no_file_cluster_or_plot_and_the_checker_no_code_of_the_proofs(module):
+def test_nasm_imports_no_file_cluster_or_plot_and_the_checker_no_proof(module):
     allowed = {"nasm", "lazy_loader", "llvmlite", "numba", "numpy", "rocket_fft", "scipy"}
     allowed.add(MORE.get(module.removeprefix("nasm."), "nasm"))
     if module == "nasm.proofs.certificate_checker":
@@ -99,7 +99,7 @@ def test_nasm_has_no_circular_import_of_modules_or_rooms():
 
 
 @pytest.mark.parametrize("room", sorted({home(m) for m in NASM if home(m) in PACKAGES}))
-def test_modules_of_a_room_import_each_other_in_no_circle_and_never_its_face(room):
+def test_imports_within_a_package_have_no_cycle_and_avoid_its_init(room):
     own = {module for module in NASM if home(module) == room and "__init__" not in module}
     graph = {}
     for module in own:

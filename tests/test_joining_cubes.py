@@ -46,7 +46,7 @@ def only(expected, angles):
     return {angle: expected.get(angle) for angle in angles}
 
 
-def test_cubes_of_different_rays_merge_and_align_and_a_missing_circle_is_missing(opened):
+def test_cubes_of_different_rays_merge_and_missing_circles_stay_missing(opened):
     one, other = opened
     merged = xr.merge(
         [one[["critical_scale"]], other[["upper"]]], join="outer", compat="no_conflicts"
@@ -60,7 +60,7 @@ def test_cubes_of_different_rays_merge_and_align_and_a_missing_circle_is_missing
     assert texts(one.reindex(angle=[0.0, 1.0]).circle, {0.0: CIRCLES[0.0]})
 
 
-def test_runs_are_concatenated_along_a_new_dimension_and_go_to_netcdf_and_csv(opened, tmp_path):
+def test_runs_concatenate_along_a_new_dimension_to_netcdf_and_csv(opened, tmp_path):
     runs = xr.concat(opened, "run", join="outer", coords="different", compat="equals")
     for run, angles in enumerate(RAYS.values()):
         assert texts(runs.circle.isel(run=run), only(CIRCLES, angles))

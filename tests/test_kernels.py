@@ -107,7 +107,7 @@ def started(script, *arguments, cache, source=ROOT):
 
 
 @pytest.mark.slow
-def test_processes_that_write_at_once_keep_all_and_of_those_that_miss_one_kernel_one_compiles_it(
+def test_of_processes_that_miss_a_kernel_one_compiles_it_and_all_are_kept(
     tmp_path,
 ):
     script = tmp_path / "script.py"
@@ -120,7 +120,7 @@ def test_processes_that_write_at_once_keep_all_and_of_those_that_miss_one_kernel
     assert reader.communicate(timeout=120)[0] == "2.5 2.5 2\n"
 
 
-def test_a_kernel_is_compiled_once_and_again_if_a_bit_of_its_files_has_changed(half, kept):
+def test_a_kernel_is_compiled_again_only_if_its_files_have_changed(half, kept):
     directory, _ = kept
     assert kernels.are_missing()
     assert [half(5.0) for _ in range(2)] == [(2.5, 0), (2.5, 1)]
@@ -135,9 +135,7 @@ def test_a_kernel_is_compiled_once_and_again_if_a_bit_of_its_files_has_changed(h
     assert half(5.0) == (2.5, 1)
 
 
-def test_where_no_kernel_can_be_kept_it_is_compiled_and_none_is_said_to_be_missing(
-    half, kept, tmp_path
-):
+def test_a_kernel_that_cannot_be_kept_is_compiled_without_a_complaint(half, kept, tmp_path):
     (tmp_path / "file").touch()
     assert kept[1](tmp_path / "file" / "cache") is None
     assert [half(5.0) for _ in range(2)] == [(2.5, 0)] * 2
@@ -158,9 +156,7 @@ if os.geteuid() == 0:  # who may give a file to somebody else
 
 
 @pytest.mark.parametrize("mode", OTHERS)
-def test_a_directory_of_kernels_that_others_can_write_is_not_used_which_is_said_once(
-    half, kept, mode
-):
+def test_kernels_that_others_can_write_are_refused_with_one_warning(half, kept, mode):
     directory, at = kept
     assert directory.stat().st_mode & 0o777 == 0o700
     half(5.0)
@@ -224,9 +220,7 @@ def test_an_edit_in_a_room_changes_what_a_kernel_computes(tmp_path):
 
 
 @pytest.mark.parametrize("is_imported_before", [True, pytest.param(False, marks=pytest.mark.slow)])
-def test_a_process_with_edited_sources_loads_and_keeps_no_kernel_and_says_so_once(
-    is_imported_before, tmp_path
-):
+def test_edited_sources_load_and_keep_no_kernel_and_warn_once(is_imported_before, tmp_path):
     shutil.copytree(ROOT / "nasm", tmp_path / "copy" / "nasm")
     cache, results = tmp_path / "cache", []
     editing = EDITING.replace("IS_IMPORTED_BEFORE", str(is_imported_before))
@@ -258,9 +252,7 @@ def test_where_there_are_no_locks_kernels_are_kept_all_the_same(half, kept, monk
     assert half(5, 5.0) == (2.5, 2.5, 2)
 
 
-def test_two_types_that_are_kept_at_once_without_a_lock_are_in_files_of_their_own(
-    half, kept, monkeypatch
-):
+def test_two_types_kept_at_once_without_a_lock_have_their_own_files(half, kept, monkeypatch):
     monkeypatch.setattr(FileLock, "acquire", _no_locks)
     save_index = IndexDataCacheFile._save_index
 
@@ -291,7 +283,7 @@ def test_kernels_are_read_from_a_directory_that_cannot_be_written(half, kept, mo
     assert not kernels.are_missing()
 
 
-def test_a_program_that_begins_without_scipy_has_its_kernels_and_may_load_it_later():
+def test_kernels_need_no_scipy_and_it_may_be_loaded_later():
     program = """
 import sys
 from nasm.arithmetic import kernels

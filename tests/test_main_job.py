@@ -50,7 +50,7 @@ def dense(tmp_path_factory, workers):
     return out
 
 
-def test_a_dry_run_says_what_the_run_then_does_as_status_does_and_makes_nothing(finished, tmp_path):
+def test_a_dry_run_predicts_the_run_and_writes_nothing(finished, tmp_path):
     told = succeed("critical_boundary", tmp_path / "out", *MAIN, "--dry-run")
     assert not (tmp_path / "out").exists()
     said = {line.split()[0]: line.split()[1::2] for line in told.splitlines()}
@@ -280,9 +280,7 @@ QUEUE = {
 
 
 @pytest.mark.slow
-def test_the_example_of_a_queue_sweeps_by_its_jobs_ends_them_and_leaves_no_key(
-    tmp_path, monkeypatch
-):
+def test_the_example_of_a_queue_ends_its_jobs_and_leaves_no_key(tmp_path, monkeypatch):
     here = tmp_path / "queue"
     here.mkdir()
     for name, program in QUEUE.items():

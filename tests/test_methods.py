@@ -223,7 +223,7 @@ def test_a_method_gives_a_number_or_a_reason_and_no_warning(n_kicks):
 
 
 @pytest.mark.parametrize("n_kicks", thirds([2, 4, 3, 1, 6]))
-def test_the_methods_for_the_last_barrier_give_a_number_or_a_reason_and_no_warning(n_kicks):
+def test_the_methods_give_a_number_or_a_reason_and_never_a_warning(n_kicks):
     rng = np.random.default_rng(n_kicks)
     profile = rng.uniform(0, 0.4) ** np.arange(n_kicks)  # its first kick has the dominant line
     profile = np.maximum(profile, np.roll(profile[::-1], 1)) * 10 ** rng.uniform(-3, 1)

@@ -35,7 +35,7 @@ def test_the_public_names_of_a_module_are_defined_there(path):
 
 
 @pytest.mark.parametrize("package", [nasm, *(getattr(nasm, name) for name in ROOMS)])
-def test_a_package_completes_to_all_its_modules_and_to_public_names_of_theirs(package):
+def test_a_package_completes_to_its_modules_and_their_public_names(package):
     folder = Path(package.__file__).parent
     modules = {path.stem for path in folder.glob("[!_]*.py")}
     rooms = {path.parent.name for path in folder.glob("*/__init__.py")}

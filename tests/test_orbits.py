@@ -91,7 +91,7 @@ def weighted_average(kappa, x, y, n):
     return total / weights
 
 
-def test_an_island_turns_with_its_periodic_orbit_and_a_chaotic_orbit_has_no_rotation_number():
+def test_islands_rotate_with_their_orbit_and_chaotic_orbits_not_at_all():
     # (1/2, 0) is elliptic for small positive strengths, and fixed: ω = 0 all around it.
     assert rotation_number(KAPPA, 0.55, 0.0, 10_000)[0] == pytest.approx(0, abs=1e-12)
     omega, digits = rotation_number((1.5, 1.5), [0.01, 0.02, 0.03], 0.0, 10_000)

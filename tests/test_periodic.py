@@ -22,7 +22,7 @@ FIBONACCI = [(5, 8), (8, 13), (13, 21), (21, 34), (34, 55), (55, 89), (89, 144)]
 
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 2), (2, 5), (3, 4), (5, 13)])
-def test_both_orbits_close_are_ordered_and_have_the_residue_of_their_tangents(kappa, p, q):
+def test_both_orbits_are_closed_ordered_and_have_their_tangents_residue(kappa, p, q):
     found = ordered_orbits(kappa, p, q)
     for orbit, sign in zip(found, (-1, 1), strict=True):
         x, y = orbit.points()
@@ -73,7 +73,7 @@ HARD = [
 
 
 @pytest.mark.parametrize("case", thirds(HARD))
-def test_the_error_covers_the_change_with_a_longer_period_where_that_is_hard(case):
+def test_the_error_covers_the_change_with_longer_periods_in_hard_cases(case):
     name, profile, bound = case
     better = periodic.critical_scale(parse(name), profile, 40_000)
     assert better.error < 1e-7
@@ -100,7 +100,7 @@ def next_to_a_shorter_one(distance):
 
 
 @pytest.mark.parametrize("distance", thirds([1e-6, 1e-2, 1e-7]))
-def test_next_to_a_shorter_forcing_starts_do_not_all_die_where_a_circle_is_claimed(distance):
+def test_starts_survive_where_a_circle_is_claimed_near_a_shorter_forcing(distance):
     answered = 0
     for profile, _, omega in next_to_a_shorter_one(distance):
         by_residues = periodic.critical_scale(omega, profile)
@@ -115,7 +115,7 @@ def test_next_to_a_shorter_forcing_starts_do_not_all_die_where_a_circle_is_claim
 
 
 @pytest.mark.parametrize("which", thirds(range(6)))
-def test_next_to_every_shorter_forcing_residues_give_no_answer_and_on_it_one(which):
+def test_residues_answer_on_a_shorter_forcing_and_not_next_to_it(which):
     profile, _, omega = next_to_a_shorter_one(1e-7)[which]
     assert periodic.critical_scale(omega, profile).status is Status.NEAR_CUSP
     profile, short, omega = next_to_a_shorter_one(0.0)[which]

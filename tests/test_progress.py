@@ -75,7 +75,7 @@ def test_what_the_driver_has_done_is_in_the_bar_and_no_longer_remains():
     assert (line.part(), line.remaining()) == (0.75, 20.0)
 
 
-def test_nothing_is_said_to_remain_before_the_first_tile_and_compiling_is_named():
+def test_before_the_first_tile_progress_names_compiling_and_no_time():
     clock = Clock()
     line = Progress("run", io.StringIO(), {"one": 10.0}, clock=clock)
     line.go_on("sweep 1 of 1, one", "one")
@@ -94,7 +94,7 @@ def test_nothing_is_said_to_remain_before_the_first_tile_and_compiling_is_named(
     assert line.line() == "sweep 1 of 1, one: 20%, elapsed 0:16, remaining about 0:07"
 
 
-def test_what_workers_wait_for_between_batches_and_sweeps_is_expected_to_go_on():
+def test_the_remaining_time_includes_what_workers_wait_between_batches():
     clock = Clock()
     line = Progress("run", None, {"one": 20.0, "two": 20.0}, clock=clock)
     line.go_on("one", "one")

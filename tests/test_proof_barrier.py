@@ -283,7 +283,7 @@ def test_more_time_proves_a_circle_nearer_to_the_breakup(monkeypatch):
     assert scales[0] < scales[1] < breakup
 
 
-def test_a_profile_that_rounds_to_equal_strengths_at_some_scales_has_lower_scales():
+def test_a_profile_that_rounds_to_equal_strengths_has_lower_scales():
     profile, values = np.array([0.7, np.nextafter(0.7, 1)]), (0.9, 0.92)
     first = [(1 - 0.05) * value * profile for value in values]
     assert {len(set(kappa)) for kappa in first} == {1, 2}

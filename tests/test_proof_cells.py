@@ -98,7 +98,7 @@ KERNEL = audit.Kernel(
 
 @pytest.mark.parametrize("a", [0, 0.5])
 @pytest.mark.parametrize("k0", [0.25, 0.0, -0.25])
-def test_half_of_what_a_strength_adds_at_the_line_is_counted_whatever_its_sign(a, k0):
+def test_half_of_a_strength_is_counted_at_the_line_whatever_its_sign(a, k0):
     """In a box of a wide cell the kick of the line may have another sign than in the middle."""
     start = np.zeros((proofs.transport_cells._ROWS, 1))
     box = np.array([0.3, 2.0**-12, k0, 2.0**-8, 0.5, 2.0**-8, 0, 0, 0])

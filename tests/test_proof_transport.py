@@ -150,7 +150,7 @@ def start(points, s, delta, slope, way):
     return state, scale
 
 
-def test_a_box_starts_on_its_piece_of_the_polygon_and_both_halves_share_its_site():
+def test_a_box_starts_on_its_edge_of_the_polygon_and_halves_share_its_site():
     random = np.random.default_rng(2)
     for _ in range(40):
         points = np.rint(random.uniform(-1, 1, (4, 2)) * 2.0**26) / 2.0**26
@@ -435,7 +435,7 @@ def test_below_the_breakup_of_random_rays_nothing_is_proved():
             assert not prove(kappa, 0.1).proved, kappa
 
 
-def test_proved_upper_comes_near_the_breakup_from_above_and_needs_no_good_value():
+def test_proved_upper_is_near_the_breakup_and_above_it_from_any_value():
     proved_upper(ray(20), BREAKUPS[20], 0.01)  # compiled
     scale, proof = proved_upper(ray(20), BREAKUPS[20], 0.5)
     assert proof.proved

@@ -17,7 +17,7 @@ def test_graphs_are_lost_as_renormalisation_says_but_in_slow_ramps(rate, ratio):
 
 
 @pytest.mark.parametrize("rate", [1e-3, 1e-5])
-def test_the_first_orbit_crosses_once_a_good_part_of_the_cell_has_passed_the_golden_circle(rate):
+def test_the_first_orbit_crosses_after_part_of_the_cell_has_leaked(rate):
     """The flux ~ (κ - κ_G)^3.01 sums up to that at the end times kicks/4.01."""
     kicks = study._escape(KAPPA_G + rate * np.arange(int(6 * rate**-study.ESCAPES)))
     end = flux.flux(parse("gamma"), (KAPPA_G + rate * kicks,)).value

@@ -28,7 +28,7 @@ def refined_disc(coarse, levels, tile):
     return field, sum(computed.values())
 
 
-def test_a_smooth_boundary_is_found_at_the_finest_level_from_a_fifth_of_the_cells():
+def test_a_fifth_of_the_finest_cells_suffices_for_a_smooth_boundary():
     (field, level), computed = refined_disc(coarse=32, levels=5, tile=8)
     n = 32 * 2**4
     assert np.array_equal(field < 1.5, disc(n))

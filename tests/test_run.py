@@ -95,9 +95,7 @@ def test_a_study_is_computed_again_where_it_is_damaged(tmp_path, study):
 
 
 @pytest.mark.parametrize("lost", ["tiles/commit/c/0/1/2", "sign/c/1/2"])
-def test_a_study_is_computed_again_while_a_sweep_that_it_was_made_from_misses_tiles(
-    here, tmp_path, study, lost
-):
+def test_a_study_is_computed_again_while_its_sweep_misses_tiles(here, tmp_path, study, lost):
     toy.run(here, tmp_path, toy.cube())
     for is_complete in (True, False):
         if not is_complete:

@@ -58,7 +58,7 @@ def ramp(rate, n_kicks):
     return KAPPA_G + rate * np.arange(-n_kicks, n_kicks + 1)
 
 
-def test_the_search_finds_lives_as_long_as_a_dense_scan_does_where_the_kicks_change():
+def test_the_search_finds_lifetimes_of_a_dense_scan_under_changing_kicks():
     kappa, low, high, longest = ramp(1e-3, 600), 0.4, 0.41, 0.0
     while high - low > 1e-12:
         y = np.linspace(low, high, 20_001)
@@ -144,7 +144,7 @@ def test_without_weights_the_particles_are_standard_maps_to_the_last_bit():
     assert np.array_equal([after.x, after.y], [x, y])
 
 
-def test_results_are_the_same_bits_on_any_number_of_threads_and_in_two_runs():
+def test_results_are_bit_identical_on_any_number_of_threads():
     gamma = RNG.normal(size=700) / 700
     whole, half = (evolve(X, Y, gamma, 0.3, n, 0.1) for n in (200, 100))
     with ThreadPoolExecutor(3) as threads:
@@ -153,7 +153,7 @@ def test_results_are_the_same_bits_on_any_number_of_threads_and_in_two_runs():
     assert all(np.array_equal([other.x, other.y], [whole.x, whole.y]) for other in others)
 
 
-def test_momentum_is_conserved_and_weak_fields_leave_graphs_but_strong_ones_do_not():
+def test_momentum_is_conserved_and_only_weak_fields_leave_graphs():
     size = {"particles": 512, "kicks": 4096}
     fields = study.fields([0.1, 1.3], **size).assign_attrs(size)
     verdicts, settling = study.verdicts(fields), study.settling()

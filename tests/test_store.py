@@ -76,7 +76,7 @@ def contents(place):
     return {file["path"]: (file["e_tag"], file["last_modified"]) for file in files}
 
 
-def test_what_is_committed_tile_by_tile_reads_back_whole_in_plain_xarray_and_holds_no_secret(place):
+def test_committed_tiles_read_back_in_plain_xarray_and_hold_no_secret(place):
     plan, path = toy.cube(depth=3), place.cube("toy")
     assert (fill(place, plan), fill(place, plan)) == (20, 0)
     toy.assert_complete(place, plan)
@@ -139,7 +139,7 @@ def test_a_run_that_was_cut_off_before_any_put_is_completed_by_the_next(on_disk,
     toy.assert_complete(on_disk, plan)
 
 
-def test_a_tile_of_other_shape_or_kind_is_refused_and_one_of_fill_values_is_stored(on_disk):
+def test_a_tile_of_another_shape_is_refused_and_one_of_fill_values_stored(on_disk):
     store.create(on_disk, toy.cube(tile=13), US)
     empty = {"wave": np.full((2, 10, 13), np.nan), "sign": np.zeros((10, 13))}
     wrong = np.zeros((10, 12)), 1, np.full((10, 13), np.nan), np.full((10, 13), 128)
@@ -162,7 +162,7 @@ def test_files_of_somebody_else_are_no_tiles_whatever_their_times(on_disk):
     assert missing(on_disk, toy.cube()) == {(1, 1)}
 
 
-def test_other_settings_or_mathematics_are_refused_and_a_complete_cube_needs_none(place):
+def test_other_settings_or_mathematics_are_refused_unless_complete(place):
     plan, unlike = toy.cube(depth=1), "coordinates, tiles, variables or format differ"
     fill(place, plan, [(0, 0)])
     before = contents(place)
@@ -182,7 +182,7 @@ def test_other_settings_or_mathematics_are_refused_and_a_complete_cube_needs_non
     assert store.read(place, "toy").attrs["computed_by"] == US
 
 
-def test_a_second_driver_of_a_directory_and_one_that_cannot_write_are_refused(on_disk, tmp_path):
+def test_a_second_driver_or_one_that_cannot_write_is_refused(on_disk, tmp_path):
     with store.driving(on_disk):
         second = store.driving(store.place_of(on_disk.root))
         with pytest.raises(store.Refused, match="another run"), second:
@@ -279,9 +279,7 @@ def flipped(data, i):
     return data[:i] + bytes([data[i] ^ 1]) + data[i + 1 :]
 
 
-def test_damaged_and_exchanged_tiles_are_found_and_after_repair_they_alone_are_missing(
-    place, tmp_path
-):
+def test_repair_removes_damaged_and_exchanged_tiles_and_no_others(place, tmp_path):
     plan, other = toy.cube(), store.place_of(tmp_path)
     fill(place, plan)
     fill(other, toy.cube(depth=2), [(3, 0)])
@@ -343,7 +341,7 @@ def test_lost_metadata_are_found_cost_no_tile_and_let_no_other_settings_in(on_di
     toy.assert_complete(on_disk, plan)
 
 
-def test_tiles_without_metadata_are_known_by_their_records_and_those_of_others_are_kept(place):
+def test_tiles_without_metadata_are_recognized_and_foreign_ones_kept(place):
     plan = toy.cube()
     fill(place, plan)
     for key in contents(place):
@@ -414,9 +412,7 @@ WHOLE = ("zarr.json", b""), ("square/c/0", b"1234567890123456"), ("x/c/0", None)
 
 
 @pytest.mark.parametrize("case", thirds([*WHOLE, *range(5)]))
-def test_a_cube_written_whole_that_is_damaged_or_was_cut_off_is_written_anew(
-    on_disk, monkeypatch, case
-):
+def test_a_cube_written_at_once_is_rewritten_if_damaged_or_cut_off(on_disk, monkeypatch, case):
     store.replace(on_disk, squares(1), US)
     if isinstance(case, int):
         with killed_at_put(monkeypatch, case):
@@ -452,9 +448,7 @@ def test_an_error_of_ours_is_not_the_stores(on_disk, tmp_path):
 
 
 @SLOW
-def test_a_server_that_is_away_is_waited_for_and_without_it_or_credentials_there_is_one_message(
-    tmp_path, monkeypatch
-):
+def test_a_lost_server_is_awaited_and_its_absence_is_one_message(tmp_path, monkeypatch):
     plan = toy.cube(tile=10)
     with seaweed.serving(tmp_path) as (kill, start):
         place = store.place_of("s3://cubes/run")
@@ -528,7 +522,7 @@ def test_status_tells_tiles_failures_rate_and_time_left(place):
     assert contents(place) == before
 
 
-def test_the_rate_is_that_of_the_last_minutes_and_a_damaged_cube_hides_no_other(on_disk):
+def test_the_rate_is_recent_and_a_damaged_cube_hides_no_other(on_disk):
     tiles = list(np.ndindex(4, 3))
     fill(on_disk, toy.cube(), tiles)
     for i, (row, column) in enumerate(tiles):

@@ -251,12 +251,12 @@ def test_certificates_cost_what_their_boxes_live():
 @pytest.mark.parametrize(
     "lives", [[10**9, -(10**9)], [0], [1, True], [1.5], ["9"], [[1, 0]], [[[1]]], [10**400]]
 )
-def test_certificates_whose_boxes_live_for_no_number_of_kicks_are_not_checked(lives):
+def test_certificates_whose_boxes_have_no_lifetime_are_not_checked(lives):
     with pytest.raises((ValueError, OverflowError)):
         proved.seconds_to_check({"lives": lives})
 
 
-def test_the_cost_of_a_certificate_counts_its_longest_function_wherever_it_is():
+def test_the_cost_of_a_certificate_counts_its_longest_function_anywhere():
     short, long = [[0], [0]], [[0], [0] * 1000]
     cost = {
         name: proved.seconds_to_check({"kappa": ["0x1p0"], "moves": {"numbers": numbers}})

@@ -91,9 +91,7 @@ def test_a_tile_of_another_shape_or_an_odd_exception_fails_alone(here, tmp_path,
 
 
 @pytest.mark.parametrize("attempts", thirds([1, 2]))
-def test_a_tile_that_kills_its_workers_fails_alone_and_they_are_started_again(
-    client, tmp_path, monkeypatch, attempts
-):
+def test_a_tile_that_kills_its_workers_fails_alone(client, tmp_path, monkeypatch, attempts):
     assert sweeps._ATTEMPTS_ALONE == 2
     client()  # of which dask keeps a worker that takes long to start, as long as the sweep does
     given_up_after = parse_timedelta(dask.config.get("distributed.deploy.lost-worker-timeout"))
@@ -191,7 +189,7 @@ def test_tiles_of_the_same_cost_come_in_random_order_so_that_progress_is_not_mis
     assert abs(correlation) < 0.15  # 5 standard deviations
 
 
-def test_a_series_of_sweeps_shares_one_line_of_progress_and_repeats_nothing(here, tmp_path):
+def test_a_series_of_sweeps_shares_its_progress_and_repeats_nothing(here, tmp_path):
     report, place = io.StringIO(), store.place_of(tmp_path)
     with store.driving(place):
         with Progress("series", report, {"toy": 1.0}) as progress:
@@ -238,7 +236,7 @@ def test_a_tile_that_is_gone_at_the_end_is_no_success(here, tmp_path):
     not Path("/proc/self/statm").exists() or "CS_GNU_LIBC_VERSION" not in os.confstr_names,
     reason="other C libraries keep memory in their own ways",
 )
-def test_workers_keep_freed_memory_and_a_program_that_imports_nasm_does_not(client):
+def test_workers_keep_freed_memory_and_programs_that_import_nasm_do_not(client):
     assert client().submit(toy.kept_memory).result() > 120
     program = "import toy, nasm.barriers, nasm.tori; print(toy.kept_memory())"
     here = Path(__file__).parent
@@ -339,7 +337,7 @@ def test_a_machine_on_which_workers_would_hang_is_one_clear_error(monkeypatch, l
         client()
 
 
-def test_settings_of_dask_do_not_reach_workers_of_this_machine_and_do_reach_others(client):
+def test_settings_of_dask_reach_only_workers_of_other_machines(client):
     """A user's settings, of which some would hang them; what the tests have changed aside."""
     theirs = {
         "temporary-directory": "/proc/nowhere",
@@ -421,13 +419,9 @@ def during(out, act):
     return thread
 
 
-def test_workers_are_deaf_to_ctrl_c_from_birth_and_without_any_a_sweep_waits_for_others_or_gives_up(
-    client, tmp_path, monkeypatch
-):
-    """The last one that needs the worker: it is sent away."""
-    here, there = tmp_path / "here", tmp_path / "there"
-    plan, told, processes = toy.cube(seconds=0.1), [], client().cluster
-    (nanny,) = processes.workers.values()
+def test_ctrl_c_stops_no_worker(client):
+    """Neither one that is starting nor one that has started."""
+    (nanny,) = client().cluster.workers.values()
     worker = client().submit(os.getpid, pure=False).result(timeout=60)
     os.kill(worker, signal.SIGKILL)
     toy.wait_until(lambda: nanny.pid not in (worker, None))  # another one begins to import
@@ -435,27 +429,41 @@ def test_workers_are_deaf_to_ctrl_c_from_birth_and_without_any_a_sweep_waits_for
     assert client().submit(os.getpid, pure=False).result(timeout=60) == worker
     os.kill(worker, signal.SIGINT)
     assert client().submit(os.getpid, pure=False).result(timeout=60) == worker
-    monkeypatch.setattr(submit, "print", lambda words, file: told.append(words), raising=False)
+
+
+@pytest.fixture
+def messages(monkeypatch):
+    """What a sweep prints about its workers, of which it soon notices that none are left."""
+    printed = []
+    monkeypatch.setattr(submit, "print", lambda text, file: printed.append(text), raising=False)
     monkeypatch.setattr(submit, "_PATIENCE", 0.2)
     monkeypatch.setattr(submit, "_ROLL_CALL", 0.1)
+    return printed
 
-    def come_and_go():
+
+def test_a_sweep_waits_for_new_workers_of_a_scheduler_elsewhere(client, tmp_path, messages):
+    processes = client().cluster
+
+    def leave_and_join():
         processes.scale(0)
-        toy.wait_until(lambda: told)
+        toy.wait_until(lambda: messages)
         processes.scale(1)
 
-    # Of a scheduler elsewhere they are waited for, as its queue may start others.
-    leaver = during(there, come_and_go)
+    leaver = during(tmp_path / "there", leave_and_join)
     file, tls = elsewhere(client, tmp_path)
     with connect(file, tls=tls) as guest:
-        assert toy.run(guest, there, plan).remaining == 0
+        assert toy.run(guest, tmp_path / "there", toy.cube(seconds=0.1)).remaining == 0
     leaver.join()
-    assert told == ["no workers are left; waiting until some join"]
-    leaver = during(here, lambda: processes.scale(0))
+    assert messages == ["no workers are left; waiting until some join"]
+
+
+def test_a_sweep_on_this_machine_gives_up_once_its_workers_are_gone(client, tmp_path, messages):
+    """The last test that needs the worker: it is sent away."""
+    leaver = during(tmp_path, lambda: client().cluster.scale(0))
     with pytest.raises(ConnectionError, match="no workers are left; run again to resume"):
-        toy.run(client, here, toy.cube(seconds=0.5))
+        toy.run(client, tmp_path, toy.cube(seconds=0.5))
     leaver.join()
-    assert 0 < len(toy.commit_times(here)) < 20
+    assert 0 < len(toy.commit_times(tmp_path)) < 20
 
 
 def test_workers_that_are_slow_to_end_are_no_failure_of_what_they_did(monkeypatch):

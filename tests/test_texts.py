@@ -96,9 +96,7 @@ STORED = '{"name": "plane", "axes": {}, "origin": [%s, 0], "first": [1, 0], "sec
         "" if callable(value) else repr(value)[:20] if isinstance(value, str | bytes) else ""
     ),
 )
-def test_what_is_too_long_to_compute_with_is_refused_at_once_in_one_short_sentence(
-    read, text, words
-):
+def test_input_too_long_to_compute_is_refused_at_once_in_a_sentence(read, text, words):
     with pytest.raises((ValueError, click.BadParameter)) as refused:
         read(text)
     said = str(refused.value)

@@ -104,7 +104,7 @@ def test_findings_on_ripples_are_judged_by_the_numbers():
     assert "not decided" in said_of([np.nan, np.nan], [0.7, 0.5])
 
 
-def test_forcings_without_a_circle_at_the_strength_of_constant_kicks_are_drawn_at_it_or_below():
+def test_only_forcings_with_a_barrier_are_drawn_beyond_constant_kicks():
     """Only one under which a barrier is left stands beyond it."""
     for beyond in (0, 1):
         upper = [0.7, 1.001, 1.001, *beyond * [np.inf], 1.001]

@@ -59,7 +59,7 @@ def test_half_a_turn_more_of_both_is_the_same_torus_where_the_mean_is_zero():
     assert np.abs(one.u - two.u).max() < 1e-8
 
 
-def test_the_torus_is_odd_and_the_other_sign_of_the_amplitude_is_half_a_turn_of_phase(torus):
+def test_the_torus_is_odd_and_a_negative_amplitude_is_half_a_turn_of_phase(torus):
     mirrored = np.roll(torus.u[::-1, ::-1], (1, 1), axis=(0, 1))
     assert np.abs(torus.u + mirrored).max() < 1e-9
     other = tori.invariant_torus(*TRIBONACCI, HALF[0], -HALF[1]).u
@@ -146,7 +146,7 @@ def test_tori_are_certified_close_to_where_residues_of_a_long_orbit_say(angle, t
     assert abs(found.value - residue.value) < found.error + residue.error
 
 
-def test_no_graph_is_left_far_beyond_the_torus_and_some_are_where_it_is_certified():
+def test_graphs_persist_where_a_torus_is_certified_and_not_far_beyond():
     n = np.arange(-100, 101)
     kappa = ray(45)[0] + ray(45)[1] * np.cos(2 * np.pi * n * TRIBONACCI[1])
     lives = [sequence.longest_lived(scale * kappa, 0.0, 100)[2] for scale in (0.3, 0.6)]
@@ -168,7 +168,7 @@ def test_a_sequence_that_repeats_loses_its_graphs_past_the_breakup(case):
     assert sequence.last_survivor(0.99 * breakup * kappa).kicks == np.inf
 
 
-def test_strong_random_kicks_leave_no_graph_and_the_last_start_to_go_is_told():
+def test_strong_random_kicks_exclude_graphs_and_name_the_last_start():
     kappa = np.random.default_rng(20).uniform(0.8, 1.8, 300)
     last = sequence.last_survivor(kappa)
     site, reach = last.site, int(last.kicks)

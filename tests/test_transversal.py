@@ -21,7 +21,7 @@ def elimination_time(kappa, site, x, y, n_kicks):
 
 
 @pytest.mark.parametrize("kappa", FORCINGS)
-def test_a_start_is_eliminated_when_its_orbit_no_longer_minimizes_the_action(kappa):
+def test_a_start_is_eliminated_once_its_orbit_is_not_minimizing(kappa):
     # The definition with no tangent vector: the second variation of the piece |k| < n.
     period, rng = len(kappa), np.random.default_rng(len(kappa))
     n_max, eliminated = 25, 0
@@ -56,7 +56,7 @@ def test_on_a_symmetry_line_times_are_those_of_cones(kappa, site, a):
     assert len(np.unique(kicks)) > 5
 
 
-def test_a_certified_circle_survives_on_every_transversal_also_of_long_forcings():
+def test_a_certified_circle_survives_on_every_transversal():
     # The more kicks, the more ω there are whose starts live long, among which it must be found.
     kappa = 0.255 * direction(rotating_forcing(1, 1, "2/7", 0.02))
     assert circles.invariant_circle(parse("[3;9,4,(1)]"), kappa).certified

@@ -296,7 +296,7 @@ def drawn(kappa):
     return period.drawn(np.array(kappa), None, verdict(kappa), None)
 
 
-def test_where_transport_is_the_verdict_dots_that_are_said_to_be_no_barrier_are_drawn_and_no_line():
+def test_a_verdict_of_transport_is_drawn_as_dots_and_no_line():
     figure = drawn((1.0, 1.0))
     (told,) = [line for line in figure.axes[0].lines if "not a barrier" in line.get_label()]
     assert (told.get_ls(), told.get_mfc()) == ("None", "black")

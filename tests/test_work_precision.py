@@ -27,9 +27,7 @@ ORDERS = {  # in the effort, within a margin
 
 
 @pytest.mark.parametrize("rays", thirds([("0", "30"), ("0", "three-kicks")]))
-def test_errors_fall_with_effort_estimates_cover_them_and_corrected_answers_are_better(
-    rays, monkeypatch
-):
+def test_errors_fall_with_effort_and_their_estimates_cover_them(rays, monkeypatch):
     """Of the better methods on two rays, with and without a symmetry, with small efforts."""
     for name, efforts in EFFORTS.items():
         monkeypatch.setattr(METHODS[name], "efforts", efforts)
