@@ -28,7 +28,7 @@ class Planned(Exception):
 def jobs_of(command, options):
     """List the jobs that a command plans."""
 
-    def plan(self, *jobs, later=(), studies=()):
+    def plan(self, *jobs, later=(), **_):
         raise Planned([*jobs, *(job for job, _ in later)])
 
     with pytest.MonkeyPatch.context() as patch, TemporaryDirectory() as out:

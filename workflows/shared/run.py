@@ -30,7 +30,7 @@ from workflows.shared.tables import write
 MAX_REASONS = 10  # failed tiles whose reasons are printed
 _PROBING = 0.3  # CPU seconds for which an estimate of a sweep's time looks at its tiles
 _LONG = 5  # CPU seconds of work that are announced
-_DRAWING = 3  # CPU seconds in which findings are put into words and figures drawn, about
+_DRAWING = 2  # CPU seconds, as of a run with one or two figures
 LONGEST = 600  # seconds that a run may take if it is not said that it may take longer
 
 # What decides cubes without tiles: besides the mathematics all of this package but the figures,
@@ -98,11 +98,12 @@ class Run:
         self.plan, self.begun, self.studies = {}, {}, {}
 
     @contextmanager
-    def driving(self, *studies):
+    def driving(self, *studies, drawing=_DRAWING):
         """Hold the place as its one driver; at the end print what was found, and where it is, and
         then draw the figures.
 
         studies : what is computed without sweeps, (Cube as `kept` takes it, CPU seconds, about).
+        drawing : CPU seconds in which findings are put into words and figures drawn, about.
         """
         with explained(self.place):
             self.studies = {cube.name: cost for cube, cost in studies if not self.holds(cube)}
@@ -113,7 +114,7 @@ class Run:
                 os.makedirs(self.out, exist_ok=True)
                 foreseen = {name: cpu for name, (*_, cpu) in self.plan.items()}
                 stream = None if self.quiet else sys.stderr
-                after = seconds + _DRAWING
+                after = seconds + drawing
                 with Progress("computing", stream, foreseen, after) as self.line:
                     yield self
                     self.line.hide()
@@ -124,7 +125,7 @@ class Run:
                     self._draw()
 
     @contextmanager
-    def sweeping(self, *jobs, later=(), studies=()):
+    def sweeping(self, *jobs, later=(), studies=(), drawing=_DRAWING):
         """As `driving`, with workers for the sweeps; refuse a place with other settings first.
 
         jobs : the Jobs of sweeps.
@@ -136,7 +137,7 @@ class Run:
                 self.check(job.cube)
             for job, wanted in [*((job, None) for job in jobs), *later]:
                 self.plan[job.cube.name] = _expected(self.place, job, wanted)
-            with connect(**self.cluster) as client, self.driving(*studies):
+            with connect(**self.cluster) as client, self.driving(*studies, drawing=drawing):
                 self.client = cache(partial(self._connected, client))
                 yield self
 
