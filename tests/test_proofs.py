@@ -18,7 +18,7 @@ from nasm.planes import two_kicks
 from nasm.symmetries import ray
 from pipeline import store
 from pipeline.cubes.cube import NOT_COMPUTED
-from pipeline.cubes.proved import proved_barrier, proved_map, proved_triangles, unpacked
+from pipeline.cubes.proved import proved_barrier, proved_map, proved_triangles, unpack_certificates
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -106,7 +106,7 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
     told = succeed("verify", tmp_path, "--proofs", "--max-cpu-seconds", "0")
     assert f"0 of {n} certificates; the others take" in told
     path = max((tmp_path / "certificates" / job.cube.name).iterdir())
-    certificates = unpacked(genuine := path.read_bytes())
+    certificates = unpack_certificates(genuine := path.read_bytes())
     changed = json.loads(json.dumps(certificates))
     changed[0]["a" if "a" in changed[0] else "rho"] = 0
     wrong = {

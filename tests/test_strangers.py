@@ -271,14 +271,14 @@ def test_the_cost_of_a_certificate_counts_its_longest_function_anywhere():
 
 def test_certificates_that_unpack_to_much_more_than_any_are_refused(monkeypatch):
     many = b"[" + b",".join([b'{"kappa": ["0x1.8p+1"]}'] * 100) + b"]"
-    assert len(proved.unpacked(lzma.compress(many))) == 100
+    assert len(proved.unpack_certificates(lzma.compress(many))) == 100
     for bomb in (lzma.compress(bytes(10**8)), lzma.compress(many)[:-9], b"no file of xz"):
         with pytest.raises(ValueError, match=r"100 times their size|format|cut"):
-            proved.unpacked(bomb)
+            proved.unpack_certificates(bomb)
 
     def exhausted(text):
         raise MemoryError
 
     monkeypatch.setattr("json.loads", exhausted)
     with pytest.raises(ValueError, match="not enough memory"):
-        proved.unpacked(lzma.compress(many))
+        proved.unpack_certificates(lzma.compress(many))

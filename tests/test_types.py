@@ -23,7 +23,6 @@ nasm.periodic
 nasm.proofs
 nasm.tori
 nasm.verdicts
-pipeline.cubes
 pipeline.store
 pipeline.sweep
 workflows.shared

@@ -32,14 +32,16 @@ def parse_phase(text):
 @cli.sweeps
 def main(run, phase, n_rays, n_cusp_rays, tol):
     from nasm.planes import rotating
-    from pipeline.cubes.barrier import last_barrier, named, unfolded
+    from pipeline.cubes.barrier import cube_name, last_barrier, unfolded
     from workflows.figures.three_kicks import draw_three_kicks, three_kicks_caption
     from workflows.shared import rays
 
     around = rays.rotated_rays(n_rays, n_cusp_rays)
     planes = {text: rotating("1/3", text) for text in phase}
     last = last_barrier(rotating("1/2"), around, tol)
-    jobs = {text: last_barrier(plane, around, tol, named(plane)) for text, plane in planes.items()}
+    jobs = {
+        text: last_barrier(plane, around, tol, cube_name(plane)) for text, plane in planes.items()
+    }
     with run.sweeping(last, *jobs.values()):
         two = unfolded(run.sweep(last).load(), around)
         kicks = {text: unfolded(run.sweep(job).load(), around) for text, job in jobs.items()}

@@ -1,10 +1,12 @@
-"""What there is beyond a breakup, on rays: escapes, flux through the broken circle, diffusion.
+"""Beyond a breakup, on rays: escape times, flux through the broken circle, diffusion.
 
 κ = origin + s_c·(1 + excess)·profile, with the scale s_c of the breakup; a tile is one forcing.
 Flux and diffusion are an outlook of arXiv:1606.04824, Sec. VII; up to the breakup both are 0.
 """
 
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 import xarray as xr
@@ -12,113 +14,210 @@ import xarray as xr
 from nasm import diffusion as ensembles
 from nasm import flux as turnstiles
 from nasm.numbers import parse
-from nasm.planes import plane_of, two_kicks
+from nasm.planes import Plane, plane_of, two_kicks
 from nasm.symmetries import ray
+from nasm.types import FloatArray
 from pipeline.cubes import cube, escape
+from pipeline.cubes.cube import Arrays, Coords, Job, Labels, Settings
 from pipeline.cubes.kernels import load_orbits
 
 _TILE = {"angle": 1, "excess": 1}
 
+_Method: TypeAlias = Callable[[FloatArray, Coords, Settings], Arrays]
+"""(forcings of a tile, shape (angle, excess, P); its coordinates; settings) → its arrays."""
 
-def escape_times(name, plane, scales, excesses, sizes, n_max):
+
+def escape_times(
+    name: str,
+    plane: Plane,
+    scales: Mapping[float, float],
+    excesses: Sequence[float],
+    sizes: Sequence[int],
+    n_max: int,
+) -> Job:
     """Return the Job of first escape times, dims (ensemble, angle, excess).
 
-    scales : {angle in degrees: scale s_c of the breakup on the ray}. excesses : increasing floats.
-    name, plane, sizes, n_max : as for `escape.over_plane`.
+    Parameters
+    ----------
+    scales : mapping of float to float
+        The scale s_c of the breakup on the ray at each angle, in degrees.
+    excesses : sequence of float
+        Scales relative to s_c, minus 1; increasing.
+    name, plane, sizes, n_max
+        As for `escape.over_plane`.
+
+    Examples
+    --------
+    >>> from nasm.planes import two_kicks
+    >>> from pipeline.cubes.beyond import escape_times
+    >>> job = escape_times("escape", two_kicks(), {45.0: 1.0}, [0.1, 0.2], [64], 1000)
+    >>> dict(job.cube.template.escape_time.sizes)
+    {'ensemble': 1, 'angle': 1, 'excess': 2}
     """
     settings, coords = {"n_max": n_max, "precision": "double"}, _coords(plane, scales, excesses)
-    how = "First escape times beyond the last barrier", partial(_compute, escape.times_of)
-    return escape.job(name, plane, sizes, coords, _TILE, settings, *how, _predict_escapes)
+    title = "First escape times beyond the last barrier"
+    compute = partial(_compute, escape.times_of)
+    return escape.job(name, plane, sizes, coords, _TILE, settings, title, compute, _predict_escapes)
 
 
-def flux(plane, scales, circles, excesses, q_max):
+def flux(
+    plane: Plane,
+    scales: Mapping[float, float],
+    circles: Mapping[float, str],
+    excesses: Sequence[float],
+    q_max: int,
+) -> Job:
     """Return the Job of the flux through the last circle once it is broken: area per step, ΔW.
 
-    plane, scales, excesses : as for `escape_times`. circles : {angle: exact text of the last
-    circle's ω}. q_max : int, the longest period. The method is that of MacKay, Meiss & Percival,
-    Physica D 13 (1984) 55.
+    Parameters
+    ----------
+    circles : mapping of float to str
+        The exact rotation number of the last circle at each angle, in degrees.
+    q_max : int
+        Longest period.
+    plane, scales, excesses
+        As for `escape_times`.
+
+    References
+    ----------
+    MacKay, Meiss & Percival, Physica D 13 (1984) 55.
+
+    Examples
+    --------
+    >>> from nasm.planes import two_kicks
+    >>> from pipeline.cubes.beyond import flux
+    >>> job = flux(two_kicks(), {45.0: 1.0}, {45.0: "2gamma"}, [0.1, 0.2], 100)
+    >>> job.cube.template.circle.values
+    array(['2gamma'], dtype='<U6')
     """
     coords = _coords(plane, scales, excesses)
-    words = "exact rotation number of the last circle"
-    coords["circle"] = cube.text("angle", circles.values(), words)
+    coords["circle"] = cube.text(
+        "angle", circles.values(), "exact rotation number of the last circle"
+    )
     variables = {
         "flux": cube.blank(coords, "area through the broken circle, per step: turns times y"),
         "error": cube.blank(coords, "estimated absolute error of flux"),
         "period": cube.blank(coords, "longest period of the orbits used", np.int32(0)),
     }
-    how = {"q_max": q_max}, _flux, _predict_flux, load_orbits
-    title = "Flux through the remains of the last circle"
-    return _job("flux", plane, coords, variables, title, *how)
+    title, settings = "Flux through the remains of the last circle", {"q_max": q_max}
+    return _job(
+        "flux", plane, coords, variables, title, settings, _flux, _predict_flux, load_orbits
+    )
 
 
-def diffusion(scales, excesses, n_orbits, n_max):
-    """Return the Job of the diffusion coefficient D of momentum, by ensembles, of two kicks;
-    scales, excesses as for `escape_times`."""
-    coords = _coords(two_kicks(), scales, excesses)
+def diffusion(
+    scales: Mapping[float, float], excesses: Sequence[float], n_orbits: int, n_max: int
+) -> Job:
+    """Return the Job of the diffusion coefficient D of momentum under two kicks, by ensembles.
+
+    Parameters
+    ----------
+    scales, excesses
+        As for `escape_times`.
+    n_orbits : int
+        Orbits in the ensemble.
+    n_max : int
+        Longest time, in steps.
+
+    Examples
+    --------
+    >>> from pipeline.cubes.beyond import diffusion
+    >>> job = diffusion({45.0: 1.0}, [0.1, 0.2], 100, 1000)
+    >>> job.cube.tile_counts
+    (1, 2)
+    """
+    plane = two_kicks()
+    coords = _coords(plane, scales, excesses)
     variables = {
         "diffusion": cube.blank(coords, "D = <(y_n - y_0)²>/2n, in squares of y a period"),
         "error": cube.blank(coords, "standard error of diffusion"),
     }
+    title, settings = "Diffusion of momentum", {"n_orbits": n_orbits, "n_max": n_max}
     warm_up = partial(ensembles.diffusion, (9.0, 9.0), 64)
-    how = {"n_orbits": n_orbits, "n_max": n_max}, _diffusion, _predict_diffusion, warm_up
-    return _job("diffusion", two_kicks(), coords, variables, "Diffusion of momentum", *how)
+    return _job(
+        "diffusion",
+        plane,
+        coords,
+        variables,
+        title,
+        settings,
+        _diffusion,
+        _predict_diffusion,
+        warm_up,
+    )
 
 
-def steps_beyond(excess):
-    """Return about how many steps the first escape of hundreds of orbits takes, by measurement."""
+def steps_beyond(excess: FloatArray) -> FloatArray:
+    """Estimate the steps until the first escape of some hundred orbits, 200/excess³, a fit."""
     return 200 / excess**3
 
 
-def _coords(plane, scales, excesses):
+def _coords(plane: Plane, scales: Mapping[float, float], excesses: Sequence[float]) -> Labels:
     """Return the coordinates; those in the plane are computed with each tile."""
     coords = {
         "angle": cube.angles_of_rays(list(scales)),
         "excess": cube.coordinate("excess", excesses, "scale in parts of the breakup's, less 1"),
         "breakup": cube.coordinate("angle", list(scales.values()), "scale of the breakup"),
     }
-    return coords | {name: cube.blank(coords, words) for name, words in plane.axes.items()}
+    return coords | {name: cube.blank(coords, label) for name, label in plane.axes.items()}
 
 
-def _job(name, plane, coords, variables, title, settings, method, predict, warm_up):
+def _job(
+    name: str,
+    plane: Plane,
+    coords: Labels,
+    variables: Labels,
+    title: str,
+    settings: Settings,
+    method: _Method,
+    predict: Callable[[Coords, Settings], float],
+    warm_up: Callable[[], object],
+) -> Job:
+    """Return the Job whose tiles are computed by `method`."""
     variables["status"] = cube.blank(coords, "outcome", np.int8(0), **cube.FLAGS)
     template = xr.Dataset(variables, coords, {"title": title, "source": cube.PAPER})
     settings = plane.record | settings | cube.STATUS_SETTING
     plan = cube.Cube(name, template, _TILE, settings)
-    return cube.Job(plan, partial(_compute, method), predict, warm_up)
+    return Job(plan, partial(_compute, method), predict, warm_up)
 
 
-def _compute(method, coords, settings):
-    """Return where the forcings (angle, excess) of a tile are, and what `method` says of them."""
+def _compute(method: _Method, coords: Coords, settings: Settings) -> Arrays:
+    """Return the strengths (angle, excess) of a tile and the arrays that `method` computes."""
     plane, scales = plane_of(settings), np.outer(coords["breakup"], 1 + coords["excess"])
-    parts = zip(plane.axes, ray(coords["angle"]).T, strict=True)
-    strengths = {name: scales * along[:, None] for name, along in parts}
+    directions = zip(plane.axes, ray(coords["angle"]).T, strict=True)
+    strengths = {name: scales * along[:, None] for name, along in directions}
     return strengths | method(plane.forcing(*strengths.values()), coords, settings)
 
 
-def _predict_escapes(coords, settings):
+def _predict_escapes(coords: Coords, settings: Settings) -> float:
+    """Predict CPU seconds by the measured growth of escape times."""
     steps = np.minimum(settings["n_max"], steps_beyond(coords["excess"]))
     return escape.seconds(coords, settings, steps.sum() * coords["angle"].size)
 
 
-def _flux(kappas, coords, settings):
+def _flux(kappas: FloatArray, coords: Coords, settings: Settings) -> Arrays:
+    """Compute fluxes through the circles of a tile."""
     rays, q_max = zip(map(parse, coords["circle"]), kappas, strict=True), settings["q_max"]
-    found = [[turnstiles.flux(omega, kappa, q_max) for kappa in along] for omega, along in rays]
-    return cube.fields(found, {"flux": "value", "error": "error", "period": "period"})
+    fluxes = [[turnstiles.flux(omega, kappa, q_max) for kappa in along] for omega, along in rays]
+    return cube.field_arrays(fluxes, {"flux": "value", "error": "error", "period": "period"})
 
 
-def _predict_flux(coords, settings):
-    """Predict by the period needed, which grows like 1/excess."""
+def _predict_flux(coords: Coords, settings: Settings) -> float:
+    """Predict CPU seconds by the period needed, which grows like 1/excess."""
     return 3e-4 * coords["angle"].size * np.sum(1 / coords["excess"])
 
 
-def _diffusion(kappas, coords, settings):
-    sizes = settings["n_orbits"], settings["n_max"]
-    found = [[ensembles.diffusion(kappa, *sizes) for kappa in along] for along in kappas]
-    return cube.fields(found, {"diffusion": "value", "error": "error"})
+def _diffusion(kappas: FloatArray, coords: Coords, settings: Settings) -> Arrays:
+    """Compute the diffusion coefficients of a tile."""
+    n_orbits, n_max = settings["n_orbits"], settings["n_max"]
+    coefficients = [
+        [ensembles.diffusion(kappa, n_orbits, n_max) for kappa in along] for along in kappas
+    ]
+    return cube.field_arrays(coefficients, {"diffusion": "value", "error": "error"})
 
 
-def _predict_diffusion(coords, settings):
-    """Predict by the steps that forcings so far beyond the breakup need, by measurement."""
+def _predict_diffusion(coords: Coords, settings: Settings) -> float:
+    """Predict CPU seconds by the steps that forcings so far beyond the breakup need, a fit."""
     steps = 1e4 / np.maximum(coords["excess"], 1e-3) ** 3
     n_steps = np.clip(steps, ensembles.MIN_PERIODS, settings["n_max"]).sum() * coords["angle"].size
     return 0.01 + 2 * escape.SECONDS_PER_KICK["double"] * settings["n_orbits"] * n_steps

@@ -4,70 +4,120 @@
 row is a circle or a frequency, and a cube without rows has dim (angle). arXiv:1606.04824, Sec. VI.
 Angles are in degrees.
 
-Continuation ends before the tolerance where a circle has no modes left to show its breakup: next to
-cusps, and for rotation numbers whose quotients are large. Residues of long orbits reach it there,
-and the variable `method` tells which of the two has answered.
+Next to cusps, and for rotation numbers with large quotients, continuation runs out of modes before
+it reaches the tolerance. Residues of long orbits reach it there; the variable `method` names the
+one that has answered.
 """
 
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import ceil
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from nasm import escape, periodic
 from nasm.circles import continuation
-from nasm.critical import Status
-from nasm.numbers import parse
-from nasm.planes import plane_of
+from nasm.critical import CriticalScale, Status
+from nasm.numbers import RotationNumber, parse
+from nasm.planes import Plane, plane_of
 from nasm.symmetries import ray
+from nasm.types import OmegaLike
 from pipeline.cubes import cube
-from pipeline.cubes.cube import FLAGS, PAPER, STATUS_SETTING, Job, blank, coordinate
+from pipeline.cubes.cube import (
+    FLAGS,
+    PAPER,
+    STATUS_SETTING,
+    Arrays,
+    Coords,
+    Job,
+    Labels,
+    Settings,
+    blank,
+    coordinate,
+)
 from pipeline.cubes.escape import SECONDS_PER_KICK
 from pipeline.cubes.kernels import load_orbits
 
-_SCALES = {
+_SCALES = {  # variable: field of CriticalScale, long_name
     "critical_scale": ("value", "scale of the breakup, best estimate"),
     "error": ("error", "estimated absolute error of critical_scale"),
     "lower": ("lower", "scale at which the barrier was shown to exist"),
     "upper": ("upper", "scale at which the barrier was shown to be gone"),
 }
-_SECONDS = 3  # of CPU time in a tile, which is a file for every variable
-_FLAG_OF = {  # CriticalScale.method: its word in the flags of the variable `method`
+_TILE_SECONDS = 3  # CPU time of a tile, which is a file for every variable
+_FLAG_OF = {  # CriticalScale.method: its meaning among the flags of the variable `method`
     continuation.METHOD: "continuation",
     periodic.METHOD: "residue",
     escape.METHOD: "direct_iteration",
 }
 
 
-def continued_or_by_residue(omega, profile, tol, q_max):
-    """The scale at which the circle of ω breaks on the ray κ = s·profile: a CriticalScale.
+def continued_or_by_residue(
+    omega: OmegaLike, profile: ArrayLike, tol: float, q_max: int
+) -> CriticalScale:
+    """Compute the scale at which the circle of ω breaks on the ray κ = s·profile.
 
     By continuation, if that reaches an error of tol; else by Greene's residue of periods up to
     q_max, unless that has no answer either or a larger error. `lower` is that of continuation: the
     scale of a certified circle.
+
+    Parameters
+    ----------
+    omega : RotationNumber or str
+        Rotation number per step.
+    profile : array_like, shape (P,)
+        Strengths of the kicks over s.
+    tol : float
+        Absolute error of the scale to aim at.
+    q_max : int
+        Longest period of orbits.
     """
     continued = continuation.critical_scale(omega, profile, tol)
     if continued.error <= tol:
         return continued
-    found = periodic.critical_scale(omega, profile, q_max)
-    better = found.status is Status.OK and not continued.error <= found.error
-    return replace(found, lower=continued.lower) if better else continued
+    by_orbits = periodic.critical_scale(omega, profile, q_max)
+    better = by_orbits.status is Status.OK and not continued.error <= by_orbits.error
+    return replace(by_orbits, lower=continued.lower) if better else continued
 
 
 _CONTINUED = f"{continuation.METHOD}, else {periodic.METHOD}"
-_METHODS = {  # and how hard it tries, at the least
+_METHODS: dict[str, tuple[Callable[..., CriticalScale], Settings]] = {  # and its least effort
     _CONTINUED: (continued_or_by_residue, {"tol": 0.1, "q_max": 10}),
     periodic.METHOD: (periodic.critical_scale, {"q_max": 10}),
     escape.METHOD: (escape.critical_scale, {"n_max": 64, "n_orbits": 1}),
 }
 
 
-def by_continuation(plane, omegas, angles, tol, q_max=6000):
-    """Return the Job of the cube `breakdown`: circles of `omegas`, RotationNumbers, continued to
-    their breakdown, and where that does not reach the error tol, their residues up to the period
-    q_max. ValueError if the plane has an origin."""
+def by_continuation(
+    plane: Plane,
+    omegas: Sequence[RotationNumber],
+    angles: Sequence[float],
+    tol: float,
+    q_max: int = 6000,
+) -> Job:
+    """Return the Job of the cube `breakdown`: circles continued to their breakdown.
+
+    Where continuation does not reach the error tol, residues of periods up to q_max may; see
+    `continued_or_by_residue`.
+
+    Raises
+    ------
+    ValueError
+        If the plane has an origin.
+
+    Examples
+    --------
+    >>> from nasm.numbers import parse
+    >>> from nasm.planes import two_kicks
+    >>> from pipeline.cubes.breakdown import by_continuation
+    >>> job = by_continuation(two_kicks(), [parse("gamma")], [0.0, 10.0], tol=1e-3)
+    >>> dict(job.cube.template.critical_scale.sizes)
+    {'circle': 1, 'angle': 2}
+    """
     plane.rays_start_at_zero(continuation.METHOD)
     settings = {"method": _CONTINUED, "tol": tol, "q_max": q_max}
     # A fifth of the main job's rays need residues; with a smaller tol nearly all do.
@@ -83,91 +133,161 @@ def _predict_continuation(seconds, coords, settings):
     return seconds * coords["angle"].size * np.where(is_golden, 0.5, 1.9).sum()
 
 
-def by_residue(plane, omegas, angles, q_max):
-    """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max."""
+def by_residue(
+    plane: Plane, omegas: Sequence[RotationNumber], angles: Sequence[float], q_max: int
+) -> Job:
+    """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.numbers import parse
+    >>> from nasm.planes import two_kicks
+    >>> from pipeline.cubes.breakdown import by_residue
+    >>> job = by_residue(two_kicks(), [parse("gamma")], [30.0], q_max=100)
+    >>> tile = {"circle": np.array(["gamma"]), "angle": np.array([30.0])}
+    >>> job.compute(tile, job.cube.settings)["critical_scale"].round(2)
+    array([[0.69]])
+    """
     settings = {"method": periodic.METHOD, "q_max": q_max}
     seconds = 0.045 if len(plane.origin) <= 2 else 0.16  # two families of orbits
     return _job("breakdown_residue", plane, _circles(omegas), angles, seconds, settings)
 
 
-def by_escape(plane, angles, n_max, n_orbits):
-    """Return the Job of the cube `transport`: its onset by direct iteration of n_max steps."""
+def by_escape(plane: Plane, angles: Sequence[float], n_max: int, n_orbits: int) -> Job:
+    """Return the Job of the cube `transport`: its onset by direct iteration of n_max steps.
+
+    Examples
+    --------
+    >>> from nasm.planes import two_kicks
+    >>> from pipeline.cubes.breakdown import by_escape
+    >>> job = by_escape(two_kicks(), [0.0, 45.0], n_max=1000, n_orbits=100)
+    >>> job.cube.template.critical_scale.dims
+    ('angle',)
+    """
     settings = {"method": escape.METHOD, "n_max": n_max, "n_orbits": n_orbits}
-    plane.rays_start_at_zero(settings["method"])
-    # Some runs of the whole ensemble.
+    plane.rays_start_at_zero(escape.METHOD)
+    # The whole ensemble is iterated some times.
     seconds = 20 * SECONDS_PER_KICK["double"] * len(plane.origin) * n_orbits * n_max
     return _job("transport", plane, {}, angles, seconds, settings)
 
 
-def job_on_rays(name, axes, rows, angles, seconds, settings, compute, warm_up, title, more=()):
-    """Return the Job of a cube of critical scales.
+def job_on_rays(
+    name: str,
+    axes: Mapping[str, str],
+    rows: Labels,
+    angles: Sequence[float],
+    seconds: float,
+    settings: Settings,
+    compute: Callable[[Coords, Settings], Arrays],
+    warm_up: Callable[[], object],
+    title: str,
+    more: Mapping[str, xr.Variable] | None = None,
+) -> Job:
+    """Return the Job of a cube of critical scales. A tile is some rays of one row.
 
-    axes : {name: words} of the plane's coordinates; those of the breakup are coordinates here.
-    rows : {name: coordinate}, that of the rows first; {} for a cube with dim (angle).
-    seconds : CPU time of a ray. A tile is some rays of one row.
-    more : {name: variable} besides those of critical scales.
+    Parameters
+    ----------
+    name : str
+        Of the cube.
+    axes : mapping of str to str
+        The long name of each coordinate in the plane; those of the breakup are coordinates here.
+    rows : dict of str to xr.Variable
+        Coordinates of the rows, that of the dimension first; {} for a cube with dim (angle).
+    angles : sequence of float
+        Directions of the rays, in degrees.
+    seconds : float
+        CPU seconds of a ray.
+    settings, compute, warm_up
+        As for `cube.Cube` and `cube.Job`.
+    title : str
+        Of the cube.
+    more : mapping of str to xr.Variable, optional
+        Variables besides those of critical scales.
     """
     known = {**rows, "angle": cube.angles_of_rays(angles)}
-    variables = blank_scales(known) | dict(more)
-    coords = known | {key: blank(known, f"{words} at the breakup") for key, words in axes.items()}
+    variables = blank_scales(known) | dict(more or {})
+    coords = known | {key: blank(known, f"{label} at the breakup") for key, label in axes.items()}
     n_rays = known["angle"].size
-    tile = dict.fromkeys(variables["status"].dims, 1)
-    tile["angle"] = ceil(n_rays / ceil(n_rays / max(1, int(_SECONDS / seconds))))
+    tile = {str(dim): 1 for dim in variables["status"].dims}
+    tile["angle"] = ceil(n_rays / ceil(n_rays / max(1, int(_TILE_SECONDS / seconds))))
     labels = {"title": f"{title} of the nonautonomous standard map", "source": PAPER}
     plan = cube.Cube(name, xr.Dataset(variables, coords, labels), tile, settings | STATUS_SETTING)
     return Job(plan, compute, lambda coords, _: seconds * coords["angle"].size, warm_up)
 
 
-def blank_scales(known):
-    """Return the variables of a CriticalScale, not computed, over the dimensions `known`."""
-    variables = {key: blank(known, words) for key, (_, words) in _SCALES.items()}
+def blank_scales(known: Mapping[str, xr.Variable]) -> Labels:
+    """Return the variables of a CriticalScale, not computed, over the dimensions in `known`."""
+    variables = {key: blank(known, label) for key, (_, label) in _SCALES.items()}
     return variables | {"status": blank(known, "outcome", np.int8(0), **FLAGS)}
 
 
-def scale_fields(found):
-    """Return the arrays of these variables; `found` are nested lists of CriticalScale."""
-    return cube.fields(found, {key: field for key, (field, _) in _SCALES.items()})
+def scale_fields(answers: Sequence[Any]) -> Arrays:
+    """Return the arrays of these variables; `answers` are nested lists of CriticalScale."""
+    return cube.field_arrays(answers, {key: field for key, (field, _) in _SCALES.items()})
 
 
-def scales(found, axes, angles):
-    """Return the arrays of critical scales `found`, nested lists, on the rays at those angles."""
-    arrays = scale_fields(found)
+def scale_arrays(answers: Sequence[Any], axes: Iterable[str], angles: ArrayLike) -> Arrays:
+    """Return the arrays of critical scales, and the strengths at the breakup.
+
+    Parameters
+    ----------
+    answers : nested lists of CriticalScale
+        The last dimension is that of the rays.
+    axes : iterable of str
+        Names of the plane's coordinates.
+    angles : array_like
+        Directions of the rays, in degrees.
+    """
+    arrays = scale_fields(answers)
     for name, direction in zip(axes, ray(angles).T, strict=True):
         arrays[name] = arrays["critical_scale"] * direction
     return arrays
 
 
-def _circles(omegas):
+def _circles(omegas: Sequence[RotationNumber]) -> Labels:
+    """Return the coordinates of rows that are circles."""
     return {
         "circle": cube.text("circle", map(str, omegas), "exact rotation number per step"),
         "omega": coordinate("circle", list(map(float, omegas)), "rotation number per step"),
     }
 
 
-def _job(name, plane, rows, angles, seconds, settings):
-    one = {key: row.values[:1] for key, row in rows.items()} | {"angle": np.array(angles[:1])}
+def _job(
+    name: str,
+    plane: Plane,
+    rows: Labels,
+    angles: Sequence[float],
+    seconds: float,
+    settings: Settings,
+) -> Job:
+    """Return the Job of critical scales by the method that is named in the settings."""
+    first_ray = {key: row.values[:1] for key, row in rows.items()} | {"angle": np.array(angles[:1])}
     settings = plane.record | settings
-    warm_up = partial(_load, one, settings | _METHODS[settings["method"]][1])
+    warm_up = partial(_load, first_ray, settings | _METHODS[settings["method"]][1])
     on = {**rows, "angle": cube.angles_of_rays(angles)}
-    words = "what has answered, or says why there is no answer"
-    more = {"method": blank(on, words, np.int8(0), **cube.flags(_FLAG_OF.values()))}
-    how = seconds, settings, _compute, warm_up, "Breakup of circles", more
-    return job_on_rays(name, plane.axes, rows, angles, *how)
+    label = "what has answered, or says why there is no answer"
+    more = {"method": blank(on, label, np.int8(0), **cube.flags(_FLAG_OF.values()))}
+    title = "Breakup of circles"
+    return job_on_rays(
+        name, plane.axes, rows, angles, seconds, settings, _compute, warm_up, title, more
+    )
 
 
-def _load(coords, settings):
-    """Compile the kernels of a method, by the least that it can be asked."""
+def _load(coords: Coords, settings: Settings) -> None:
+    """Compile the kernels of a method, by a computation of least effort."""
     if settings["method"] != escape.METHOD:
         load_orbits()
     _compute(coords, settings)
 
 
-def _compute(coords, settings):
-    (method, least), plane = _METHODS[settings["method"]], plane_of(settings)
+def _compute(coords: Coords, settings: Settings) -> Arrays:
+    """Compute a tile: some rays, of one row or of a cube without rows."""
+    (method, effort), plane = _METHODS[settings["method"]], plane_of(settings)
     start, profiles = plane.ray(coords["angle"])
-    more = [settings[name] for name in least] + ([start] if start.any() else [])
+    more = [settings[name] for name in effort] + ([start] if start.any() else [])
     rows = [[parse(circle)] for circle in coords["circle"]] if "circle" in coords else [[]]
-    found = [[method(*row, profile, *more) for profile in profiles] for row in rows]
-    found = found if "circle" in coords else found[0]
-    answers = cube.codes(found, lambda one: 1 + [*_FLAG_OF].index(one.method))
-    return scales(found, plane.axes, coords["angle"]) | {"method": answers}
+    answers: Any = [[method(*row, profile, *more) for profile in profiles] for row in rows]
+    answers = answers if "circle" in coords else answers[0]
+    methods = cube.codes(answers, lambda answer: 1 + [*_FLAG_OF].index(answer.method))
+    return scale_arrays(answers, plane.axes, coords["angle"]) | {"method": methods}

@@ -3,75 +3,112 @@
 A cube is a lazy xarray template (variables, dims, coordinates, units), the length of a tile along
 each tiled dimension, and the settings that decide its values. Two cubes with one `config_hash` hold
 the same numbers, whoever computes them, in whatever order; see `nasm.arithmetic.reproducible`. Only
-what is proved in the time allowed depends on the machine. A cube that no tiles fill, `untiled`, is
-decided by its settings alone, which are known before it is computed.
+bounds that are proved within a time limit depend on the machine. A cube without tiles, `untiled`,
+is identified by its settings alone, which are known before it is computed.
 """
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Integral, Real
 from operator import attrgetter
+from typing import Any, TypeAlias
 
 import dask.array
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike, NDArray
 
 from nasm.critical import Status
 
 PAPER = "arXiv:1606.04824"
-_OF_ALL = {
+_COMMON_ATTRIBUTES = {
     "Conventions": "CF-1.11",
     "references": f"{PAPER}, https://arxiv.org/abs/1606.04824",
     "map": "y' = y + κ_n/(2π) sin 2πx, x' = x + y' mod 1; κ_n has the period of the forcing",
 }
 
+Coords: TypeAlias = dict[str, np.ndarray]
+"""The values of each coordinate in one tile: numbers or texts."""
+
+Settings: TypeAlias = dict[str, Any]
+"""What JSON can hold: numbers, texts, lists and objects of these."""
+
+Arrays: TypeAlias = dict[str, Any]
+"""The array of each computed variable in one tile; `certificates`, if it has any, are bytes."""
+
+Labels: TypeAlias = dict[str, xr.Variable]
+"""Variables by their names: coordinates, or variables that are not computed yet."""
+
 
 @dataclass(frozen=True)
 class Cube:
-    """The plan of one cube. Every variable has all dims of a tile, in their order."""
+    """The plan of one cube. Every computed variable has all dims of a tile, in their order.
 
-    name: str  # in the store
-    template: xr.Dataset  # its dims, dtypes, coordinates and attributes; values not computed
-    tile: dict[str, int]  # {dim: cells}, the unit of work and of storage
-    settings: dict  # JSON-able: what decides the values, besides the coordinates
+    Attributes
+    ----------
+    name : str
+        Of the cube in a store.
+    template : xr.Dataset
+        Variables with their dims, dtypes and attributes, values not computed; coordinates.
+    tile : dict of str to int
+        Cells of a tile along each tiled dim. A tile is the unit of work and of storage.
+    settings : dict
+        What decides the values, besides the coordinates. JSON must be able to hold it.
 
-    def __post_init__(self):
-        template = self.template.assign_attrs(plain(_OF_ALL | self.template.attrs))
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from pipeline.cubes.cube import Cube, blank, coordinate
+    >>> labels = {"n": coordinate("n", range(6), "number")}
+    >>> template = xr.Dataset({"power": blank(labels, "power of n")}, labels)
+    >>> cube = Cube("powers", template, {"n": 4}, {"exponent": 2})
+    >>> cube.tile_counts, cube.computed
+    ((2,), ['power'])
+    """
+
+    name: str
+    template: xr.Dataset
+    tile: dict[str, int]
+    settings: Settings
+
+    def __post_init__(self) -> None:
+        attributes = plain_attributes(_COMMON_ATTRIBUTES | self.template.attrs)
+        template = self.template.assign_attrs(attributes)
         for variable in template.variables.values():
-            variable.attrs = plain(variable.attrs)
+            variable.attrs = plain_attributes(variable.attrs)
         object.__setattr__(self, "template", template)
 
     @property
-    def tile_counts(self):
+    def tile_counts(self) -> tuple[int, ...]:
         """The number of tiles along each tiled dimension."""
         return tuple(-(-self.template.sizes[dim] // length) for dim, length in self.tile.items())
 
     @property
-    def computed(self):
+    def computed(self) -> list[str]:
         """Names of the variables that tiles fill, data or coordinates: those without values yet."""
-        return [name for name, array in self.template.variables.items() if array.chunks]
+        return [str(name) for name, array in self.template.variables.items() if array.chunks]
 
     @property
-    def attributes(self):
+    def attributes(self) -> dict[str, Any]:
         """The settings as attributes of the cube in a store."""
-        return plain(self.settings)
+        return plain_attributes(self.settings)
 
-    def filled(self, arrays):
-        """Return the cube as a Dataset that holds {variable: array}."""
+    def filled(self, arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
+        """Return the cube as a Dataset with the values {variable: array}."""
         values = {key: self.template[key].copy(data=array) for key, array in arrays.items()}
         return self.template.assign(values)
 
     @cached_property
-    def config_hash(self):
+    def config_hash(self) -> str:
         """SHA-256 of coordinates, variables, tiling and settings; of settings without tiles."""
         digest = hashlib.sha256()
         known, variables = self.template.coords.keys() - {*self.computed}, {}
         for name, array in sorted(self.template.variables.items()) if self.tile else ():
             if name in known:
-                digest.update(name.encode() + np.ascontiguousarray(array.values).tobytes())
+                digest.update(str(name).encode() + np.ascontiguousarray(array.values).tobytes())
             else:
                 variables[name] = [list(array.dims), str(array.dtype)]
         plan = {"variables": variables, "tile": self.tile, "settings": self.settings}
@@ -79,67 +116,124 @@ class Cube:
         return digest.hexdigest()
 
 
-def untiled(name, **settings):
-    """Return the plan of a cube without tiles, whose settings decide all that it will hold."""
+def untiled(name: str, **settings: Any) -> Cube:
+    """Return the plan of a cube without tiles, identified by its settings alone.
+
+    Examples
+    --------
+    >>> from pipeline.cubes.cube import untiled
+    >>> untiled("table", tol=1e-3).attributes
+    {'tol': 0.001}
+    """
     return Cube(name, xr.Dataset(), {}, settings)
 
 
 @dataclass(frozen=True)
 class Job:
-    """A cube, and what computes it; cloudpickle brings `compute` and `warm_up` to workers."""
+    """A cube, and the functions that compute it; cloudpickle sends them to workers.
+
+    Attributes
+    ----------
+    cube : Cube
+    compute : callable
+        (coordinates of a tile, settings) → {variable: array}.
+    predict : callable
+        (coordinates of a tile, settings) → CPU seconds that `compute` will take.
+    warm_up : callable
+        () → anything; compiles the kernels of `compute`, once in each worker.
+    """
 
     cube: Cube
-    compute: Callable  # (coords {dim: ndarray} of a tile, settings) → {variable: array}
-    predict: Callable  # (coords of a tile, settings) → CPU seconds that `compute` will take
-    warm_up: Callable  # () → anything; compiles the kernels of `compute`, once in each worker
+    compute: Callable[[Coords, Settings], Arrays]
+    predict: Callable[[Coords, Settings], float]
+    warm_up: Callable[[], object]
 
 
-def plain(attrs):
-    """Return attributes as every format keeps them: text, numbers, lists of numbers, else JSON."""
-    return {name: _plain(value) for name, value in attrs.items()}
+def plain_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return attributes as every format keeps them: text, numbers, lists of numbers, else JSON.
+
+    Examples
+    --------
+    >>> from pipeline.cubes.cube import plain_attributes
+    >>> plain_attributes({"n": 2, "circle": {"omega": "gamma"}})
+    {'n': 2, 'circle': '{"omega": "gamma"}'}
+    """
+    return {str(name): _plain(value) for name, value in attributes.items()}
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
+    """Return one attribute as a text, a number, a list of numbers, or JSON."""
     if isinstance(value, list | tuple) and all(isinstance(each, Real) for each in value):
         return [_plain(each) for each in value]
-    if isinstance(value, Integral) and abs(value) >= 2**31:  # netCDF 3 has no such integers
+    if isinstance(value, Integral) and abs(int(value)) >= 2**31:  # netCDF 3 has no such integers
         return float(value)
     return value if isinstance(value, str | Real) else json.dumps(value, ensure_ascii=False)
 
 
-def coordinate(dim, values, long_name, units="1", **attrs):
-    """Return the coordinate of a dimension, labelled."""
+def coordinate(
+    dim: str | tuple[str, ...], values: Any, long_name: str, units: str = "1", **attrs: Any
+) -> xr.Variable:
+    """Return the coordinate of a dimension, labelled.
+
+    Parameters
+    ----------
+    dim : str or tuple of str
+        Its dimension, or dimensions.
+    values : array_like
+        Its values.
+    long_name, units : str
+        Attributes of the CF conventions; `attrs` are further ones.
+    """
     return xr.Variable(dim, np.asarray(values), {"long_name": long_name, "units": units, **attrs})
 
 
-def text(dim, words, long_name):
-    """Return a variable of words along a dimension, labelled.
+def text(dim: str, texts: Iterable[str], long_name: str) -> xr.Variable:
+    """Return a variable of texts along a dimension, labelled.
 
     "" stands for no text. A reader of the store gets NaN for it, as for all that a join of two
     cubes leaves without a value: xarray cannot join zarr's own type of text.
     """
     label = {"long_name": long_name, "missing_value": ""}
-    return xr.Variable(dim, np.array(list(words), dtype=str), label)
+    return xr.Variable(dim, np.array(list(texts), dtype=str), label)
 
 
-def angles_of_rays(angles):
+def angles_of_rays(angles: ArrayLike) -> xr.Variable:
+    """Return the coordinate `angle` of rays, in degrees."""
     return coordinate("angle", angles, "direction of the ray in the plane", "degree")
 
 
-def blank(coords, long_name, fill=np.nan, **attrs):
-    """Return a variable over the dimensions among `coords`, not computed, of `fill`'s dtype."""
+def blank(
+    coords: Mapping[str, xr.Variable],
+    long_name: str,
+    fill: float | np.generic = np.nan,
+    **attrs: Any,
+) -> xr.Variable:
+    """Return a variable that is not computed yet, over the dimensions among `coords`.
+
+    Parameters
+    ----------
+    coords : mapping of str to xr.Variable
+        Those with one dimension of their own name are its dimensions; others are ignored.
+    long_name : str
+        What the variable is; `attrs` are further attributes.
+    fill : float or NumPy scalar
+        Its dtype is that of the variable.
+    """
     sizes = {name: c.size for name, c in coords.items() if c.dims == (name,)}
     values = dask.array.full(tuple(sizes.values()), fill, chunks=-1)
     return xr.Variable(tuple(sizes), values, {"long_name": long_name, "units": "1", **attrs})
 
 
-NOT_COMPUTED = -128  # the least int8; a lost or missing chunk of the store reads as that, too
-_STATUSES = list(Status)
+NOT_COMPUTED = -128
+"""Code of what is not computed, the least int8; a lost or missing chunk is read as this, too."""
+
 NO_MEAN = "not a quantity: do not interpolate or average it"
+_STATUSES = list(Status)
 
 
-def flags(meanings):
+def flags(meanings: Iterable[str]) -> dict[str, Any]:
     """Return the CF attributes of a variable of codes: 1, 2, … for the meanings, in their order."""
+    meanings = list(meanings)
     return {
         "comment": NO_MEAN,
         "flag_values": [NOT_COMPUTED, *range(1, 1 + len(meanings))],
@@ -147,27 +241,46 @@ def flags(meanings):
     }
 
 
-FLAGS = flags([status.name.lower() for status in _STATUSES])
-"""Those of every variable of status, in sweeps and studies."""
-# What a code means is part of what decides the numbers.
+FLAGS = flags(status.name.lower() for status in _STATUSES)
+"""Attributes of every variable `status`."""
+
 STATUS_SETTING = {"statuses": FLAGS["flag_meanings"].split()[1:]}
+"""The meanings of the codes: a setting, as they are part of what decides the numbers."""
 
 
-def status_code(status):
-    """Return the number that stands for a Status; see FLAGS."""
+def status_code(status: Status) -> int:
+    """Return the code of a Status in cubes; FLAGS lists all codes.
+
+    Examples
+    --------
+    >>> from nasm.critical import Status
+    >>> from pipeline.cubes.cube import status_code
+    >>> status_code(Status.OK)
+    1
+    """
     return 1 + _STATUSES.index(status)
 
 
-def fields(answers, names):
-    """Return {variable: array of the field that `names` gives for it} and `status`.
+def field_arrays(answers: Sequence[Any] | np.ndarray, names: Mapping[str, str]) -> Arrays:
+    """Collect the fields of answers into arrays.
 
-    answers : nested lists of what a method answers, e.g. of CriticalScale.
+    Parameters
+    ----------
+    answers : nested lists
+        What a method returns for each place, e.g. CriticalScale, with a field `status`.
+    names : mapping of str to str
+        The field for each variable.
+
+    Returns
+    -------
+    dict of str to ndarray
+        {variable: array of its field} and the codes of `status`, of the shape of `answers`.
     """
-    answers = np.array(answers, dtype=object)
-    found = {name: np.vectorize(attrgetter(f), "d")(answers) for name, f in names.items()}
-    return found | {"status": codes(answers, lambda answer: status_code(answer.status))}
+    table = np.array(answers, dtype=object)
+    arrays = {name: np.vectorize(attrgetter(f), "d")(table) for name, f in names.items()}
+    return arrays | {"status": codes(table, lambda answer: status_code(answer.status))}
 
 
-def codes(answers, code_of):
-    """Return the array of the code of each answer, int8; `answers` are nested lists."""
+def codes(answers: ArrayLike, code_of: Callable[[Any], int]) -> NDArray[np.int8]:
+    """Return the array of the code of each answer; `answers` are nested lists, or an array."""
     return np.vectorize(code_of, "b")(np.array(answers, dtype=object))

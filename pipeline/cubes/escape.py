@@ -5,18 +5,26 @@ Over a plane of forcings, in full or composed of levels of refinement; on rays i
 arXiv:1606.04824, Eq. (4), Proposition 1 and Sec. V.B.
 """
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from nasm import escape
 from nasm.escape import PAPER_WINDOW
-from nasm.planes import plane_of
-from pipeline.cubes.cube import PAPER, Cube, Job, blank, coordinate
+from nasm.planes import Plane, plane_of
+from nasm.types import FloatArray
+from pipeline.cubes.cube import PAPER, Arrays, Coords, Cube, Job, Settings, blank, coordinate
 
-SECONDS_PER_KICK = {"double": 0.4e-9, "single": 0.17e-9}  # CPU time of one orbit
+if TYPE_CHECKING:
+    from pipeline.sweep.grid import Axis
+
+SECONDS_PER_KICK = {"double": 0.4e-9, "single": 0.17e-9}
+"""CPU seconds of one kick of one orbit, by precision."""
+
 _PROBE_STEPS = 2000
 _COMMENT = (
     "steps of {} kicks; NaN: not computed; inf: no escape up to n_max. "
@@ -24,81 +32,134 @@ _COMMENT = (
 )
 
 
-def over_plane(name, plane, axes, sizes, n_max, tile, precision="double"):
+def over_plane(
+    name: str,
+    plane: Plane,
+    axes: Sequence["Axis"],
+    sizes: Sequence[int],
+    n_max: int,
+    tile: int,
+    precision: str = "double",
+) -> Job:
     """Return the Job of escape times over a plane; dims (ensemble, second axis, first axis).
 
-    plane : nasm.planes.Plane. axes : two grid.Axis, in its order.
-    sizes : increasing ints, the nested ensembles.
-    n_max : int, steps (periods of the forcing) after which an orbit counts as not escaping.
-    tile : int, cells along each side of a tile.
-    precision : of the arithmetic, as for `escape.first_escape`.
+    Parameters
+    ----------
+    name : str
+        Of the cube.
+    plane : Plane
+        The plane of forcings.
+    axes : sequence of two Axis
+        Cells along the plane's axes, in its order.
+    sizes : sequence of int
+        Increasing numbers of orbits of the nested ensembles.
+    n_max : int
+        Steps (periods of the forcing) after which an orbit counts as not escaping.
+    tile : int
+        Cells along each side of a tile.
+    precision : {"double", "single"}
+        Of the arithmetic, as for `nasm.escape.first_escape`.
+
+    Examples
+    --------
+    >>> from nasm.planes import two_kicks
+    >>> from pipeline.cubes.escape import over_plane
+    >>> from pipeline.sweep.grid import Axis
+    >>> job = over_plane("escape", two_kicks(), [Axis(0, 1, 8), Axis(0, 1, 6)], [16, 64], 100, 4)
+    >>> dict(job.cube.template.escape_time.sizes)
+    {'ensemble': 2, 'kappa2': 6, 'kappa1': 8}
+    >>> job.cube.tile_counts
+    (2, 2)
     """
     coords, names = {}, list(plane.axes)[::-1]
     for dim, axis in zip(names, axes[::-1], strict=True):
         ends = f"{dim}_bounds"
         coords[dim] = coordinate(dim, axis.centres, plane.axes[dim], bounds=ends)
         coords[ends] = coordinate((dim, "bound"), axis.bounds, "ends of the cells")
-    tiles, settings = dict.fromkeys(names, tile), {"n_max": n_max, "precision": precision}
-    how = "First escape times", _on_plane, _predict_plane
-    return job(name, plane, sizes, coords, tiles, settings, *how)
+    tile_sizes = dict.fromkeys(names, tile)
+    settings = {"n_max": n_max, "precision": precision}
+    title = "First escape times"
+    return job(name, plane, sizes, coords, tile_sizes, settings, title, _on_plane, _predict_plane)
 
 
-def composed(cube, levels, follow):
-    """Return the plan of a plane that is composed of levels of refinement; it has the `level` of
-    each value.
+def composed(cube: Cube, levels: int, follow: Sequence[int]) -> Cube:
+    """Return the plan of a plane that is composed of levels of refinement.
 
-    cube : the plane in full at the finest level. levels : int, number of levels.
-    follow : list of N, whose boundaries {n* ≤ N} the levels follow.
+    Its variable `level` is the level of each value.
+
+    Parameters
+    ----------
+    cube : Cube
+        The plane in full at the finest level.
+    levels : int
+        Number of levels.
+    follow : sequence of int
+        The N whose boundaries {n* ≤ N} the levels follow.
     """
-    axes, words = {dim: cube.template[dim] for dim in cube.tile}, "level of refinement of the value"
-    level = blank(axes, words, np.int8(-1), comment="0 is the coarsest; each halves the cells")
+    axes = {dim: cube.template[dim].variable for dim in cube.tile}
+    comment = "0 is the coarsest; each halves the cells"
+    level = blank(axes, "level of refinement of the value", np.int8(-1), comment=comment)
     settings = {"levels": levels, "follow": follow, **cube.settings}
     return replace(cube, template=cube.template.assign(level=level), settings=settings)
 
 
-def job(name, plane, sizes, coords, tiles, settings, title, compute, predict):
-    """Return the Job of escape times over `coords`; compute and predict are those of a tile."""
+def job(
+    name: str,
+    plane: Plane,
+    sizes: Sequence[int],
+    coords: Mapping[str, xr.Variable],
+    tile: dict[str, int],
+    settings: Settings,
+    title: str,
+    compute: Callable[[Coords, Settings], Arrays],
+    predict: Callable[[Coords, Settings], float],
+) -> Job:
+    """Return the Job of escape times over `coords`; `compute` and `predict` are those of a tile."""
     ensemble = coordinate("ensemble", sizes, "number of orbits in the ensemble")
     coords, n_kicks = {"ensemble": ensemble, **coords}, len(plane.origin)
     source = f"{PAPER}, Eq. (4), Proposition 1 and Sec. V.B"
-    words = "first step at which an orbit of the ensemble is outside the window"
-    times = blank(coords, words, comment=_COMMENT.format(n_kicks), source=source)
+    long_name = "first step at which an orbit of the ensemble is outside the window"
+    times = blank(coords, long_name, comment=_COMMENT.format(n_kicks), source=source)
     labels = {"title": f"{title} of the nonautonomous standard map", "source": source}
     template = xr.Dataset({"escape_time": times}, coords, labels)
     settings = plane.record | {"window": list(PAPER_WINDOW)} | settings
-    least = [[0.0, 0.0]], *escape.ensemble(1), [1], 1
-    warm_up = partial(escape.first_escape, *least, precision=settings["precision"])
-    return Job(Cube(name, template, tiles, settings), compute, predict, warm_up)
+    x, y = escape.ensemble(1)
+    precision = settings["precision"]
+    warm_up = partial(escape.first_escape, [[0.0, 0.0]], x, y, [1], 1, precision=precision)
+    return Job(Cube(name, template, tile, settings), compute, predict, warm_up)
 
 
-def times_of(forcings, coords, settings):
-    """Return the arrays of a tile that holds these forcings."""
-    sizes, limits = coords["ensemble"], map(settings.get, ("n_max", "window", "precision"))
-    starts = escape.ensemble(int(sizes[-1]))
-    return {"escape_time": escape.first_escape(forcings, *starts, sizes, *limits)}
+def times_of(forcings: FloatArray, coords: Coords, settings: Settings) -> Arrays:
+    """Return the arrays of a tile with these forcings, shape (…, P)."""
+    sizes = coords["ensemble"]
+    x, y = escape.ensemble(int(sizes[-1]))
+    n_max, window, precision = (settings[name] for name in ("n_max", "window", "precision"))
+    return {"escape_time": escape.first_escape(forcings, x, y, sizes, n_max, window, precision)}
 
 
-def _on_plane(coords, settings):
+def _on_plane(coords: Coords, settings: Settings) -> Arrays:
+    """Compute a tile of a plane."""
     plane = plane_of(settings)
-    forcings = plane.forcing(*np.meshgrid(*map(coords.get, plane.axes)))
+    forcings = plane.forcing(*np.meshgrid(*(coords[name] for name in plane.axes)))
     return times_of(forcings, coords, settings)
 
 
-def _predict_plane(coords, settings):
-    """Predict from a few cells, 64 orbits, up to 2000 steps.
+def _predict_plane(coords: Coords, settings: Settings) -> float:
+    """Predict CPU seconds from a few cells, 64 orbits, up to 2000 steps.
 
-    A cell that the probe sees escape costs its escape time, any other one n_max; times all orbits.
+    A cell in which a probe orbit escapes costs its escape time, any other one n_max; times all
+    orbits.
     """
     axes, n_max = {dim: coords[dim] for dim in plane_of(settings).axes}, settings["n_max"]
     probed = {dim: axis[:: max(1, axis.size // 3)] for dim, axis in axes.items()}
     probed |= {"ensemble": np.array([64])}
     short = settings | {"n_max": min(n_max, _PROBE_STEPS)}
     times = _on_plane(probed, short)["escape_time"]
-    steps = np.where(np.isinf(times), n_max, times).mean()
+    steps = np.minimum(times, n_max).mean()
     return seconds(coords, settings, steps * np.prod([axis.size for axis in axes.values()]))
 
 
-def seconds(coords, settings, steps):
-    """Return the CPU time of so many steps of all orbits."""
+def seconds(coords: Coords, settings: Settings, steps: float) -> float:
+    """Return the CPU seconds of this number of steps of all orbits."""
     n_kicks = steps * len(plane_of(settings).origin)
     return SECONDS_PER_KICK[settings["precision"]] * n_kicks * int(coords["ensemble"][-1])

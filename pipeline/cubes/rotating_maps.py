@@ -4,59 +4,122 @@ The last circle or torus against Ω, breakup of tori on rays, and pictures of to
 arXiv:1606.04824, Sec. VII, Eq. (53); `nasm.tori`.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import product
+from typing import TypeAlias
 
 import numpy as np
 import xarray as xr
 
 from nasm import barriers, periodic, tori
+from nasm.critical import CriticalScale
 from nasm.maps import rotating_forcing
 from nasm.planes import ROTATING_AXES
 from nasm.symmetries import ray
 from nasm.tori import last_torus
-from pipeline.cubes.breakdown import job_on_rays, scales
-from pipeline.cubes.cube import PAPER, angles_of_rays, blank, coordinate, text
+from nasm.types import FloatArray
+from pipeline.cubes.breakdown import job_on_rays, scale_arrays
+from pipeline.cubes.cube import (
+    PAPER,
+    Arrays,
+    Coords,
+    Job,
+    Settings,
+    angles_of_rays,
+    blank,
+    coordinate,
+    text,
+)
 from pipeline.cubes.kernels import load_orbits, load_searches
 
-_KICKS, _TOL = 32_000, 1e-3  # on either side, for irrational Ω; width of brackets, for others
-_PICTURE = 128, 256  # points along φ and θ
+_MAX_KICKS = 32_000  # on either side, for irrational Ω
+_TOL = 1e-3  # relative width of brackets, for rational Ω
+_PICTURE_SHAPE = 128, 256  # points along φ and θ
+
+RotationVector: TypeAlias = tuple[float, float]
+"""ω and Ω, turns of θ and φ per kick."""
 
 
-def last_barriers(fractions, n_phases, irrational, angles):
+def last_barriers(
+    fractions: Sequence[Fraction],
+    n_phases: int,
+    irrational: Sequence[float],
+    angles: Sequence[float],
+) -> Job:
     """Return the Job of the cube `frequencies`: brackets of the last circle, or torus.
 
-    fractions : list of Fraction, Ω = p/q. n_phases : int, at least 2, of φ0 from 0 to 1/2q; all
-    others are images of these. irrational : list of floats. angles : degrees.
+    Parameters
+    ----------
+    fractions : sequence of Fraction
+        Rational frequencies Ω = p/q.
+    n_phases : int
+        Phases φ0 from 0 to 1/2q for each of them, at least 2; all other phases are images of these.
+    irrational : sequence of float
+        Irrational frequencies.
+    angles : sequence of float
+        Directions of rays, in degrees.
+
+    Examples
+    --------
+    >>> from fractions import Fraction
+    >>> from pipeline.cubes.rotating_maps import last_barriers
+    >>> job = last_barriers([Fraction(1, 2)], 2, [0.618], [45.0])
+    >>> print(*job.cube.template.forcing.values, sep="; ")
+    1/2,0; 1/2,1/4; 0.618
     """
     shares = [Fraction(k, n_phases - 1) for k in range(n_phases)]
-    rotating = [(Ω, s, f"{Ω},{s / 2 / Ω.denominator}") for Ω, s in product(fractions, shares)]
-    rotating += [(Ω, np.nan, repr(Ω)) for Ω in irrational]
-    frequencies, shares, names = zip(*rotating, strict=True)
-    words = "phase φ0, in parts of 1/2q; NaN: Ω is irrational, and all phases are alike"
+    forcings: list[tuple[Fraction | float, Fraction | float, str]] = [
+        (Ω, share, f"{Ω},{share / 2 / Ω.denominator}") for Ω, share in product(fractions, shares)
+    ]
+    forcings += [(Ω, np.nan, repr(Ω)) for Ω in irrational]
+    frequencies, phases, names = zip(*forcings, strict=True)
+    phase_label = "phase φ0, in parts of 1/2q; NaN: Ω is irrational, and all phases are alike"
     rows = {
         "forcing": text("forcing", names, "Ω, and φ0 if Ω is a fraction, exactly"),
         "frequency": coordinate(
             "forcing", np.array(frequencies, float), "frequency Ω, turns of φ per kick"
         ),
-        "phase": coordinate("forcing", np.array(shares, float), words),
+        "phase": coordinate("forcing", np.array(phases, float), phase_label),
     }
-    settings = {"kicks": _KICKS, "tol": _TOL, "method": "last barriers, and certified tori"}
     on_ray = {"forcing": rows["forcing"], "angle": angles_of_rays(angles)}
-    more = {"omega": blank(on_ray, "turns per kick of the circle, or torus")}
-    how = settings, _last_barriers, _load_last_barriers, "Last barriers", more
-    job = job_on_rays("frequencies", ROTATING_AXES, rows, angles, 10, *how)
+    job = job_on_rays(
+        "frequencies",
+        ROTATING_AXES,
+        rows,
+        angles,
+        seconds=10,
+        settings={"kicks": _MAX_KICKS, "tol": _TOL, "method": "last barriers, and certified tori"},
+        compute=_last_barriers,
+        warm_up=_load_last_barriers,
+        title="Last barriers",
+        more={"omega": blank(on_ray, "turns per kick of the circle, or torus")},
+    )
     return replace(job, predict=_predict)
 
 
-def breakups(vectors, angles, tol):
+def breakups(vectors: Sequence[RotationVector], angles: Sequence[float], tol: float) -> Job:
     """Return the Job of the cube `tori`: tori continued to their breakup.
 
-    `upper` is where no torus of that Ω is left, whatever its ω.
+    `upper` is a scale without tori of that Ω, whatever their ω.
 
-    vectors : list of pairs of floats, ω and Ω. angles : degrees. tol : float, the error to aim at.
+    Parameters
+    ----------
+    vectors : sequence of (ω, Ω)
+        Turns of θ and φ per kick.
+    angles : sequence of float
+        Directions of rays, in degrees.
+    tol : float
+        Error of the scale to aim at.
+
+    Examples
+    --------
+    >>> from pipeline.cubes.rotating_maps import breakups
+    >>> job = breakups([(0.618, 0.414)], [0.0, 45.0], tol=1e-2)
+    >>> dict(job.cube.template.critical_scale.sizes)
+    {'vector': 1, 'angle': 2}
     """
     omegas, frequencies = zip(*vectors, strict=True)
     rows = {
@@ -64,30 +127,72 @@ def breakups(vectors, angles, tol):
         "omega": coordinate("vector", omegas, "turns of θ per kick"),
         "frequency": coordinate("vector", frequencies, "turns of φ per kick, Ω"),
     }
-    settings, seconds = {"method": "continuation of tori", "tol": tol}, 12 if tol < 5e-3 else 5
-    warm_up = partial(_load_tori, vectors[0])
-    how = seconds, settings, _breakups, warm_up, "Breakup of tori"
-    return job_on_rays("tori", ROTATING_AXES, rows, angles, *how)
+    return job_on_rays(
+        "tori",
+        ROTATING_AXES,
+        rows,
+        angles,
+        seconds=12 if tol < 5e-3 else 5,
+        settings={"method": "continuation of tori", "tol": tol},
+        compute=_breakups,
+        warm_up=partial(_load_tori, vectors[0]),
+        title="Breakup of tori",
+    )
 
 
-def residues(vectors, angles):
+def residues(vectors: Sequence[str], angles: Sequence[float]) -> Job:
     """Return the Job of the cube `rotating_tori`: breakup of tori by the residue of a long orbit.
 
-    vectors : list of "p/q,Ω", an orbit's turns per kick and the frequency. angles : degrees.
+    Parameters
+    ----------
+    vectors : sequence of str
+        Texts "p/q,Ω": an orbit's turns per kick, and the frequency.
+    angles : sequence of float
+        Directions of rays, in degrees.
+
+    Examples
+    --------
+    >>> from pipeline.cubes.rotating_maps import residues
+    >>> residues(["5/8,1/2"], [0.0, 45.0]).cube.template.frequency.values
+    array([0.5])
     """
     numbers = [float(Fraction(vector.split(",")[1])) for vector in vectors]
     rows = {
         "frequency": coordinate("frequency", numbers, "frequency Ω"),
         "vector": text("frequency", vectors, "turns per kick of the orbit, and Ω, exactly"),
     }
-    settings = {"method": "Greene's residue of one orbit"}
-    how = 0.06, settings, _residues, load_orbits
-    return job_on_rays("rotating_tori", ROTATING_AXES, rows, angles, *how, "Breakup of circles")
+    return job_on_rays(
+        "rotating_tori",
+        ROTATING_AXES,
+        rows,
+        angles,
+        seconds=0.06,
+        settings={"method": "Greene's residue of one orbit"},
+        compute=_residues,
+        warm_up=load_orbits,
+        title="Breakup of circles",
+    )
 
 
-def pictures(vector, angle, sizes):
-    """Return h - θ of certified tori on a ray, a Dataset with dims (scale, phi, theta)."""
-    m, n = _PICTURE
+def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr.Dataset:
+    """Compute h - θ of certified tori on a ray, a Dataset with dims (scale, phi, theta).
+
+    Parameters
+    ----------
+    vector : (ω, Ω)
+        Turns of θ and φ per kick.
+    angle : float
+        Direction of the ray, in degrees.
+    sizes : sequence of float
+        Scales s of the ray.
+
+    Returns
+    -------
+    xr.Dataset
+        `deviation`, h - θ in turns, and `least_slope`, of h along θ; NaN where no torus is
+        certified.
+    """
+    m, n = _PICTURE_SHAPE
     coords = {
         "scale": coordinate("scale", sizes, "scale s of the ray"),
         "phi": coordinate("phi", np.arange(m) / m, "phase φ of the forcing, in turns"),
@@ -95,9 +200,10 @@ def pictures(vector, angle, sizes):
     }
     deviations, slopes = np.full((len(sizes), m, n), np.nan), np.full(len(sizes), np.nan)
     for i, scale in enumerate(sizes):
-        torus = tori.invariant_torus(*vector, *(scale * ray(angle)), tori.newton.N_MAX)
+        mean, amplitude = scale * ray(angle)
+        torus = tori.invariant_torus(*vector, mean, amplitude, tori.newton.N_MAX)
         if torus.certified:
-            rows, columns = map(max, torus.u.shape, _PICTURE)
+            rows, columns = map(max, torus.u.shape, _PICTURE_SHAPE)
             u = tori.newton.resample(torus.u, rows, columns)
             deviations[i] = u[:: rows // m, :: columns // n]
             slopes[i] = tori.newton.least_slope(torus.u)
@@ -108,40 +214,44 @@ def pictures(vector, angle, sizes):
     return xr.Dataset(variables, coords, {"title": "Invariant tori", "source": PAPER} | labels)
 
 
-def _name_of(vector):
+def _name_of(vector: RotationVector) -> str:
     """Return the text of a rotation vector, which keeps all digits."""
     return ",".join(map(repr, vector))
 
 
-def _load_tori(vector):
+def _load_tori(vector: RotationVector) -> None:
     """Compile the kernels of tori."""
     tori.invariant_torus(*vector, 0.05, 0.05)
     last_torus.upper_scale(vector[1], 1.0, 0.0)
 
 
-def _load_last_barriers():
+def _load_last_barriers() -> None:
     """Compile the kernels of last barriers, for Ω of both kinds."""
     load_searches()
     last_torus.of_irrational(2**0.5 - 1, 1.0, 0.0, 400)
     tori.invariant_torus(0.618, 2**0.5 - 1, 0.05, 0.05)
 
 
-def _last_barriers(coords, settings):
-    def last(name, profile):
-        frequency, _, phase = name.partition(",")
+def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
+    """Compute the last barriers of a tile, and their turns per kick."""
+
+    def last(name: str, profile: FloatArray) -> tuple[CriticalScale, float]:
+        (frequency, _, phase), (mean, amplitude) = name.partition(","), profile
         if not phase:
-            return last_torus.of_irrational(float(frequency), *profile, settings["kicks"])
-        forcing = rotating_forcing(*profile, frequency, float(Fraction(phase)))
-        found = barriers.critical_scale(forcing, settings["tol"])
-        turns = np.nan if found.omega is None else float(found.omega) / forcing.size
-        return found, abs(turns - np.rint(turns))
+            return last_torus.of_irrational(float(frequency), mean, amplitude, settings["kicks"])
+        forcing = rotating_forcing(mean, amplitude, frequency, float(Fraction(phase)))
+        bracket = barriers.critical_scale(forcing, settings["tol"])
+        turns = np.nan if bracket.omega is None else float(bracket.omega) / forcing.size
+        return bracket, abs(turns - np.rint(turns))
 
-    found = [[last(name, on) for on in ray(coords["angle"])] for name in coords["forcing"]]
-    arrays = scales([[scale for scale, _ in row] for row in found], ROTATING_AXES, coords["angle"])
-    return arrays | {"omega": np.array([[omega for _, omega in row] for row in found])}
+    profiles = ray(coords["angle"])
+    rows = [[last(name, profile) for profile in profiles] for name in coords["forcing"]]
+    brackets = [[bracket for bracket, _ in row] for row in rows]
+    omega = np.array([[turns for _, turns in row] for row in rows])
+    return scale_arrays(brackets, ROTATING_AXES, coords["angle"]) | {"omega": omega}
 
 
-def _predict(coords, settings):
+def _predict(coords: Coords, settings: Settings) -> float:
     """Predict seconds by the period q: measured 0.1 of q = 2, 0.6 of 3, 19 of 10; 60 if Ω is
     irrational."""
     frequency, _, phase = coords["forcing"][0].partition(",")
@@ -149,17 +259,24 @@ def _predict(coords, settings):
     return (min(0.02 * q**3, 1.7 * q) if phase else 60) * coords["angle"].size
 
 
-def _breakups(coords, settings):
-    def bracket(omega, frequency, profile):
-        found = tori.critical_scale(omega, frequency, *profile, settings["tol"])
-        return replace(found, upper=last_torus.upper_scale(frequency, *profile))
+def _breakups(coords: Coords, settings: Settings) -> Arrays:
+    """Compute the breakups of tori of a tile."""
+
+    def bracket(omega: float, frequency: float, profile: FloatArray) -> CriticalScale:
+        mean, amplitude = profile
+        continued = tori.critical_scale(omega, frequency, mean, amplitude, settings["tol"])
+        return replace(continued, upper=last_torus.upper_scale(frequency, mean, amplitude))
 
     vectors = zip(coords["omega"].tolist(), coords["frequency"].tolist(), strict=True)
-    found = [[bracket(*vector, on) for on in ray(coords["angle"])] for vector in vectors]
-    return scales(found, ROTATING_AXES, coords["angle"])
+    profiles = ray(coords["angle"])
+    brackets = [[bracket(*vector, profile) for profile in profiles] for vector in vectors]
+    return scale_arrays(brackets, ROTATING_AXES, coords["angle"])
 
 
-def _residues(coords, settings):
-    vectors, rays = [vector.split(",") for vector in coords["vector"]], ray(coords["angle"])
-    found = [[periodic.torus_scale(*vector, *profile) for profile in rays] for vector in vectors]
-    return scales(found, ROTATING_AXES, coords["angle"])
+def _residues(coords: Coords, settings: Settings) -> Arrays:
+    """Compute the residues of a tile."""
+    vectors, profiles = [vector.split(",") for vector in coords["vector"]], ray(coords["angle"])
+    scales = [
+        [periodic.torus_scale(*vector, *profile) for profile in profiles] for vector in vectors
+    ]
+    return scale_arrays(scales, ROTATING_AXES, coords["angle"])

@@ -7,7 +7,7 @@ from nasm.maps import kick, step
 from nasm.numbers import moebius, parse
 from nasm.symmetries import ray
 from nasm.verdicts import verdict
-from pipeline.cubes.cube import fields
+from pipeline.cubes.cube import field_arrays
 from workflows.claims.circles import largest_amplitude
 from workflows.claims.map import apart, both_kicks
 from workflows.claims.rules import agrees, identity, printed, rounding
@@ -87,7 +87,9 @@ def _square(n_max, n_orbits):
     phi, effort = np.array([10.0, 20, 30, 40]), (max(n_max // 10, 1000), min(n_orbits, 100))
     angles = np.stack([phi, 90 - phi, 180 - phi, 90 + phi])  # with their images
     direct = np.vectorize(lambda a: escape.onset_scale(ray(a), *effort))(angles)
-    exact = fields(np.vectorize(lambda a: barriers.critical_scale(ray(a), 1e-3))(angles), _SCALE)
+    exact = field_arrays(
+        np.vectorize(lambda a: barriers.critical_scale(ray(a), 1e-3))(angles), _SCALE
+    )
     scale, error = exact["value"], exact["error"]
     apart, excess = np.abs(direct[::2] / direct[1::2] - 1), (direct / scale - 1).min()
     off, allowed = np.abs(scale - scale[0]).max(), (error[1:] + error[0]).max()

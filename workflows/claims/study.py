@@ -7,7 +7,7 @@ from nasm.arithmetic.reproducible import geometric
 from nasm.planes import rotating, two_kicks
 from nasm.symmetries import ray
 from pipeline.cubes import breakdown, rotating_maps
-from pipeline.cubes.barrier import last_barrier, named, unfolded
+from pipeline.cubes.barrier import cube_name, last_barrier, unfolded
 from pipeline.cubes.cube import text
 from workflows.claims.boundary import boundary_claims
 from workflows.claims.circles import circle_claims
@@ -47,7 +47,7 @@ def planned(n_rays, n_cusp_rays, tol, n_max, n_orbits):
         "escapes": direct.bias_job(two_kicks(), cusp, [n_orbits], n_max),
         "tori": rotating_maps.residues([_TORUS], around),
         **{
-            phase: last_barrier(plane, around, 1e-2, named(plane))
+            phase: last_barrier(plane, around, 1e-2, cube_name(plane))
             for phase, plane in _THREE.items()
         },
     }, rays

@@ -6,7 +6,7 @@ import json
 
 from bokeh.models import Button, CustomJS, Div, Select
 
-from pipeline.cubes.cube import plain
+from pipeline.cubes.cube import plain_attributes
 
 _ENDINGS = {"CSV": "csv", "netCDF": "nc"}
 
@@ -40,6 +40,6 @@ def _file(kind, name, seen, point):
             seen = seen[["x", "y", "which"]].assign(omega=seen.omega[seen.which])
         file.write(seen.to_dataframe().to_csv(float_format="%.12g").encode())
     else:  # netCDF has numbers, texts and lists of numbers
-        file.write(seen.assign_attrs(plain(seen.attrs)).to_netcdf(engine="scipy"))
+        file.write(seen.assign_attrs(plain_attributes(seen.attrs)).to_netcdf(engine="scipy"))
     name = f"{name.replace(' ', '_')}_{point[0]:g}_{point[1]:g}.{_ENDINGS[kind]}"
     return json.dumps({"name": name, "content": base64.b64encode(file.getvalue()).decode()})

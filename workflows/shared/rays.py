@@ -6,7 +6,7 @@ import xarray as xr
 from nasm.arithmetic.reproducible import geometric
 from nasm.numbers import NAMES, parse
 from nasm.planes import two_kicks
-from pipeline.cubes.barrier import tie
+from pipeline.cubes.barrier import degenerate_circle
 from pipeline.cubes.cube import text
 from workflows.shared.tables import described
 
@@ -37,7 +37,7 @@ def rotated_rays(n, n_cusp_rays):
 
 def with_tie(circle, angle):
     """Return the text of ω, and of the one that is tied with it on that ray of two kicks."""
-    return named(circle, tie(two_kicks(), circle, angle, 1.0))
+    return named(circle, degenerate_circle(two_kicks(), circle, angle, 1.0))
 
 
 def named(circle, tied):

@@ -14,7 +14,7 @@ from nasm.maps import twist
 from nasm.numbers import RotationNumber, convergents, parse
 from nasm.symmetries import dominant_centre, ray
 from nasm.tori import last_torus
-from pipeline.cubes.cube import angles_of_rays, fields, status_code, text
+from pipeline.cubes.cube import angles_of_rays, field_arrays, status_code, text
 from workflows.shared.tables import columns, dataset, described, outcomes
 
 _NUMBERS = {"value": "value", "error": "error", "lower": "lower"}  # of a CriticalScale
@@ -55,7 +55,7 @@ def near_cusp(quick):
             (barriers.critical_scale(profile, 1e-3), last),
         ]
 
-    scales = fields([found_and_judges(ray(45 - delta)) for delta in deltas], _NUMBERS)
+    scales = field_arrays([found_and_judges(ray(45 - delta)) for delta in deltas], _NUMBERS)
     value, error = scales["value"].T, scales["error"].T  # dims (found or judge, approach, delta)
     (claimed, uncertain), dims = error / value, ("approach", "delta")
     off = abs(value[0] - value[1]) / value[1]
@@ -115,10 +115,10 @@ def disguised_fractions(quick):
         longer = periodic.critical_scale(omega, kappa, 10_000 if quick else 20_000)
         return residues, continuation.critical_scale(omega, kappa), longer
 
-    scales = fields([[found(omega) for omega in row] for row in omegas], _NUMBERS)
+    scales = field_arrays([[found(omega) for omega in row] for row in omegas], _NUMBERS)
     value, error, lower, status = (scales[name].swapaxes(1, 2) for name in (*_NUMBERS, "status"))
     certified = [[circles.invariant_circle(omega, kappa) for omega in row] for row in omegas]
-    status[:, 2] = fields(certified, {})["status"]
+    status[:, 2] = field_arrays(certified, {})["status"]
     golden = periodic.critical_scale(RotationNumber((0,), (1,)), kappa).value
     approaches = "periodic", "continuation", "longer orbits; of status: circles"
     coords = {
@@ -260,7 +260,7 @@ def nearly_resonant(quick):
     beyond = [(1 + x) * upper[0, 0] * profile for x in excess]
     past = [[tori.invariant_torus(*vectors[0][0], *at, int(n)) for at in beyond] for n in sizes]
     dims = "pair", "delta"
-    numbers = fields(found, _NUMBERS)
+    numbers = field_arrays(found, _NUMBERS)
     coords = {
         "pair": text("pair", pairs, "rotation vector"),
         "delta": (deltas, "distance δ from the resonance"),
@@ -273,6 +273,6 @@ def nearly_resonant(quick):
         "lower": (dims, numbers["lower"], "scale of the last certified torus"),
         "upper": (dims, upper, "scale at which no torus of that Ω is left"),
         "status": outcomes(dims, numbers["status"]),
-        "past": outcomes(("n", "excess"), fields(past, {})["status"]),
+        "past": outcomes(("n", "excess"), field_arrays(past, {})["status"]),
     }
     return dataset("Tori next to a resonance, and past their breakup", coords, variables)

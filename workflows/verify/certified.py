@@ -39,7 +39,9 @@ def verify_proofs(path, place, longest, repair):
             continue
         for index, tile in committed:
             try:
-                certificates = proved.unpacked(place.read(store.certificates_key(name, index)))
+                certificates = proved.unpack_certificates(
+                    place.read(store.certificates_key(name, index))
+                )
                 if what := _CUBES[name](tile, certificates):
                     bad[index] = what
                 elif certificates:
@@ -53,7 +55,9 @@ def verify_proofs(path, place, longest, repair):
         with Progress(f"{path}{name}: certificates", sys.stderr) as progress:
             progress.begin(sum(short))
             for index, of_tile in tiles.items():
-                certificates = proved.unpacked(place.read(store.certificates_key(name, index)))
+                certificates = proved.unpack_certificates(
+                    place.read(store.certificates_key(name, index))
+                )
                 used, wall = time.thread_time(), time.monotonic()
                 for certificate, seconds in zip(certificates, of_tile, strict=True):
                     if seconds <= longest:
