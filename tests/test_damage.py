@@ -52,7 +52,7 @@ def test_a_listing_while_tiles_are_committed_finds_no_record_without_data(on_dis
     store.commit(on_disk, "toy", (0, 0), arrays(plan, (0, 0)), 0.25)
     with monkeypatch.context() as patch:
         patch.setattr(store.Place, "files", committing)
-        done, written = store.tiles.survey(on_disk, store.tiles.arrays_of(on_disk, "toy"))
+        done, written = store.tiles.commit_times(on_disk, store.tiles.arrays_of(on_disk, "toy"))
     # One listing for each array, whose records come first; no chunk is read.
     assert listed == [f"toy.zarr/{key}/c" for key in (COMMIT, "wave", "sign")]
     assert np.argwhere(done).tolist() == np.argwhere(np.isfinite(written)).tolist() == [[0, 0]]
@@ -305,7 +305,7 @@ def test_a_survey_costs_little_more_than_to_list_as_many_files(on_disk, capsys):
         start = time.process_time()
         n_files = sum(1 for path in paths for _ in on_disk.files(path))
         listed = time.process_time()
-        done, _ = store.tiles.survey(on_disk, known)
+        done, _ = store.tiles.commit_times(on_disk, known)
         seconds["surveyed"].append(time.process_time() - listed)
         seconds["listed"].append(listed - start)
         assert (n_files, done.sum()) == (2 * n**2, n**2)

@@ -6,7 +6,7 @@ import toy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.sweep.grid import Axis, joined, parse_axis, tile_slices
+from pipeline.sweep.grid import Axis, join_tiles, parse_axis, tile_slices
 
 lengths = st.integers(1, 40)
 
@@ -60,13 +60,13 @@ def a_second_a_cell(coords, settings):
     ],
 )
 def test_cheap_tiles_are_joined_as_long_as_thousands_are_left(cells, predict, tile):
-    job = joined(toy.job(cells, cells, 1, predict=predict))
+    job = join_tiles(toy.job(cells, cells, 1, predict=predict))
     assert job.cube.tile == {"row": tile, "column": tile}
-    again = joined(toy.job(cells, cells, 1, predict=predict)).cube
+    again = join_tiles(toy.job(cells, cells, 1, predict=predict)).cube
     assert again.config_hash == job.cube.config_hash
 
 
 def test_a_million_tiles_that_cost_nothing_become_some_thousands():
-    cube = joined(toy.line(10**6)).cube
+    cube = join_tiles(toy.line(10**6)).cube
     assert 4096 <= cube.tile_counts[0] <= 8192
-    assert joined(replace(toy.line(10**6), cube=cube)).cube == cube
+    assert join_tiles(replace(toy.line(10**6), cube=cube)).cube == cube

@@ -22,7 +22,7 @@ from pipeline.sweep.sweep import sweep
 
 def main(out, n_tiles):
     place, job = store.place_of(out), toy.line(int(n_tiles))
-    with store.driving(place), connect(n_workers=2) as client:
+    with store.driver_lock(place), connect(n_workers=2) as client:
         client()
         start = time.process_time()
         outcome = sweep(client, place, job, Progress("line", sys.stderr))

@@ -9,7 +9,7 @@ import pytest
 from commands import invoke
 
 from pipeline.sweep import progress
-from pipeline.sweep.progress import Progress, minutes
+from pipeline.sweep.progress import Progress, clock_time
 from workflows.shared.cli import commands, main_of
 
 
@@ -33,8 +33,8 @@ def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
     """
     clock = Clock()
     line = Progress("run", None, {"one": sum(tiles), "two": later}, after, clock)
-    line.go_on("one", "one")
-    line.begin(sum(tiles), workers)
+    line.begin_sweep("one", "one")
+    line.add_work(sum(tiles), workers)
     clock.now += 10  # kernels
     line.warmed_up()
     free, ends = [clock.now] * workers, []
@@ -65,21 +65,21 @@ def test_from_a_tenth_on_what_remains_is_within_a_third(slowness, error, later):
 def test_what_the_driver_has_done_is_in_the_bar_and_no_longer_remains():
     clock = Clock()
     line = Progress("run", None, {"one": 10.0}, after=30.0, clock=clock)
-    line.go_on("one", "one")
-    line.begin(10.0)
+    line.begin_sweep("one", "one")
+    line.add_work(10.0)
     line.warmed_up()
     clock.now = 20.0
     line.advance(10.0, used=10.0, wall=20.0)
-    assert (line.part(), line.remaining()) == (0.25, 60.0)
-    line.studied(20.0)
-    assert (line.part(), line.remaining()) == (0.75, 20.0)
+    assert (line.fraction(), line.remaining()) == (0.25, 60.0)
+    line.count_study(20.0)
+    assert (line.fraction(), line.remaining()) == (0.75, 20.0)
 
 
 def test_before_the_first_tile_progress_names_compiling_and_no_time():
     clock = Clock()
     line = Progress("run", io.StringIO(), {"one": 10.0}, clock=clock)
-    line.go_on("sweep 1 of 1, one", "one")
-    line.begin(10.0, workers=2)
+    line.begin_sweep("sweep 1 of 1, one", "one")
+    line.add_work(10.0, workers=2)
     clock.now = 2.0
     assert line.line() == "sweep 1 of 1, one, loading kernels: 0%, elapsed 0:02"
     clock.now = 12.0
@@ -97,16 +97,16 @@ def test_before_the_first_tile_progress_names_compiling_and_no_time():
 def test_the_remaining_time_includes_what_workers_wait_between_batches():
     clock = Clock()
     line = Progress("run", None, {"one": 20.0, "two": 20.0}, clock=clock)
-    line.go_on("one", "one")
-    line.begin(20.0)
+    line.begin_sweep("one", "one")
+    line.add_work(20.0)
     line.warmed_up()
     for _ in range(20):
         clock.now += 2.0
         line.advance(1.0, used=1.0, wall=1.0)
     assert line.remaining() == pytest.approx(40.0)
     clock.now += 10.0  # the driver looks at what has come in, and begins the next sweep
-    line.go_on("two", "two")
-    line.begin(20.0)
+    line.begin_sweep("two", "two")
+    line.add_work(20.0)
     line.warmed_up()
     clock.now += 2.0
     line.advance(1.0, used=1.0, wall=1.0)
@@ -127,11 +127,11 @@ def test_the_bar_is_in_cpu_seconds_and_never_goes_back():
     line = Progress("run", None, {"one": 20.0, "two": 20.0}, clock=Clock())
     parts = []
     for sweep, tiles in (("one", [10.0, 5.0]), ("two", [20.0, 10.0])):
-        line.go_on(sweep, sweep)
+        line.begin_sweep(sweep, sweep)
         for seconds in tiles:
-            line.begin(seconds)
+            line.add_work(seconds)
             line.advance(seconds, seconds, seconds)
-            parts.append(line.part())
+            parts.append(line.fraction())
     assert parts == [0.25, 0.375, 1.0, 1.0]
     assert parts == sorted(parts)
 
@@ -139,13 +139,13 @@ def test_the_bar_is_in_cpu_seconds_and_never_goes_back():
 def test_sweeps_that_are_foreseen_count_until_they_have_ended():
     clock = Clock()
     line = Progress("run", None, {"one": 10.0, "two": 30.0}, clock=clock)
-    line.go_on("one", "one")
-    line.begin(4.0)
+    line.begin_sweep("one", "one")
+    line.add_work(4.0)
     line.warmed_up()
     clock.now = 4.0
     line.advance(4.0, 4.0, 4.0)
     assert line.remaining() == pytest.approx(36.0)
-    line.go_on("two", "two")  # with six seconds less than were foreseen
+    line.begin_sweep("two", "two")  # with six seconds less than were foreseen
     assert line.remaining() == pytest.approx(30.0)
 
 
@@ -153,8 +153,8 @@ def test_on_a_terminal_one_line_is_rewritten_and_fits_it(monkeypatch):
     monkeypatch.setenv("COLUMNS", "60")
     stream = Terminal()
     with Progress("run", stream, {"one": 4.0}) as line:
-        line.go_on("one", "one")
-        line.begin(4.0)
+        line.begin_sweep("one", "one")
+        line.add_work(4.0)
         line.advance(2.0, 2.0, 2.0)
         line.show("drawing figures")
         line.finish()
@@ -179,8 +179,8 @@ def test_a_log_has_a_line_every_ten_seconds_and_silence_none(monkeypatch):
     assert waits == [10.0] * 4
     assert stream.getvalue() == "run: elapsed 0:00\n" * 3
     with Progress("run", None, {"one": 4.0}) as line:
-        line.go_on("one", "one")
-        line.begin(4.0)
+        line.begin_sweep("one", "one")
+        line.add_work(4.0)
         line.write("\n")
 
 
@@ -196,11 +196,11 @@ def test_a_thread_writes_while_the_driver_is_busy(monkeypatch):
 def test_a_log_has_a_line_for_each_sweep_that_has_ended():
     stream = io.StringIO()
     line = Progress("run", stream, {"one": 4.0}, clock=Clock())
-    line.go_on("sweep 1 of 2, complete", "complete")
+    line.begin_sweep("sweep 1 of 2, complete", "complete")
     line.end_sweep()
     assert stream.getvalue() == ""
-    line.go_on("sweep 2 of 2, one", "one")
-    line.begin(4.0)
+    line.begin_sweep("sweep 2 of 2, one", "one")
+    line.add_work(4.0)
     line.advance(4.0, 4.0, 4.0)
     line.end_sweep()
     line.finish()
@@ -211,7 +211,7 @@ def test_a_log_has_a_line_for_each_sweep_that_has_ended():
 
 def test_times_are_as_on_a_clock():
     told = {0.4: "0:00", 29: "0:29", 88: "1:28", 725.2: "12:05", 3599.6: "1:00:00", 3723: "1:02:03"}
-    assert {seconds: minutes(seconds) for seconds in told} == told
+    assert {seconds: clock_time(seconds) for seconds in told} == told
 
 
 def test_a_quiet_run_writes_its_findings_and_nothing_else(tmp_path, workers):

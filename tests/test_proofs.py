@@ -97,7 +97,7 @@ def easy_bracket(profile, seconds):
 def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path, monkeypatch):
     monkeypatch.setattr(proofs, "critical_scale", easy_bracket)
     (job, tiles), place = job(), store.place_of(tmp_path)
-    with store.driving(place):
+    with store.driver_lock(place):
         store.create(place, job.cube, store.COMPUTED_BY)
         for index, coords in tiles.items():
             store.commit(place, job.cube.name, index, job.compute(coords, job.cube.settings), 1.0)

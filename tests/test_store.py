@@ -183,14 +183,14 @@ def test_other_settings_or_mathematics_are_refused_unless_complete(place):
 
 
 def test_a_second_driver_or_one_that_cannot_write_is_refused(on_disk, tmp_path):
-    with store.driving(on_disk):
-        second = store.driving(store.place_of(on_disk.root))
+    with store.driver_lock(on_disk):
+        second = store.driver_lock(store.place_of(on_disk.root))
         with pytest.raises(store.Refused, match="another run"), second:
             pass
-    with store.driving(on_disk):
+    with store.driver_lock(on_disk):
         pass
     (tmp_path / "file").write_text("")
-    held = store.driving(store.place_of(tmp_path / "file"))
+    held = store.driver_lock(store.place_of(tmp_path / "file"))
     with pytest.raises(store.Refused, match="cannot write"), held:
         pass
 
@@ -205,7 +205,7 @@ def test_a_file_system_without_locks_is_written_without_one(tmp_path, monkeypatc
         raise error
 
     monkeypatch.setattr("pipeline.store.place.FileLock.acquire", acquire)
-    with store.driving(place := store.place_of(tmp_path)):
+    with store.driver_lock(place := store.place_of(tmp_path)):
         fill(place, toy.cube())
     toy.assert_complete(tmp_path, toy.cube())
 
@@ -319,7 +319,7 @@ def test_a_plain_xarray_refuses_a_damaged_chunk(on_disk, cut):
     put(on_disk, key, get(on_disk, key)[cut])
     with pytest.raises(ValueError, match="checksum"):
         xr.open_zarr(on_disk.cube("toy")).wave.load()
-    with pytest.raises(store.StoreFailed, match="--repair"), store.explained(on_disk):
+    with pytest.raises(store.StoreFailed, match="--repair"), store.store_errors(on_disk):
         store.read(on_disk, "toy").wave.load()
 
 
@@ -441,9 +441,9 @@ def test_a_full_disk_ends_a_sweep_at_once_and_the_next_run_completes_it(here, on
 
 
 def test_an_error_of_ours_is_not_the_stores(on_disk, tmp_path):
-    with pytest.raises(ConnectionError, match="gone"), store.explained(on_disk):
+    with pytest.raises(ConnectionError, match="gone"), store.store_errors(on_disk):
         raise ConnectionError("the scheduler is gone")
-    with pytest.raises(FileNotFoundError, match="table"), store.explained(on_disk):
+    with pytest.raises(FileNotFoundError, match="table"), store.store_errors(on_disk):
         (tmp_path / "table").read_text()
 
 
@@ -501,7 +501,7 @@ ODD = "ünï λ #1", "100%25", "new\nline", "./~", "-x[a]*?", "quote'\"a:b::c"
 def test_a_directory_may_have_any_name(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     place, plan = store.place_of(name), toy.cube(tile=10)
-    with store.driving(place):
+    with store.driver_lock(place):
         assert fill(place, plan) == 2
     toy.assert_complete(place, plan)
 

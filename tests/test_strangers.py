@@ -28,7 +28,7 @@ TEXTS = {"data_type": "string", "fill_value": "", "codecs": [{"name": "vlen-utf8
 @pytest.fixture
 def place(tmp_path):
     place = store.place_of(tmp_path / "out")
-    with store.driving(place):
+    with store.driver_lock(place):
         fill(place, toy.cube())
     return place
 

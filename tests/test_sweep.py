@@ -191,7 +191,7 @@ def test_tiles_of_the_same_cost_come_in_random_order_so_that_progress_is_not_mis
 
 def test_a_series_of_sweeps_shares_its_progress_and_repeats_nothing(here, tmp_path):
     report, place = io.StringIO(), store.place_of(tmp_path)
-    with store.driving(place):
+    with store.driver_lock(place):
         with Progress("series", report, {"toy": 1.0}) as progress:
             for wanted in ({(0, 0)}, {(1, 0), (2, 0)}):
                 sweep(here, place, toy.job(), progress, wanted)
@@ -282,7 +282,7 @@ def elsewhere(client, folder):
     """The file by which dask names the client's scheduler, and the CA, certificate and key."""
     file = folder / "scheduler.json"
     file.write_text(json.dumps({"address": client().scheduler.address}))
-    return str(file), cluster.credentials(client(), folder)
+    return str(file), cluster.write_credentials(client(), folder)
 
 
 def test_an_unfit_worker_computes_nothing_and_another_sweeps_over_tls(client, tmp_path, capfd):

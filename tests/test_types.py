@@ -24,7 +24,6 @@ nasm.proofs
 nasm.tori
 nasm.verdicts
 pipeline.store
-pipeline.sweep
 workflows.shared
 """
 

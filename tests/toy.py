@@ -108,7 +108,7 @@ def records(place):
 def run(client, out, plan, wanted=None, **functions):
     """Sweep the cube into a place that is free, silently; returns what the sweep does."""
     place, job = store.place_of(out), Job(plan, compute, predict, no_warm_up)
-    with store.driving(place):
+    with store.driver_lock(place):
         return sweep(
             client, place, replace(job, **functions), Progress("toy", io.StringIO()), wanted
         )

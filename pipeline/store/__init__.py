@@ -14,18 +14,18 @@ from pipeline.store.metadata import (
     check,
     create,
     has_digests,
+    is_visible,
     names,
     replace,
-    sees,
 )
 from pipeline.store.place import (
     Place,
     Refused,
     StoreFailed,
-    driving,
-    explained,
+    driver_lock,
     place_of,
     printable,
+    store_errors,
     without_password,
 )
 from pipeline.store.tiles import (

@@ -24,7 +24,7 @@ from zarr.storage import MemoryStore
 from nasm import __version__
 from pipeline.store import tiles
 from pipeline.store.decoding import MAX_METADATA, arrays_in, usual_codecs
-from pipeline.store.place import Refused, explained
+from pipeline.store.place import Refused, store_errors
 from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT
 
 DIGESTS = "digests.json"
@@ -45,7 +45,7 @@ COMPUTED_BY = ", ".join([f"mathematics {hashlib.sha256(_FILES).hexdigest()[:12]}
 
 def names(place):
     """Names of the cubes in the place; Refused if it does not exist."""
-    with explained(place):
+    with store_errors(place):
         try:
             folders = place.objects().list_with_delimiter()["common_prefixes"]
         except FileNotFoundError:
@@ -99,7 +99,7 @@ def replace(place, cube, computed_by):
         place.write(key, files[key])
 
 
-def sees(place, name, config_hash):
+def is_visible(place, name, config_hash):
     """Whether this process finds that cube in the place. A worker asks it before each batch."""
     tiles.forget()  # the cube may have been deleted and made anew
     return _attributes(place, name).get("config_hash") == config_hash
@@ -203,14 +203,14 @@ def _check_tiles(place, cube, computed_by):
     """
     if any(place.files(f"{cube.name}.zarr/{COMMIT}")):
         arrays = _planned(place, cube, {"computed_by": computed_by})
-        for index in np.argwhere(tiles.survey(place, arrays)[0]).tolist():
+        for index in np.argwhere(tiles.commit_times(place, arrays)[0]).tolist():
             if tiles.damage(place, arrays, index):
                 raise _not_ours(place, cube.name)
 
 
 def _is_complete(place, cube):
     """Whether no tile is missing."""
-    return not cube.computed or tiles.survey(place, _planned(place, cube, {}))[0].all()
+    return not cube.computed or tiles.commit_times(place, _planned(place, cube, {}))[0].all()
 
 
 def _planned(place, cube, by):

@@ -63,7 +63,7 @@ class Place:
 
     def read(self, key, most=MAX_FILE):
         """The bytes of a file; empty if it is missing; Refused if there are more than `most`."""
-        with explained(self), suppress(*_NOT_THERE):
+        with store_errors(self), suppress(*_NOT_THERE):
             file = self.objects().get(key)
             if (size := file.meta["size"]) > most:
                 raise Refused(f"{self}/{key} has {size} bytes, and {most} are read at most")
@@ -72,23 +72,23 @@ class Place:
 
     def size(self, key):
         """The bytes that a file has; 0 if it is missing."""
-        with explained(self), suppress(*_NOT_THERE):
+        with store_errors(self), suppress(*_NOT_THERE):
             return self.objects().head(key)["size"]
         return 0
 
     def write(self, key, data, mode="overwrite"):
         """Write a file, whole or not at all; with the mode "create" only if it is not there."""
-        with explained(self), suppress(AlreadyExistsError):
+        with store_errors(self), suppress(AlreadyExistsError):
             self.objects().put(key, data, mode=mode)
 
     def delete(self, key):
         """Delete a file, if it is there."""
-        with explained(self), suppress(FileNotFoundError):
+        with store_errors(self), suppress(FileNotFoundError):
             self.objects().delete(key)
 
     def files(self, prefix):
         """Yield what the store tells of each file below the prefix: path, size, last_modified."""
-        with explained(self), suppress(*_NOT_THERE):
+        with store_errors(self), suppress(*_NOT_THERE):
             for page in self.objects().list(prefix, chunk_size=10_000):
                 yield from page
 
@@ -123,7 +123,7 @@ def _opened(path):
 
 
 @contextmanager
-def driving(place):
+def driver_lock(place):
     """Keep a second driver off a directory, which is made if need be.
 
     Nothing keeps one off an object store, or off a directory of a file system without locks: two
@@ -148,7 +148,7 @@ def driving(place):
 
 
 @contextmanager
-def explained(place):
+def store_errors(place):
     """Turn what obstore and zarr raise inside, because the store fails, into a StoreFailed."""
     try:
         yield

@@ -18,7 +18,7 @@ from zarr import Array, AsyncArray
 from zarr.storage import StorePath
 
 from pipeline.store.decoding import MAX_METADATA, Files, arrays_in, usual_codecs
-from pipeline.store.place import Refused, explained, printable
+from pipeline.store.place import Refused, printable, store_errors
 
 CERTIFICATES = "certificates"
 COMMIT = "tiles/commit"
@@ -104,7 +104,7 @@ def chunk_key(array, block):
     return f"{array.path}/{array.metadata.encode_chunk_key(block)}"
 
 
-def survey(place, arrays):
+def commit_times(place, arrays):
     """List the chunks of all tiles. Returns arrays over the tiles: whether its record and all its
     data are there, in full length; and the time of its record in seconds, NaN if there is none."""
     counts = arrays[COMMIT].shape[1:]
@@ -158,7 +158,7 @@ def missing(place, cube):
     arrays = arrays_of(place, cube.name)
     if COMMIT not in arrays:  # written whole
         return np.empty((0, len(cube.tile)), dtype=int)
-    return np.argwhere(~survey(place, arrays)[0])
+    return np.argwhere(~commit_times(place, arrays)[0])
 
 
 def is_committed(place, name, index):
@@ -186,7 +186,7 @@ def commit(place, name, index, arrays, seconds):
     chunks = {key: _fitting(key, *places[key], values) for key, values in arrays.items()}
     record = seconds, _checksum(known, index, chunks, certificates)
     chunks[COMMIT] = np.reshape(record, (len(ENTRIES), *(1 for _ in index)))
-    with explained(place):
+    with store_errors(place):
         place.objects(name)  # its disk may be away
         if certificates:
             place.write(certificates_key(name, index), certificates)
@@ -228,7 +228,7 @@ def _checksum(arrays, index, values, certificates=b""):
 
 def chunk(place, key, array, block):
     """Read a chunk of the array `key`; ValueError, which says what is wrong with it."""
-    with explained(place):
+    with store_errors(place):
         try:
             place.objects().head(chunk_key(array, block))  # else zarr reads fill values
             return array.get_block_selection(block)
@@ -264,7 +264,7 @@ def tiles_of(place, name):
         return
     tiled = [array for array, _ in blocks(arrays, (0,) * (arrays[COMMIT].ndim - 1)).values()]
     sizes = {d: n for a in tiled for d, n in zip(a.metadata.dimension_names, a.chunks, strict=True)}
-    for index in map(tuple, np.argwhere(survey(place, arrays)[0]).tolist()):
+    for index in map(tuple, np.argwhere(commit_times(place, arrays)[0]).tolist()):
         places = tile_at(arrays, index).items()
         yield index, cube.isel({d: slice(i * sizes[d], (i + 1) * sizes[d]) for d, i in places})
 
@@ -272,7 +272,7 @@ def tiles_of(place, name):
 def record_failure(place, name, index, reason):
     """Record why a tile failed, as one short line without control characters; return the line."""
     line = printable(reason.strip()[:_LONGEST_REASON])
-    with explained(place):
+    with store_errors(place):
         place.objects(name)  # its disk may be away
         place.write(failure_key(name, index), line.encode(errors="replace"))
     return line
@@ -295,7 +295,7 @@ def read(place, name):
     read one that is lost is a warning; without it nothing would tell that from a tile which is not
     yet computed.
     """
-    with explained(place), usual_codecs():
+    with store_errors(place), usual_codecs():
         store = _Watched(place, name)
         try:
             root = json.loads(place.read(f"{name}.zarr/zarr.json", MAX_METADATA))

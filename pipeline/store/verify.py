@@ -55,7 +55,7 @@ def _state(place, name):
     arrays = tiles.arrays_of(place, name)
     if COMMIT not in arrays:
         return State(name)
-    done, written = tiles.survey(place, arrays)
+    done, written = tiles.commit_times(place, arrays)
     has_record, failed = np.isfinite(written), []
     for file in place.files(f"{name}.zarr/.failed"):
         with suppress(ValueError, IndexError):  # somebody else's file
@@ -98,7 +98,7 @@ def verify(place, name, repair=False):
         return
     if not tiled:
         return
-    written = np.argwhere(np.isfinite(tiles.survey(place, arrays)[1]))
+    written = np.argwhere(np.isfinite(tiles.commit_times(place, arrays)[1]))
     tile_bytes = sum(array.dtype.itemsize * prod(array.chunks) for array, _ in tiled.values())
     n_threads = max(1, min(_THREADS, MAX_TILE // tile_bytes))
     with ThreadPoolExecutor(n_threads) as pool:  # an object store takes its time for each

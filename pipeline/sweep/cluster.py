@@ -1,6 +1,6 @@
 """Clusters: worker processes on this machine by default, or a running dask scheduler.
 
-A scheduler elsewhere is named by its address, or by the file in which it has written that.
+A scheduler elsewhere is named by its address, or by the scheduler file with its address.
 """
 
 import json
@@ -12,11 +12,13 @@ import signal
 import socket
 import sys
 import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from multiprocessing import resource_tracker
 from pathlib import Path
 from traceback import format_exception_only
+from typing import Any
 
 import dask
 from dask.system import CPU_COUNT
@@ -31,19 +33,19 @@ _QUIET = {
     # A task that was with a worker when it died is suspect at once, not after it killed three
     # more; the sweep reruns suspects alone. (A scheduler elsewhere has its own setting, 3 deaths.)
     "distributed.scheduler.allowed-failures": 0,
-    # What dask measures for its dashboard takes 4% of the CPU by default.
+    # By default dask's measurements for its dashboard take 4% of the CPU.
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
 }
 _LOCAL = {
-    # Dask would give up a worker for good that takes 15 s to be started again, as at load 20.
+    # Dask would give up a worker that takes 15 s to restart, as happens at load 20.
     "distributed.deploy.lost-worker-timeout": "300s",
-    # Nothing is served to browsers, which any page or user of this machine could ask.
+    # Nothing is served to browsers: any page or user of this machine could read it.
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.worker.preload": [
-        # Before the worker starts the threads that it counts for.
+        # It applies to threads that start later: it must run before the worker starts its own.
         "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()",
     ],
 }
@@ -56,73 +58,101 @@ _GUARD = (
 
 
 class ClusterError(Exception):
-    """No cluster to compute on; the message says why, and what to do."""
+    """There is no cluster to compute on; the message gives the reason and the cure."""
 
 
 @contextmanager
-def connect(scheduler=None, n_workers=None, tls=None):
+def connect(
+    scheduler: str | None = None,
+    n_workers: int | None = None,
+    tls: Sequence[str] | None = None,
+) -> Iterator[Callable[[], Client]]:
     """Yield a function that returns the dask Client; it connects when it is first called.
 
-    scheduler : address of a running scheduler, "tcp://…" or "tls://…", or the path of its scheduler
-        file, whose workers see this machine's files and have this package; by default workers are
-        started on this machine, which listen on loopback only, and to nobody but this process.
-    n_workers : int ≥ 1, worker processes to start here; default one per core.
-    tls : (ca, cert, key) files, for a "tls://" address.
+    Parameters
+    ----------
+    scheduler : str, optional
+        Address of a running scheduler, "tcp://…" or "tls://…", or the path of its scheduler file.
+        Its workers must see this machine's files and have this package. By default workers are
+        started on this machine; they listen on loopback only, and accept this process alone.
+    n_workers : int, optional
+        Worker processes to start here, at least 1; by default one per core.
+    tls : sequence of str, optional
+        The files CA, certificate and key, for a "tls://" address.
 
-    ClusterError if the arguments do not go together, here; if the scheduler does not answer or has
-    no workers, when the function is called. ConnectionError then if workers cannot be started.
+    Raises
+    ------
+    ClusterError
+        If the arguments do not go together, at once; if the scheduler does not answer or has no
+        workers, when the function is called.
+    ConnectionError
+        If workers cannot be started, when the function is called.
+
+    Examples
+    --------
+    >>> from pipeline.sweep.cluster import connect
+    >>> with connect() as client:  # client() would start the workers
+    ...     pass
     """
     if getattr(multiprocessing.current_process(), "_inheriting", False):
-        sys.exit(_GUARD)  # a worker to be, which imports the script
+        sys.exit(_GUARD)  # a worker that is being started, which imports the script
     if scheduler is not None and n_workers is not None:
-        words = "has its own workers; leave --workers out"
-        raise ClusterError(f"the scheduler at {without_password(scheduler)} {words}")
+        reason = "has its own workers; leave --workers out"
+        raise ClusterError(f"the scheduler at {without_password(scheduler)} {reason}")
     address = None if scheduler is None else _address(scheduler)
     if (tls is not None) != (address or "").startswith("tls://"):
         raise ClusterError("a tls:// address needs TLS files: CA, CERT and KEY; others take none")
-    # What they would log of processes that are gone are tracebacks; the sweep says it in words.
+    # They would log tracebacks of processes that have ended; the sweep reports these in a sentence.
     for name in ("asyncio", "distributed.batched", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = _QUIET
     if address is None:
-        # What the user's files and environment say, of workers by fork or of timeouts, is for other
-        # clusters and may hang this one: it has dask's own defaults.
+        # The user's files and environment may set workers by fork, or timeouts, for other clusters;
+        # these may hang this one: it has dask's own defaults.
         settings = dask.config.merge(*dask.config.defaults) | _LOCAL | _QUIET
     with dask.config.set(settings), ExitStack() as stack:
-        connection = _local(n_workers) if address is None else _remote(address, tls)
+        connection = _local(n_workers or CPU_COUNT) if address is None else _remote(address, tls)
         yield cache(lambda: stack.enter_context(connection))
 
 
 @contextmanager
-def _local(n_workers):
-    how = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "silence_logs": "CRITICAL"}
-    # Tiles are small: to watch the memory costs more than they use.
-    how |= {"n_workers": n_workers or CPU_COUNT, "threads_per_worker": 1, "memory_limit": 0}
-    # Dask executes what it is sent, and any user of this machine can send to loopback: a
-    # certificate that lasts as long as the cluster lets only its own processes speak to it.
-    how |= {"security": Security.temporary(), "scheduler_kwargs": {"dashboard": False}}
-    _check_machine(how["n_workers"])
+def _local(n_workers: int) -> Iterator[Client]:
+    """Start workers on this machine; yield the Client, and end them."""
+    _check_machine(n_workers)
     # A Ctrl-C in the terminal reaches all its processes, and is for the driver. Workers, also those
-    # that are started again, inherit the mask of the thread that dask starts here, at their birth.
+    # that are restarted, inherit the signal mask of the thread that dask starts here.
     resource_tracker.ensure_running()  # it would unblock the signal as it starts with a worker
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        started = LocalCluster(**how)
+        cluster = LocalCluster(
+            n_workers=n_workers,
+            threads_per_worker=1,
+            # Tiles are small: to watch the memory costs more than they use.
+            memory_limit=0,
+            host="127.0.0.1",
+            # Dask executes what it is sent, and any user of this machine can send to loopback: a
+            # certificate that lasts as long as the cluster lets only its own processes speak to it.
+            security=Security.temporary(),
+            dashboard_address="127.0.0.1:0",
+            scheduler_kwargs={"dashboard": False},
+            silence_logs="CRITICAL",
+        )
     except Exception as error:
-        raise ConnectionError(f"workers on this machine cannot be started: {_why(error)}") from None
+        reason = _reason(error)
+        raise ConnectionError(f"workers on this machine cannot be started: {reason}") from None
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-    client = Client(started, set_as_default=False)
+    client = Client(cluster, set_as_default=False)
     try:
         yield client
     finally:
-        for opened in client, started:
-            with suppress(TimeoutError):  # what is too slow, on a busy machine, ends with us
+        for opened in client, cluster:
+            with suppress(TimeoutError):  # on a busy machine; it ends with this process
                 opened.close()
 
 
-def _check_machine(n_workers):
-    """ConnectionError if the machine lacks what workers need, without which they might hang."""
+def _check_machine(n_workers: int) -> None:
+    """Raise ConnectionError if the machine lacks what workers need; without it they might hang."""
     cannot = "workers on this machine cannot be started: "
     with suppress(OSError, ValueError):
         _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -146,34 +176,41 @@ def _check_machine(n_workers):
         raise ConnectionError(f"{cannot}they need the address 127.0.0.1: {error}") from None
 
 
-def _why(error):
-    """Return the reason, in dask's words, why workers did not start, and how to mend a script."""
-    while (reason := error.__cause__ or error.__context__) is not None:
-        error = reason
-    words = "".join(format_exception_only(error)).strip()
+def _reason(error: BaseException) -> str:
+    """Return the reason, as dask reports it, why no worker started, and how to mend a script."""
+    while (cause := error.__cause__ or error.__context__) is not None:
+        error = cause
+    reason = "".join(format_exception_only(error)).strip()
     main = sys.modules["__main__"]
     is_script = getattr(main, "__spec__", None) is None and hasattr(main, "__file__")
-    return f"{words}. If this is a script: {_GUARD}" if is_script else words
+    return f"{reason}. If this is a script: {_GUARD}" if is_script else reason
 
 
-def credentials(client, folder):
-    """Write what other processes need to use the client's workers: paths of CA, CERT and KEY."""
-    paths = []
+def write_credentials(client: Client, folder: str | Path) -> list[str]:
+    """Write the TLS files by which other processes can use the client's workers.
+
+    Returns
+    -------
+    list of str
+        Paths of the CA, the certificate and the key, in `folder`.
+    """
+    paths: list[str] = []
     for name in _TLS_FILES:
         paths.append(str(Path(folder) / f"{name}.pem"))
         Path(paths[-1]).write_text(getattr(client.security, name))
     return paths
 
 
-def are_starting(client):
-    """Whether workers of ours are being started, which on a busy machine takes its time."""
+def are_starting(client: Client) -> bool:
+    """Return True if workers of this process are being started; a busy machine takes minutes."""
     nannies = client.cluster.workers.values() if client.cluster else ()
     processes = [getattr(n, "process", None) for n in nannies if n.status == Status.running]
     return any(process and process.status != Status.running for process in processes)
 
 
 @contextmanager
-def _remote(address, tls):
+def _remote(address: str, tls: Sequence[str] | None) -> Iterator[Client]:
+    """Yield the Client of a running scheduler."""
     security = tls and Security(require_encryption=True, **dict(zip(_TLS_FILES, tls, strict=True)))
     try:
         client = Client(address, security=security, timeout=5, set_as_default=False)
@@ -189,9 +226,9 @@ def _remote(address, tls):
         yield client
 
 
-def _address(scheduler):
-    """Return the address that `scheduler` is, or that its file holds, which is waited for."""
-    address = scheduler
+def _address(scheduler: str) -> str:
+    """Return `scheduler`, if it is an address, or the address in its file once that exists."""
+    address: Any = scheduler
     if "://" not in scheduler:
         file, end = Path(scheduler).expanduser(), time.monotonic() + _FILE_PATIENCE
         while not file.exists() and time.monotonic() < end:

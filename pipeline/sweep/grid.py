@@ -5,104 +5,160 @@ for its record. An axis LO:HI:N is N cells of equal width; a cell is represented
 Halving the cells of an axis keeps its edges, so that levels of refinement nest.
 """
 
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import inf, prod
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from nasm.texts import parse_float, parse_integer, short_repr
+from nasm.types import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from pipeline.cubes.cube import Coords, Cube, Job
 
 MAX_CELLS = 2**20
-_ENOUGH = 4096  # tiles: with fewer, a thousand workers would not end together
-_LONG = 3  # predicted CPU seconds of a tile
-_SAMPLE = 32  # tiles whose costs are predicted
+"""Most cells of an axis."""
+
+_MIN_TILES = 4096  # with fewer, a thousand workers would not end together
+_MAX_TILE_SECONDS = 3  # predicted CPU time of a tile that is joined from smaller ones
+_N_SAMPLED = 32  # tiles whose costs are predicted
 
 
 @dataclass(frozen=True)
 class Axis:
-    """[lo, hi] cut into n cells."""
+    """An interval cut into cells of equal width.
+
+    Attributes
+    ----------
+    lo, hi : float
+        Its ends, lo < hi.
+    n : int
+        Number of cells, 1 to 2²⁰.
+
+    Raises
+    ------
+    ValueError
+        If the ends are not finite and in order, or n is out of range.
+
+    Examples
+    --------
+    >>> from pipeline.sweep.grid import Axis
+    >>> axis = Axis(0, 1, 4)
+    >>> print(axis, axis.centres)
+    0:1:4 [0.125 0.375 0.625 0.875]
+    """
 
     lo: float
     hi: float
     n: int
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not -inf < self.lo < self.hi < inf:
-            words = "the ends must be finite and the lower one first, e.g. 0:1:128"
-            raise ValueError(f"axis {self}: {words}")
+            reason = "the ends must be finite and the lower one first, e.g. 0:1:128"
+            raise ValueError(f"axis {self}: {reason}")
         if not 1 <= self.n <= MAX_CELLS:
             raise ValueError(f"axis {self}: the number of cells must be from 1 to {MAX_CELLS}")
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"{self.lo:g}:{self.hi:g}:{self.n}"
 
     @property
-    def centres(self):
-        """ndarray of the n cell centres."""
-        return self.lo + (np.arange(self.n) + 0.5) * ((self.hi - self.lo) / self.n)
+    def centres(self) -> FloatArray:
+        """The centres of the cells, shape (n,)."""
+        return self.lo + (np.arange(self.n, dtype=float) + 0.5) * ((self.hi - self.lo) / self.n)
 
     @property
-    def bounds(self):
-        """ndarray (n, 2) of the ends of each cell."""
-        return sliding_window_view(np.linspace(self.lo, self.hi, self.n + 1), 2)
+    def bounds(self) -> FloatArray:
+        """The ends of each cell, shape (n, 2)."""
+        edges: FloatArray = np.linspace(self.lo, self.hi, self.n + 1)
+        return sliding_window_view(edges, 2)
 
-    def coarsened(self, factor):
-        """Return the same interval in n/factor cells; n must be a multiple of factor."""
+    def coarsened(self, factor: int) -> "Axis":
+        """Return the same interval in n/factor cells; ValueError unless factor divides n."""
         if self.n % factor:
-            words = f"{self.n} cells cannot be halved to that level; use a multiple of {factor}"
-            raise ValueError(f"axis {self}: {words}")
+            reason = f"{self.n} cells cannot be halved to that level; use a multiple of {factor}"
+            raise ValueError(f"axis {self}: {reason}")
         return Axis(self.lo, self.hi, self.n // factor)
 
 
-def parse_axis(text):
-    """Parse an Axis from "LO:HI:N"; ValueError with an example otherwise."""
+def parse_axis(text: str) -> Axis:
+    """Parse an Axis from "LO:HI:N"; ValueError with an example otherwise.
+
+    Examples
+    --------
+    >>> from pipeline.sweep.grid import parse_axis
+    >>> parse_axis("-1:1:256")
+    Axis(lo=-1.0, hi=1.0, n=256)
+    """
     try:
-        lo, hi, n = text.split(":")
-        lo, hi, n = parse_float(lo), parse_float(hi), parse_integer(n, 0, inf)
+        lo_text, hi_text, n_text = text.split(":")
+        lo, hi, n = parse_float(lo_text), parse_float(hi_text), parse_integer(n_text, 0, inf)
     except ValueError:
-        words = "write LO:HI:N, two numbers and a number of cells, e.g. -1:1:256"
-        raise ValueError(f"{short_repr(text)} is not an axis; {words}") from None
+        cure = "write LO:HI:N, two numbers and a number of cells, e.g. -1:1:256"
+        raise ValueError(f"{short_repr(text)} is not an axis; {cure}") from None
     return Axis(lo, hi, n)
 
 
-def tile_slices(index, tile):
-    """Return {dim: slice} of the cells of one tile; there may be fewer cells in the last ones."""
-    parts = zip(index, tile.items(), strict=True)
-    return {dim: slice(i * n, (i + 1) * n) for i, (dim, n) in parts}
+def tile_slices(index: Iterable[int], tile: Mapping[str, int]) -> dict[str, slice]:
+    """Return the cells of one tile along each dimension; the last tiles may have fewer cells.
+
+    Parameters
+    ----------
+    index : iterable of int
+        Of the tile, along each of its dims.
+    tile : mapping of str to int
+        Cells of a tile along each dim.
+
+    Examples
+    --------
+    >>> from pipeline.sweep.grid import tile_slices
+    >>> tile_slices((0, 2), {"angle": 1, "excess": 4})
+    {'angle': slice(0, 1, None), 'excess': slice(8, 12, None)}
+    """
+    places = zip(index, tile.items(), strict=True)
+    return {dim: slice(i * n, (i + 1) * n) for i, (dim, n) in places}
 
 
-def tile_coords(cube, indices):
-    """Yield (index, {name: values}) of tiles: what the cube's coordinates are in each of them.
+def tile_coords(cube: "Cube", indices: IntArray) -> Iterator[tuple[tuple[int, ...], "Coords"]]:
+    """Yield the index of tiles, and the values of the cube's coordinates in each of them.
 
-    indices : int array (tiles, tiled dims).
+    Parameters
+    ----------
+    cube : Cube
+        The plan.
+    indices : ndarray of int, shape (tiles, tiled dims)
+        The tiles.
     """
     coords, computed = cube.template.coords, {*cube.computed}
-    known = {name: (c.values, c.dims) for name, c in coords.items() if name not in computed}
+    known = {str(name): (c.values, c.dims) for name, c in coords.items() if name not in computed}
     for index in map(tuple, indices.tolist()):
         cells, parts = tile_slices(index, cube.tile), {}
         for name, (values, dims) in known.items():
-            part = tuple(cells.get(dim, slice(None)) for dim in dims)
-            # What is whole is one object for all tiles: pickle then writes it once.
-            parts[name] = values[part] if cells.keys() & dims else values
+            part = tuple(cells.get(str(dim), slice(None)) for dim in dims)
+            # An array without tiled dims is one object for all tiles: pickle then writes it once.
+            parts[name] = values[part] if cells.keys() & {*dims} else values
         yield index, parts
 
 
-def joined(job):
-    """Return the job with tiles doubled along all dims, as often as 4096 are left or more.
+def join_tiles(job: "Job") -> "Job":
+    """Return the job with tiles doubled along all dims, as often as 4096 tiles or more remain.
 
-    None of a sample may be predicted to take more than 3 s. The choice depends on nothing but the
-    job, so that the command that began a cube resumes it.
+    Doubling ends when a tile, of a sample, is predicted to take more than 3 s of CPU time. The
+    choice depends on the job alone, so that the command that began a cube resumes it.
     """
     while True:
         sizes, tile = job.cube.template.sizes, job.cube.tile
         doubled = {dim: min(2 * n, sizes[dim]) for dim, n in tile.items()}
         larger = replace(job, cube=replace(job.cube, tile=doubled))
         counts = larger.cube.tile_counts
-        if prod(counts) < _ENOUGH:
+        if prod(counts) < _MIN_TILES:
             return job
-        sample = np.random.default_rng(0).integers(0, counts, (_SAMPLE, len(counts)))
+        sample = np.random.default_rng(0).integers(0, counts, (_N_SAMPLED, len(counts)))
         coords = (of_tile for _, of_tile in tile_coords(larger.cube, sample))
-        if not max(job.predict(one, job.cube.settings) for one in coords) <= _LONG:
+        longest = max(job.predict(one, job.cube.settings) for one in coords)
+        if not longest <= _MAX_TILE_SECONDS:
             return job
         job = larger

@@ -1,120 +1,170 @@
 """How far a run is, and when it will end: one line, in predicted CPU seconds over all its sweeps.
 
-What remains is estimated from the batches of tiles that have come in:
+The remaining time is estimated from the batches of tiles that have come in:
 
-    remaining = pace · Σ correction · CPU seconds left
+    remaining = pace · Σ correction · remaining CPU seconds
 
 The pace is wall time over the CPU time of all workers together, in the run so far: other work on
 the machine raises it, and so does what workers wait for. The correction of the sweep under way is
-its CPU time over what was predicted for it; that of later ones is 1. The time until a first worker
-has its kernels is in neither; each later sweep is expected to wait as long, or for the time of
-loading where the first had to compile them.
+its CPU time over what was predicted for it; that of later ones is 1. Neither includes the time
+until a first worker has its kernels; each later sweep is expected to wait as long, or, where the
+first had to compile them, as long as loading takes.
 """
 
 import shutil
 import threading
 import time
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
+from typing import Self, TextIO
 
-_TRUST = 0.02  # part of a sweep for which its prediction counts as much as what is measured
+_PREDICTION_WEIGHT = 0.02  # part of a sweep for which its prediction counts as much as measurements
 _LOADING = 5  # seconds: kernels that take longer to come are being compiled
-_BAR = 20  # characters
+_BAR_LENGTH = 20  # characters
 
 
 @dataclass
 class _Amounts:
-    """CPU seconds of one sweep, or of all."""
+    """CPU seconds of one sweep, or of all.
 
-    begun: float = 0.0  # predicted
-    done: float = 0.0  # predicted, of what has come in
-    used: float = 0.0  # measured, of what has come in
+    begun : predicted, of all tiles. done : predicted, of tiles that have come in. used : measured,
+    of tiles that have come in. batches : number of batches that have come in.
+    """
+
+    begun: float = 0.0
+    done: float = 0.0
+    used: float = 0.0
     batches: int = 0
 
 
 class Progress(AbstractContextManager):
-    """The line of a run, that of `name` at first; on a terminal with a bar, which never goes back.
+    """The line of a run; on a terminal with a bar, which never goes back.
 
     On a terminal it is rewritten; in a log there is a new one every ten seconds, and at the end of
     each sweep.
 
-    stream : where to write; None for silence.
-    foreseen : {name of a sweep: predicted CPU seconds}.
-    after : CPU seconds of what the driver does after the sweeps.
-    clock : function () → seconds.
+    Parameters
+    ----------
+    name : str
+        What is under way at first.
+    stream : file or None
+        Where to write; None for silence.
+    predicted : mapping of str to float
+        Predicted CPU seconds of each sweep, by its name.
+    after : float
+        CPU seconds of what the driver does after the sweeps.
+    clock : callable
+        () → seconds.
+
+    Examples
+    --------
+    >>> from pipeline.sweep.progress import Progress
+    >>> progress = Progress("escape", None, {"escape": 10.0})
+    >>> progress.begin_sweep("escape", "escape")
+    >>> progress.add_work(10.0)
+    >>> progress.advance(4.0, used=4.0, wall=4.0)
+    >>> progress.line()
+    'escape: 40%, elapsed 0:00, remaining about 0:01'
     """
 
-    def __init__(self, name, stream, foreseen=(), after=0.0, clock=time.monotonic):
-        self.name, self.stream, self.clock = name, stream, clock
-        self.foreseen, self.after = dict(foreseen), after
-        self.sweep, self.workers = None, 1
+    def __init__(
+        self,
+        name: str,
+        stream: TextIO | None,
+        predicted: Mapping[str, float] | None = None,
+        after: float = 0.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.name: str | None = name
+        self.stream, self.clock = stream, clock
+        self.predicted = dict[str | None, float]((predicted or {}).items())
+        self.after = after
+        self.sweep: str | None = None
+        self.workers = 1
         self.all, self.current = _Amounts(), _Amounts()
         self.wall = 0.0  # of batches, as `all.used`
         self.working = 0.0  # seconds in which workers had work
-        self.warming = None  # since when the kernels of a sweep are waited for
+        self.warming: float | None = None  # since when the kernels of a sweep are waited for
         self.warm_up = 0.0  # seconds for which those of the latest sweep were
         self.start = self.latest = clock()
         self.drawn = 0.0  # part of the bar
         self.is_terminal = stream is not None and stream.isatty()
         self.lock, self.over = threading.RLock(), threading.Event()
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         if self.stream is not None:
             threading.Thread(target=self._keep_writing, daemon=True).start()
         return self
 
-    def __exit__(self, *error):
+    def __exit__(self, *error: object) -> None:
         self.over.set()
         self.hide()
 
-    def show(self, name):
-        """Write `name` as what is under way, from now on."""
+    def show(self, name: str) -> None:
+        """Show `name` as what is under way."""
         self.name = name
         if self.is_terminal:
             self.write("\r")
 
-    def hide(self):
+    def hide(self) -> None:
         """End the line, so that others may write; `show` begins a new one."""
         with self.lock:
             if self.all.begun or self.is_terminal:
                 self.write("\n")
             self.name = None
 
-    def finish(self):
-        """End the line: all is done."""
+    def finish(self) -> None:
+        """End the line: the run is done."""
         self.name, self.drawn = "done", 1.0
         self.hide()
 
-    def go_on(self, name, sweep):
-        """Count what begins next as of the sweep, and show `name` for it."""
+    def begin_sweep(self, name: str, sweep: str) -> None:
+        """Count tiles as those of this sweep from now on, and show `name`; it may be repeated."""
         if sweep != self.sweep:
-            self.foreseen.pop(self.sweep, None)  # it has ended
+            self.predicted.pop(self.sweep, None)  # it has ended
             self.sweep, self.current = sweep, _Amounts()
         self.show(name)
 
-    def end_sweep(self):
+    def end_sweep(self) -> None:
         """Write a line for the sweep in a log; show that the driver computes."""
         if self.all.begun and not self.is_terminal:
             self.write("\n")
         self.show("computing")
 
-    def begin(self, seconds, workers=1):
-        """Add tiles of so many predicted CPU seconds, by workers that have no kernels yet."""
-        self.foreseen[self.sweep] = max(0.0, self.foreseen.get(self.sweep, 0.0) - seconds)
+    def add_work(self, seconds: float, workers: int = 1) -> None:
+        """Add tiles of the current sweep, which workers begin without kernels.
+
+        Parameters
+        ----------
+        seconds : float
+            Predicted CPU seconds of the tiles.
+        workers : int
+            Number of workers.
+        """
+        self.predicted[self.sweep] = max(0.0, self.predicted.get(self.sweep, 0.0) - seconds)
         self.workers, self.warming = workers, self.clock()
         if self.all.batches:  # what the driver does between sweeps keeps them waiting
             self.working += self.warming - self.latest
         self.all.begun += seconds
         self.current.begun += seconds
 
-    def warmed_up(self):
+    def warmed_up(self) -> None:
         """Note that a worker has its kernels."""
         if self.warming is not None:
             self.latest = self.clock()
             self.warm_up, self.warming = self.latest - self.warming, None
 
-    def advance(self, seconds, used, wall):
-        """Count tiles of so many predicted seconds, CPU seconds and wall seconds as done."""
+    def advance(self, seconds: float, used: float, wall: float) -> None:
+        """Count a batch of tiles as done.
+
+        Parameters
+        ----------
+        seconds, used : float
+            CPU seconds, predicted and measured.
+        wall : float
+            Seconds that it took.
+        """
         self.warmed_up()
         for amounts in self.all, self.current:
             amounts.done += seconds
@@ -124,84 +174,106 @@ class Progress(AbstractContextManager):
         self.wall += wall
         self.working += self.latest - before
 
-    def studied(self, seconds):
-        """Count so many predicted CPU seconds of the driver's own work as done."""
+    def count_study(self, seconds: float) -> None:
+        """Count predicted CPU seconds of the driver's own work as done."""
         seconds = min(seconds, self.after)
         self.after -= seconds
         self.all.begun += seconds
         self.all.done += seconds
         self.latest = self.clock()
 
-    def part(self):
-        """Return the part of the bar that is drawn: of predicted CPU seconds, those done."""
-        total = self.all.begun + sum(self.foreseen.values()) + self.after
+    def fraction(self) -> float:
+        """Return the part of the run that is done, of predicted CPU seconds; it never decreases."""
+        total = self.all.begun + sum(self.predicted.values()) + self.after
         self.drawn = max(self.drawn, self.all.done / total if total else 0.0)
         return self.drawn
 
-    def remaining(self):
+    def remaining(self) -> float | None:
         """Estimate the seconds until the run has ended; None until a first batch has come in."""
         if not self.all.used:
             return None
-        current, later = self.current, dict(self.foreseen)
+        current, later = self.current, dict(self.predicted)
         predicted = current.begun + later.pop(self.sweep, 0.0)
-        trusted = _TRUST * predicted
-        correction = (current.used + trusted) / (current.done + trusted) if predicted else 1.0
-        left = correction * (predicted - current.done) + sum(later.values())
+        prior = _PREDICTION_WEIGHT * predicted
+        correction = (current.used + prior) / (current.done + prior) if predicted else 1.0
+        cpu_seconds = correction * (predicted - current.done) + sum(later.values())
         # When a batch comes in, the other workers are halfway through theirs.
         in_flight = (self.workers - 1) / (2 * self.all.batches)
         pace = self.working / (self.all.used * (1 + in_flight))
-        seconds = pace * left + self.wall / self.all.used * self.after
+        seconds = pace * cpu_seconds + self.wall / self.all.used * self.after
         loading = min(self.warm_up, _LOADING)
         seconds += loading * sum(amount > 0 for amount in later.values())
         since = self.clock() - self.latest
         return max(seconds - since, seconds / 4)  # what takes longer than expected still takes long
 
-    def line(self):
-        """Return what is to be written: bar, what is under way, times."""
-        now, part, name = self.clock(), self.part(), self.name
+    def line(self) -> str:
+        """Return the line: bar, what is under way, times."""
+        now, fraction, name = self.clock(), self.fraction(), self.name or ""
         if self.warming is not None:
             is_long = now - self.warming > _LOADING
             name += ", compiling kernels (about 20 s, once)" if is_long else ", loading kernels"
-        words = [f"{part:.0%}"] * bool(self.all.begun) + [f"elapsed {minutes(now - self.start)}"]
-        if part < 1 and (remaining := self.remaining()) is not None:
-            words.append(f"remaining about {minutes(max(1.0, remaining))}")
-        line = f"{name}: {', '.join(words)}"
+        times = [f"{fraction:.0%}"] if self.all.begun else []
+        times.append(f"elapsed {clock_time(now - self.start)}")
+        if fraction < 1 and (remaining := self.remaining()) is not None:
+            times.append(f"remaining about {clock_time(max(1.0, remaining))}")
+        line = f"{name}: {', '.join(times)}"
         if not self.is_terminal:
             return line
         if self.all.begun:
-            full = round(_BAR * part)
-            line = f"[{'#' * full}{'-' * (_BAR - full)}] {line}"
+            n_full = round(_BAR_LENGTH * fraction)
+            line = f"[{'#' * n_full}{'-' * (_BAR_LENGTH - n_full)}] {line}"
         width = shutil.get_terminal_size().columns - 1  # a line that wraps is not rewritten
         return line[:width].ljust(width)
 
-    def write(self, end):
+    def write(self, end: str) -> None:
         """Write the line, if one is shown."""
         with self.lock:
             if self.name is not None and self.stream is not None:
                 with suppress(OSError, ValueError):  # a full disk, or a closed log, ends no run
                     print(self.line(), end=end, file=self.stream, flush=True)
 
-    def _keep_writing(self):
+    def _keep_writing(self) -> None:
+        """Write the line at regular times until the run is over."""
         interval, end = (0.5, "\r") if self.is_terminal else (10.0, "\n")
         while not self.over.wait(interval):
             self.write(end)
 
 
-def minutes(seconds):
-    """Return a time as a clock shows it: 0:29, 12:05, 1:02:03."""
-    seconds = round(seconds)
-    hours, seconds = divmod(seconds, 3600)
-    words = f"{seconds // 60:02}:{seconds % 60:02}"
-    return f"{hours}:{words}" if hours else words.removeprefix("0")
+def clock_time(seconds: float) -> str:
+    """Return a time as a clock shows it.
+
+    Examples
+    --------
+    >>> from pipeline.sweep.progress import clock_time
+    >>> clock_time(29), clock_time(725), clock_time(3723)
+    ('0:29', '12:05', '1:02:03')
+    """
+    hours, rest = divmod(round(seconds), 3600)
+    text = f"{rest // 60:02}:{rest % 60:02}"
+    return f"{hours}:{text}" if hours else text.removeprefix("0")
 
 
-def plural(n, word, form=""):
-    """Return a number of things in words: 1 tile, 0 tiles, 12 tiles."""
+def plural(n: int, word: str, form: str = "") -> str:
+    """Return a number of things in words; `form` is the format of the number.
+
+    Examples
+    --------
+    >>> from pipeline.sweep.progress import plural
+    >>> plural(1, "tile"), plural(12_000, "tile", ",")
+    ('1 tile', '12,000 tiles')
+    """
     return f"{n:{form}} {word}{'' if n == 1 else 's'}"
 
 
-def duration(seconds):
-    """Return a time in words: 45 s, 12 min, 3.2 h."""
+def duration(seconds: float) -> str:
+    """Return a time in words.
+
+    Examples
+    --------
+    >>> from pipeline.sweep.progress import duration
+    >>> duration(45), duration(725), duration(11_500)
+    ('45 s', '12 min', '3.2 h')
+    """
     if seconds < 120:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

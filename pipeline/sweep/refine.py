@@ -8,59 +8,113 @@ every cell holds the value of the finest level that was computed there.
 Arrays are (…, rows, columns), with as many cells per tile side at every level.
 """
 
+from collections.abc import Callable, Sequence
+from typing import TypeAlias, TypeVar
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
-FACTOR = 2  # cells of the next level per cell and dimension
+from nasm.types import BoolArray, FloatArray
+
+FACTOR = 2
+"""Cells of the next level per cell and dimension."""
+
+Tiles: TypeAlias = set[tuple[int, int]]
+"""Indices (row, column) of tiles."""
+
+_Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
-def refine(compute, ask, levels, tile):
-    """Compute a field level by level, finer only along the boundaries; returns as `compose`.
+def refine(
+    compute: Callable[[int, Tiles | None], FloatArray],
+    ask: Callable[[FloatArray], BoolArray],
+    levels: int,
+    tile: int,
+) -> tuple[FloatArray, NDArray[np.int8]]:
+    """Compute a field level by level, finer only along the boundaries.
 
-    compute : (level, set of tiles or None for all) → field of that level, NaN where not computed;
-        called again for a level with more tiles, it returns all of them.
-    ask : field → bool array (questions, rows, columns).
-    levels : int ≥ 1.
-    tile : int, cells along each side of a tile.
+    Parameters
+    ----------
+    compute : callable
+        (level, set of tiles or None for all) → field of that level, NaN where not computed. Called
+        again for a level with more tiles, it returns all of them.
+    ask : callable
+        field → bool array, shape (questions, rows, columns).
+    levels : int
+        Number of levels, at least 1.
+    tile : int
+        Cells along each side of a tile.
+
+    Returns
+    -------
+    field, level : ndarray
+        As of `compose`.
     """
     fields = [compute(0, None)]
     for number in range(1, levels):
-        wanted = tiles_at(halved(boundary_cells(ask(compose(fields)[0]))), tile)
-        fields.append(compute(number, wanted))
+        tiles = tiles_at(subdivided(boundary_cells(ask(compose(fields)[0]))), tile)
+        fields.append(compute(number, tiles))
         # Finer cells may show that the boundary runs on in a neighbouring tile: follow it there.
-        while more := tiles_at(boundary_cells(ask(compose(fields)[0])), tile) - wanted:
-            wanted |= more
-            fields[-1] = compute(number, wanted)
+        while more := tiles_at(boundary_cells(ask(compose(fields)[0])), tile) - tiles:
+            tiles |= more
+            fields[-1] = compute(number, tiles)
     return compose(fields)
 
 
-def compose(levels):
-    """Return one field at the resolution of the last level, and the level of each cell as int8.
+def compose(levels: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.int8]]:
+    """Compose levels into one field at the resolution of the last one.
 
-    levels : list of arrays (…, rows·2ˡ, columns·2ˡ), NaN where not computed. Level -1: nowhere.
+    Parameters
+    ----------
+    levels : sequence of ndarray, shape (…, rows·2ˡ, columns·2ˡ)
+        The field at each level l, NaN where not computed.
+
+    Returns
+    -------
+    field : ndarray
+        The values of the finest level that was computed, NaN where none was.
+    level : ndarray of int8, shape (rows, columns)
+        The level of each cell, -1 where none was computed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pipeline.sweep.refine import compose
+    >>> field, level = compose([np.array([[5.0]]), np.array([[1.0, np.nan], [np.nan, np.nan]])])
+    >>> print(field.tolist(), level.tolist())
+    [[1.0, 5.0], [5.0, 5.0]] [[1, 0], [0, 0]]
     """
     field = np.full(levels[0].shape, np.nan)
-    level = np.full(field.shape[-2:], -1, "int8")
+    level = np.full(field.shape[-2:], -1, np.int8)
     for number, finer in enumerate(levels):
         if number:
-            field, level = halved(field), halved(level)
+            field, level = subdivided(field), subdivided(level)
         computed = ~np.isnan(finer).all(axis=tuple(range(finer.ndim - 2)))
         field = np.where(computed, finer, field)
         level = np.where(computed, np.int8(number), level)
     return field, level
 
 
-def boundary_cells(answers):
-    """Mark the cells (rows, columns) with a neighbour, of eight, that answers differently."""
-    around = {"size": (1, 3, 3), "mode": "nearest"}
-    return np.any(maximum_filter(answers, **around) != minimum_filter(answers, **around), axis=0)
+def boundary_cells(answers: BoolArray) -> BoolArray:
+    """Mark the cells (rows, columns) with a neighbour, of eight, that answers differently.
+
+    Parameters
+    ----------
+    answers : ndarray of bool, shape (questions, rows, columns)
+        The answers of each cell.
+    """
+    size = (1, 3, 3)
+    highest = maximum_filter(answers, size=size, mode="nearest")
+    lowest = minimum_filter(answers, size=size, mode="nearest")
+    return np.any(highest != lowest, axis=0)
 
 
-def tiles_at(cells, tile):
-    """Return the indices (row, column) of the tiles, `tile` cells wide, that hold a marked cell."""
-    return set(map(tuple, (np.argwhere(cells) // tile).tolist()))
+def tiles_at(cells: BoolArray, tile: int) -> Tiles:
+    """Return the indices (row, column) of the tiles, `tile` cells wide, with a marked cell."""
+    return {(row, column) for row, column in (np.argwhere(cells) // tile).tolist()}
 
 
-def halved(array):
+def subdivided(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     """Return the array at the next level: every cell cut into FACTOR × FACTOR, with its value."""
     return array.repeat(FACTOR, axis=-2).repeat(FACTOR, axis=-1)

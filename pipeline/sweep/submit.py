@@ -1,14 +1,17 @@
 """Calls on dask workers, a few at a time for each, and their results as they end.
 
-Whoever computes on workers goes through here: sweeps, and the explorer. Workers may join and leave.
+All computations on workers go through here: sweeps, and the explorer. Workers may join and leave.
 """
 
 import sys
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from math import inf
 from queue import Empty, SimpleQueue
 from time import monotonic
+from typing import Any
 
+from distributed import Client, Future
 from distributed.comm import CommClosedError
 
 from pipeline.sweep.cluster import NO_SCHEDULER, are_starting
@@ -16,23 +19,43 @@ from pipeline.sweep.cluster import NO_SCHEDULER, are_starting
 _ROLL_CALL = 1  # seconds after which the workers are counted again
 _PATIENCE = 30  # seconds without any worker, after which to give up
 _STARTING = 300  # seconds instead, while workers are being started: at load 20 that takes a minute
-_REPORT = 5  # seconds to fetch the result of a call that has ended
+_FETCHING = 5  # seconds to fetch the result of a call that has ended
 
 
-def ended(client, next_call, each=2, most=inf, look=_ROLL_CALL, priority=0):
-    """Yield (key, result or exception) of each call when it has ended, and None while none ends.
+def as_completed(
+    client: Client,
+    next_call: Callable[[], tuple[Any, ...] | None],
+    each: int = 2,
+    most: float = inf,
+    look: float = _ROLL_CALL,
+    priority: int = 0,
+) -> Iterator[tuple[Any, Any] | None]:
+    """Yield (key, result or exception) as calls end; None when none has ended for `look` seconds.
 
-    client : distributed.Client.
-    next_call : () → (key, function, *args), or None while there is no call to make; the end is when
-        there is none, and all have ended.
-    each, most : calls in flight, for each worker and in all.
-    look : seconds, at most, until it yields None.
-    priority : of the calls; higher ones go first.
+    To close this generator cancels the calls in flight.
 
-    To close this generator cancels what is in flight. ConnectionError if the scheduler is gone, or
-    all workers of this machine for half a minute; others are waited for, as their queue decides.
+    Parameters
+    ----------
+    client : distributed.Client
+        Connection to the workers.
+    next_call : callable
+        () → (key, function, *args), or None while there is no call to make. The iteration stops
+        when it returns None and all calls have ended.
+    each, most : int
+        Calls in flight, for each worker and in all.
+    look : float
+        Seconds to wait for the end of a call.
+    priority : int
+        Of the calls; higher ones go first.
+
+    Raises
+    ------
+    ConnectionError
+        If the scheduler is gone, or all workers of this machine for half a minute. Workers of a
+        scheduler elsewhere are waited for, as their queue decides when they start.
     """
-    in_flight, done = {}, SimpleQueue()
+    in_flight: dict[Future, Any] = {}
+    done: SimpleQueue[Future] = SimpleQueue()
     workers, counted, alive = 0, -inf, monotonic()
     try:
         while True:
@@ -48,7 +71,7 @@ def ended(client, next_call, each=2, most=inf, look=_ROLL_CALL, priority=0):
                     if client.cluster:
                         raise ConnectionError("no workers are left; run again to resume")
                     print("no workers are left; waiting until some join", file=sys.stderr)
-                    alive = inf  # it is said once
+                    alive = inf  # to be printed once
             window = min(most, each * max(1, workers))
             while len(in_flight) < window and (call := next_call()) is not None:
                 key, function, *args = call
@@ -63,7 +86,7 @@ def ended(client, next_call, each=2, most=inf, look=_ROLL_CALL, priority=0):
                 yield None
                 continue
             try:
-                result = future.result(timeout=_REPORT)
+                result = future.result(timeout=_FETCHING)
             except TimeoutError:
                 # Its worker died between the end of the call and its report: dask runs it again.
                 future.add_done_callback(done.put)

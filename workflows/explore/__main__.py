@@ -29,9 +29,9 @@ def main(plane, port, no_browser, out, **cluster):
         raise click.ClickException(words) from None
     click.echo("loading", err=True)
     from workflows.explore.server import serve
-    from workflows.shared.run import explained, place_of
+    from workflows.shared.run import place_of, usage_errors
 
     cluster["n_workers"] = cluster.pop("workers")
     place = place_of(out)
-    with explained(place):
+    with usage_errors(place):
         serve(plane, place, port, not no_browser, cluster)

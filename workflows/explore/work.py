@@ -10,7 +10,7 @@ from math import inf
 from threading import Thread
 
 from pipeline.store import Refused
-from pipeline.sweep.submit import ended
+from pipeline.sweep.submit import as_completed
 
 _LOOK = 0.1  # seconds after which a generator yields, to be closed if it is void
 
@@ -136,10 +136,13 @@ def spread(client, calls, most=inf, priority=0):
     """Yield (key, result) of calls on the workers as they end, and None while nothing ends.
 
     client : dask Client. calls : deque of (key, function, *args). most, priority : as for
-    `submit.ended`, which has four in flight for each worker, so that the scheduler always has one
-    that it prefers to those of a lower priority, and which cancels them when this is closed.
+    `submit.as_completed`, which has four in flight for each worker, so that the scheduler always
+    has one that it prefers to those of a lower priority, and which cancels them when this is
+    closed.
     """
-    for item in ended(client, lambda: calls.popleft() if calls else None, 4, most, _LOOK, priority):
+    for item in as_completed(
+        client, lambda: calls.popleft() if calls else None, 4, most, _LOOK, priority
+    ):
         if item and isinstance(item[1], Exception):
             raise item[1]
         yield item

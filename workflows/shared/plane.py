@@ -14,7 +14,7 @@ from nasm.planes import Plane
 from nasm.symmetries import ray
 from pipeline.cubes import escape
 from pipeline.sweep import refine
-from pipeline.sweep.grid import Axis, joined
+from pipeline.sweep.grid import Axis, join_tiles
 
 _GLANCE = 4000  # cells, and steps, of the coarse look by which refinement is foreseen
 
@@ -27,7 +27,7 @@ class Grid:
     axes: tuple[Axis, Axis]  # of the finest grid, along the plane's two
     n_max: int  # steps up to which orbits are followed
     n_orbits: list[int]  # increasing sizes of the nested ensembles
-    tile: int  # cells along each side of a tile, at least; see `grid.joined`
+    tile: int  # cells along each side of a tile, at least; see `grid.join_tiles`
     levels: int  # of refinement, each of cells half as wide
     follow: list[int]  # increasing N of the boundaries {n* ≤ N} that the levels follow
     precision: str  # of the arithmetic, as for `escape.first_escape`
@@ -93,7 +93,7 @@ def foreseen(run, grid):
         asked[level] = wanted
         finer = field
         for _ in range(level):
-            finer = refine.halved(finer)
+            finer = refine.subdivided(finer)
         return finer
 
     refine.refine(compute, partial(_is_within, grid), grid.levels, grid.tile)
@@ -114,7 +114,7 @@ def _level_job(grid, name, level):
     axes = [axis.coarsened(factor) for axis in grid.axes]
     sizes, how = grid.n_orbits, (grid.n_max, grid.tile, grid.precision)
     job = escape.over_plane(name, grid.plane, axes, sizes, *how)
-    return joined(job) if grid.levels == 1 else job
+    return join_tiles(job) if grid.levels == 1 else job
 
 
 def escape_plane(run, grid):

@@ -20,10 +20,10 @@ import numpy as np
 from dask.system import CPU_COUNT
 
 from pipeline import store
-from pipeline.sweep.cluster import ClusterError, connect, credentials
+from pipeline.sweep.cluster import ClusterError, connect, write_credentials
 from pipeline.sweep.grid import tile_coords
 from pipeline.sweep.progress import Progress, duration, plural
-from pipeline.sweep.sweep import COMMIT, sweep
+from pipeline.sweep.sweep import COMMIT_SECONDS, sweep
 from workflows.figures.style import drawn
 from workflows.shared.tables import write
 
@@ -46,7 +46,7 @@ _CODE = {  # attributes of these cubes
 
 def place_of(out, url=None):
     """Return the Place of the cubes: the URL if there is one, or else the directory `out`."""
-    with explained(url or out):
+    with usage_errors(url or out):
         return store.place_of(url or out)
 
 
@@ -57,7 +57,7 @@ def runs_of(out, url):
     {path below `out`, with a / at its end: Place}; the path of `out` itself is "". Of a directory
     these are all folders in it. A usage error if there are none.
     """
-    with explained(place := place_of(out, url)):
+    with usage_errors(place := place_of(out, url)):
         places = {"": place}
         if place.is_directory:
             places |= {f"{path}/": store.place_of(f"{place}/{path}") for path in _folders(place)}
@@ -105,11 +105,11 @@ class Run:
         studies : what is computed without sweeps, (Cube as `kept` takes it, CPU seconds, about).
         drawing : CPU seconds in which findings are put into words and figures drawn, about.
         """
-        with explained(self.place):
+        with usage_errors(self.place):
             self.studies = {cube.name: cost for cube, cost in studies if not self.holds(cube)}
             seconds = sum(self.studies.values())
             self._announce(seconds)
-            with store.driving(self.place):
+            with store.driver_lock(self.place):
                 self.started = True
                 os.makedirs(self.out, exist_ok=True)
                 foreseen = {name: cpu for name, (*_, cpu) in self.plan.items()}
@@ -132,7 +132,7 @@ class Run:
         later : of further sweeps, which depend on the results of these: (Job that costs about as
             much, the set of tiles that it will want, or None for all).
         """
-        with explained(self.place):
+        with usage_errors(self.place):
             for job in jobs:
                 self.check(job.cube)
             for job, wanted in [*((job, None) for job in jobs), *later]:
@@ -193,7 +193,7 @@ class Run:
         """
         name = job.cube.name
         number = self.begun.setdefault(name, len(self.begun) + 1)
-        self.line.go_on(f"sweep {number} of {len(self.plan)}, {name}", name)
+        self.line.begin_sweep(f"sweep {number} of {len(self.plan)}, {name}", name)
         outcome = sweep(self.client, self.place, job, self.line, wanted)
         self.line.end_sweep()
         if outcome.failed or outcome.interrupted:
@@ -240,7 +240,7 @@ class Run:
         if not self.holds(cube, *parts):
             filled = replace(cube, template=compute().assign_attrs(studied_by=_CODE["studied_by"]))
             store.replace(self.place, filled, store.COMPUTED_BY)
-            self.line.studied(self.studies.get(cube.name, 0))
+            self.line.count_study(self.studies.get(cube.name, 0))
         self.note("cubes", self.place.cube(cube.name))
         return store.read(self.place, cube.name).load()
 
@@ -288,10 +288,10 @@ def _echo_paths(kind, paths):
 
 
 @contextmanager
-def explained(place):
+def usage_errors(place):
     """End the program with one line and exit code 2 or 1 for what the user can mend."""
     try:
-        with store.explained(place):
+        with store.store_errors(place):
             yield
     except (store.Refused, ClusterError) as error:
         raise click.UsageError(store.printable(str(error))) from None
@@ -309,7 +309,7 @@ def shared_workers(scheduler, n_workers, tls):
         yield ["--scheduler", scheduler, *(["--tls", *tls] if tls else [])]
         return
     with connect(n_workers=n_workers) as client, TemporaryDirectory() as folder:
-        tls = credentials(client(), folder)
+        tls = write_credentials(client(), folder)
         yield ["--scheduler", client().scheduler.address, "--tls", *tls]
 
 
@@ -332,4 +332,4 @@ def _expected(place, job, wanted):
             break
     files = len(tiles) * (len(cube.computed) + 1)  # the commit record is one, too
     size = cube.template.nbytes / 1e6 * len(tiles) / prod(cube.tile_counts)
-    return len(tiles), files, size, len(tiles) * (sum(costs) / max(1, len(costs)) + COMMIT)
+    return len(tiles), files, size, len(tiles) * (sum(costs) / max(1, len(costs)) + COMMIT_SECONDS)

@@ -28,11 +28,11 @@ def examine(path, place, repair, proofs, longest):
     Returns how many tiles are damaged, where the metadata of a cube count as one, and how many of
     them `repair` makes missing.
     """
-    from pipeline.store import driving, has_digests, names, printable, verify
+    from pipeline.store import driver_lock, has_digests, names, printable, verify
     from pipeline.sweep.progress import plural
 
     n_damaged = n_repairable = 0
-    with driving(place) if repair else nullcontext():
+    with driver_lock(place) if repair else nullcontext():
         for name in names(place):
             damaged = list(verify(place, name, repair))
             is_whole, is_known = all(index for index, _ in damaged), has_digests(place, name)

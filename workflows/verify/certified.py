@@ -53,7 +53,7 @@ def verify_proofs(path, place, longest, repair):
         words = f"{path}{name}: {plural(len(short), 'certificate')} to check"
         click.echo(f"{words}, about {duration(sum(short))} of CPU time", err=True)
         with Progress(f"{path}{name}: certificates", sys.stderr) as progress:
-            progress.begin(sum(short))
+            progress.add_work(sum(short))
             for index, of_tile in tiles.items():
                 certificates = proved.unpack_certificates(
                     place.read(store.certificates_key(name, index))
