@@ -23,7 +23,6 @@ nasm.periodic
 nasm.proofs
 nasm.tori
 nasm.verdicts
-pipeline.store
 workflows.shared
 """
 

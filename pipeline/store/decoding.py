@@ -1,12 +1,14 @@
-"""What is decoded of a store, which may be a stranger's: metadata are checked before any chunk is.
+"""What is decoded of a store, which may be a foreign one: metadata are checked before any chunk.
 
-Metadata name the code that decodes chunks, some of which executes what it finds in them, and say
-how much memory that takes. Only arrays like those of cubes are opened: of zarr 3, of numbers and
-texts, with the codecs in `_CODECS`, and within the limits below. What a chunk claims to unpack to
-is compared with its array before it is unpacked.
+Metadata name the code that decodes chunks, and some of this code executes the bytes of a chunk;
+they also say how much memory decoding takes. Only arrays like those of cubes are opened: of zarr 3,
+of numbers and texts, with the codecs in `_CODECS`, and within the limits below. The size to which a
+chunk claims to unpack is compared with its array before it is unpacked.
 """
 
+from contextlib import AbstractContextManager
 from math import prod
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from zarr import codecs, config
 from zarr.registry import register_codec
@@ -14,11 +16,25 @@ from zarr.storage import ObjectStore
 
 from pipeline.store.place import MAX_FILE, Refused
 
-MAX_METADATA = 2**24  # bytes of a cube's zarr.json
-MAX_TILE = 2**26  # bytes of a tile in memory: of one chunk of each array together
-MAX_CHUNKS = 10**7  # chunks of an array; tiles of a cube; labels along all dimensions together
-MAX_TEXTS = 10**5  # texts of all arrays together
-MAX_TEXT = 2**17  # bytes: a rotation number of 1000 quotients of 100 digits fits
+if TYPE_CHECKING:
+    from zarr.abc.store import ByteRequest
+    from zarr.core.array_spec import ArraySpec
+    from zarr.core.buffer import Buffer, BufferPrototype, NDBuffer
+
+MAX_METADATA = 2**24
+"""Most bytes of a cube's zarr.json."""
+
+MAX_TILE = 2**26
+"""Most bytes of a tile in memory: of one chunk of each array together."""
+
+MAX_CHUNKS = 10**7
+"""Most chunks of an array, tiles of a cube, and labels along all dimensions together."""
+
+MAX_TEXTS = 10**5
+"""Most texts of all arrays together."""
+
+MAX_TEXT = 2**17
+"""Most bytes of a text: a rotation number of 1000 quotients of 100 digits fits."""
 
 _MAX_ARRAYS = 1000
 _MAX_FILL = 100  # characters of a fill value
@@ -32,29 +48,40 @@ _INTEGERS = {f"{u}int{bits}": bits // 8 for u in ("", "u") for bits in (8, 16, 3
 _BYTES = {"bool": 1, **_INTEGERS, "float32": 4, "float64": 8, "string": 64}  # in memory
 
 
-def arrays_in(root, path):
-    """Return {name: metadata} of the arrays that a group has by its zarr.json `root`, parsed.
+def arrays_in(root: dict[str, Any], path: str) -> dict[str, Any]:
+    """Return the metadata of each array of a group, and check that they are like those of cubes.
 
-    Refused if one of them is unlike those of cubes; the message names the group's path. Metadata
-    that are cut or changed may raise whatever is in `tiles.DAMAGED`.
+    Parameters
+    ----------
+    root : dict
+        The group's zarr.json, parsed.
+    path : str
+        Of the group, for messages.
+
+    Raises
+    ------
+    Refused
+        If an array is unlike those of cubes.
+    tiles.DAMAGED
+        Metadata that are cut or changed may raise any error of this tuple.
     """
     nodes = root["consolidated_metadata"]["metadata"]
     arrays = {name: node for name, node in nodes.items() if node["node_type"] == "array"}
     sizes = {name: prod(array["shape"]) for name, array in arrays.items()}
 
-    def refuse(what):
-        raise Refused(f"{path} is refused: {what}")
+    def refuse(reason: str) -> NoReturn:
+        raise Refused(f"{path} is refused: {reason}")
 
     if len(nodes) > _MAX_ARRAYS:
         refuse(f"it has more than {_MAX_ARRAYS} arrays")
     if root["zarr_format"] != 3:
         refuse("it is in another format than zarr 3")
     for name, node in nodes.items():
-        if what := _oddity(name, node):
-            refuse(f"{_shown(name)} has {what}")
+        if oddity := _oddity(name, node):
+            refuse(f"{_shown(name)} has {oddity}")
     if sum(map(_chunk_bytes, arrays.values())) > MAX_TILE:
-        words = f"take more than {MAX_TILE >> 20} MB; make tiles smaller"
-        refuse(f"its tiles, one chunk of each array, {words}")
+        limit = f"{MAX_TILE >> 20} MB"
+        refuse(f"its tiles, one chunk of each array, take more than {limit}; make tiles smaller")
     if sum(n for name, n in sizes.items() if _dims(arrays[name]) == [name]) > MAX_CHUNKS:
         refuse(f"it has more than {MAX_CHUNKS} labels")
     if sum(n for name, n in sizes.items() if arrays[name]["data_type"] == "string") > MAX_TEXTS:
@@ -62,28 +89,30 @@ def arrays_in(root, path):
     return arrays
 
 
-def _chunk_bytes(array):
+def _chunk_bytes(array: dict[str, Any]) -> int:
     """Return the bytes of a chunk, unpacked, of the array with this metadata."""
     return _BYTES[array["data_type"]] * prod(_chunk_shape(array))
 
 
-def _chunk_shape(array):
+def _chunk_shape(array: dict[str, Any]) -> list[int]:
+    """Return the shape of a chunk of the array with this metadata."""
     return array["chunk_grid"]["configuration"]["chunk_shape"]
 
 
-def _dims(array):
+def _dims(array: dict[str, Any]) -> list[str] | None:
+    """Return the names of the dimensions of the array with this metadata."""
     return array.get("dimension_names")
 
 
-def _oddity(name, node):
-    """Return what no node of a cube has; "" if there is nothing."""
+def _oddity(name: str, node: dict[str, Any]) -> str:
+    """Name a property of the node that no node of a cube has; "" if there is none."""
     if node["zarr_format"] != 3:
         return "another format than zarr 3"
     if {"", ".", ".."} & {*name.split("/")}:
         return "a name that is no path"
     if node["node_type"] == "group":
-        below = node.get("consolidated_metadata")  # of no use, as the cube has all of them
-        return "metadata of its own" if below and below["metadata"] else ""
+        within = node.get("consolidated_metadata")  # of no use, as the cube has all of them
+        return "metadata of its own" if within and within["metadata"] else ""
     names = tuple(codec["name"] for codec in node["codecs"])
     kind, fill = node["data_type"], node["fill_value"]
     if names not in _CODECS:
@@ -96,14 +125,17 @@ def _oddity(name, node):
     return f"more than {MAX_CHUNKS} chunks" * (prod(chunks) > MAX_CHUNKS)
 
 
-def _shown(text):
+def _shown(text: object) -> str:
+    """Return the text in ASCII, at most 80 characters of it."""
     return f"{text!a:.80}"
 
 
 class Files(ObjectStore):
-    """The files of a store, as zarr reads them: none larger than any of a cube."""
+    """The files of a store for zarr, which reads no file larger than those of cubes."""
 
-    async def get(self, key, prototype, byte_range=None):
+    async def get(
+        self, key: str, prototype: "BufferPrototype", byte_range: "ByteRequest | None" = None
+    ) -> "Buffer | None":
         if byte_range is not None:
             return await super().get(key, prototype, byte_range)
         try:
@@ -116,20 +148,21 @@ class Files(ObjectStore):
 
 
 class ZstdCodec(codecs.ZstdCodec):
-    """The codec of zarr, for frames that unpack to what fits into memory.
+    """The codec of zarr, for frames that unpack to at most MAX_TILE bytes.
 
     See RFC 8878, Sec. 3.1.1.1: a frame has a magic number, a descriptor, and the size of its
     content, in that order.
     """
 
-    async def _decode_single(self, chunk_bytes, chunk_spec):
+    async def _decode_single(self, chunk_bytes: "Buffer", chunk_spec: "ArraySpec") -> "Buffer":
         size = _content_size(chunk_bytes.to_bytes())
         if size > MAX_TILE:
             raise ValueError(f"a chunk of {len(chunk_bytes)} bytes claims to unpack to {size}")
         return await super()._decode_single(chunk_bytes, chunk_spec)
 
 
-def _content_size(frame):
+def _content_size(frame: bytes) -> int:
+    """Return the number of bytes to which a frame says that it unpacks."""
     descriptor = frame[4]
     is_single = descriptor >> 5 & 1  # it has no byte for the size of a window
     n_bytes = (is_single, 2, 4, 8)[descriptor >> 6]
@@ -140,9 +173,9 @@ def _content_size(frame):
 
 
 class VLenUTF8Codec(codecs.VLenUTF8Codec):  # by this name zarr knows the codec of texts
-    """The codec of zarr, for chunks with as many texts as their array has there."""
+    """The codec of zarr, for chunks with as many texts as the shape of a chunk says."""
 
-    async def _decode_single(self, chunk_bytes, chunk_spec):
+    async def _decode_single(self, chunk_bytes: "Buffer", chunk_spec: "ArraySpec") -> "NDBuffer":
         data, n_texts = chunk_bytes.to_bytes(), prod(chunk_spec.shape)
         if int.from_bytes(data[:4], "little") != n_texts or len(data) > 4 + n_texts * MAX_TEXT:
             raise ValueError(f"a chunk of {len(data)} bytes does not hold {n_texts} texts")
@@ -154,9 +187,12 @@ for _name, _codec in _BOUNDED.items():
     register_codec(_name, _codec)
 
 
-def usual_codecs():
-    """Within this context arrays are opened with zarr's own codecs, bounded, whatever codecs and
-    pipeline of codecs the user's files or environment name; others do not know all stores."""
+def usual_codecs() -> AbstractContextManager[object]:
+    """Return a context in which arrays are opened with zarr's own codecs, within the limits above.
+
+    Codecs, and pipelines of codecs, that the user's files or environment name are ignored in it:
+    they may not support every store.
+    """
     usual = config.defaults[0]
     bounded = {name: f"{codec.__module__}.{codec.__name__}" for name, codec in _BOUNDED.items()}
     named = usual["codecs"] | bounded

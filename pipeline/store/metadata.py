@@ -1,50 +1,60 @@
 """Metadata of cubes: a function of the cube and of who computes it, written before any tile.
 
-Whoever puts the group's zarr.json first has made the cube; any other driver must agree with it. A
-file beside it, NAME.zarr/digests.json, holds the same attributes, and a digest of each file that no
-tile fills: these show whether metadata or coordinates were changed, and whose the cube is. If they
-are lost too, the checksums in the records of tiles tell whose these are.
+The driver that writes the group's zarr.json first has made the cube; any other driver must agree
+with it. A file beside it, NAME.zarr/digests.json, holds the same attributes, and a digest of each
+file that is not written by a tile: these show whether metadata or coordinates were changed, and to
+which settings the cube belongs. If they are lost too, the checksums in the records of tiles show to
+which settings the tiles belong.
 """
 
 import dataclasses
 import hashlib
 import json
 import warnings
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import dask.array
 import numpy as np
 import xarray as xr
+from zarr import Array
 from zarr.codecs import Crc32cCodec, ZstdCodec
 from zarr.storage import MemoryStore
 
 from nasm import __version__
 from pipeline.store import tiles
 from pipeline.store.decoding import MAX_METADATA, arrays_in, usual_codecs
-from pipeline.store.place import Refused, store_errors
+from pipeline.store.place import Place, Refused, store_errors
 from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT
 
+if TYPE_CHECKING:
+    from pipeline.cubes.cube import Cube
+
 DIGESTS = "digests.json"
-_TOLD = 3  # files that are named where more have changed
-_CHUNK = 1024  # along each dim, of cubes that are written whole
+"""Name of the file of a cube with its digests."""
+
+_MAX_NAMED = 3  # files that are named where more have changed
+_MAX_CHUNK = 1024  # along each dim, of cubes without tiles
 _PACKAGE = Path(__file__).parents[2]
 _MATHEMATICS = sorted([*_PACKAGE.glob("nasm/**/*.py"), *_PACKAGE.glob("pipeline/cubes/**/*.py")])
-_DECIDING = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zarr"
-# Of the files as they are imported: a process that runs on while they are edited has the old ones.
+_LIBRARIES = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zarr"
+# The files as they are at the import: a process that runs while they are edited uses the old ones.
 # The version of the package alone would miss an edit.
 _FILES = b"".join(
     path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes() for path in _MATHEMATICS
 )
-_VERSIONS = (f"{package} {version(package)}" for package in _DECIDING)
-# What decides the numbers of a cube besides its plan, in one line: source and libraries.
+_VERSIONS = (f"{package} {version(package)}" for package in _LIBRARIES)
+
 COMPUTED_BY = ", ".join([f"mathematics {hashlib.sha256(_FILES).hexdigest()[:12]}", *_VERSIONS])
+"""What decides the numbers of a cube besides its plan, in one line: source and libraries."""
 
 
-def names(place):
-    """Names of the cubes in the place; Refused if it does not exist."""
+def names(place: Place) -> list[str]:
+    """Return the names of the cubes in the place; Refused if it does not exist."""
     with store_errors(place):
         try:
             folders = place.objects().list_with_delimiter()["common_prefixes"]
@@ -53,45 +63,64 @@ def names(place):
     return sorted(name.removesuffix(".zarr") for name in folders if name.endswith(".zarr"))
 
 
-def check(place, cube, computed_by):
-    """Refuse to continue a cube that has other settings, or that other code has begun.
+def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
+    """Check that a cube may be continued; write nothing.
 
-    Writes nothing. Returns the attributes of the cube that is there, {} if there is none.
+    Parameters
+    ----------
+    place : Place
+        Where the cube is kept.
+    cube : Cube
+        The plan.
+    computed_by : str
+        What computes it, as COMPUTED_BY.
+
+    Returns
+    -------
+    dict
+        The attributes of the cube in the store, {} if there is none.
+
+    Raises
+    ------
+    Refused
+        If that cube has other settings, or was begun by other code and is not complete.
     """
-    found = _check_settings(place, cube)
-    if not found:
+    attributes = _check_settings(place, cube)
+    if not attributes:
         _check_tiles(place, cube, computed_by)
-    elif (theirs := found.get("computed_by")) != computed_by and not _is_complete(place, cube):
-        words = f"was computed by {theirs}; this is {computed_by}. Resume it with those versions"
-        raise Refused(f"{place.cube(cube.name)} {words}, or choose another --out or --store")
-    return found
+    elif (theirs := attributes.get("computed_by")) != computed_by and not _is_complete(place, cube):
+        reason = f"was computed by {theirs}; this is {computed_by}. Resume it with those versions"
+        raise Refused(f"{place.cube(cube.name)} {reason}, or choose another --out or --store")
+    return attributes
 
 
-def create(place, cube, computed_by):
+def create(place: Place, cube: "Cube", computed_by: str) -> None:
     """Make the cube, all tiles missing, or check that the one in the place is the same.
 
-    Metadata and coordinates that are damaged or missing are written again. Refused as by `check`.
+    Metadata and coordinates that are damaged or missing are written again. Parameters and errors
+    are those of `check`.
     """
     tiles.forget()
-    found, root = check(place, cube, computed_by), _key(cube.name)
-    if not found:
+    attributes, root = check(place, cube, computed_by), _key(cube.name)
+    if not attributes:
         ours = _provenance(computed_by)
         place.write(root, _files(cube, ours)[root], "create")
-        found = check(place, cube, computed_by) or ours  # another driver may have been first
-    for key, data in _differing(place, _files(cube, found)).items():
+        attributes = check(place, cube, computed_by) or ours  # another driver may have been first
+    for key, data in _differing(place, _files(cube, attributes)).items():
         place.write(key, data)
 
 
-def replace(place, cube, computed_by):
-    """Write a cube that is computed in full, compressed, in place of an earlier state of itself.
+def replace(place: Place, cube: "Cube", computed_by: str) -> None:
+    """Write a complete cube, compressed, in place of an earlier state of itself.
 
     Nothing is written if that state is the same, and by the same code. The group's zarr.json is
-    deleted first and written last: until then, also after a crash, there is no such cube. Refused
-    on other settings.
+    deleted first and written last: until then, also after a crash, the cube does not exist.
+    Parameters are those of `check`, and so is the error for other settings.
     """
     cube = dataclasses.replace(cube, template=cube.template.compute())
-    found = _check_settings(place, cube)
-    if found.get("computed_by") == computed_by and not _differing(place, _files(cube, found)):
+    attributes = _check_settings(place, cube)
+    is_same_code = attributes.get("computed_by") == computed_by
+    if is_same_code and not _differing(place, _files(cube, attributes)):
         return
     place.delete(_key(cube.name))
     files = _files(cube, _provenance(computed_by))
@@ -99,14 +128,14 @@ def replace(place, cube, computed_by):
         place.write(key, files[key])
 
 
-def is_visible(place, name, config_hash):
-    """Whether this process finds that cube in the place. A worker asks it before each batch."""
+def is_visible(place: Place, name: str, config_hash: str) -> bool:
+    """Return True if this process can read that cube; workers call it before each batch."""
     tiles.forget()  # the cube may have been deleted and made anew
     return _attributes(place, name).get("config_hash") == config_hash
 
 
-def _provenance(computed_by):
-    """Attributes of a new cube: who computes it, which version of the package, and when."""
+def _provenance(computed_by: str) -> dict[str, str]:
+    """Return attributes of a new cube: who computes it, the package's version, and the time."""
     return {
         "computed_by": computed_by,
         "package_version": __version__,
@@ -114,21 +143,21 @@ def _provenance(computed_by):
     }
 
 
-def _check_settings(place, cube):
-    """The attributes of the cube that is there, {} if there is none; Refused if it differs."""
-    found = _noted(place, cube.name)[0] or _attributes(place, cube.name)
-    if {"config_hash": cube.config_hash, "store_format": FORMAT}.items() <= found.items():
-        return found
-    if not found:
+def _check_settings(place: Place, cube: "Cube") -> dict[str, Any]:
+    """Return the attributes of the cube in the store, {} for none; Refused if it differs."""
+    attributes = _noted(place, cube.name)[0] or _attributes(place, cube.name)
+    if {"config_hash": cube.config_hash, "store_format": FORMAT}.items() <= attributes.items():
+        return attributes
+    if not attributes:
         for file in ("zarr.json", ".zgroup", ".zarray"):  # by another program, in zarr 3 or 2
             with suppress(ValueError, RecursionError):
                 if json.loads(place.read(f"{cube.name}.zarr/{file}", MAX_METADATA)):
                     raise _not_ours(place, cube.name)
         return {}
     differences = [
-        f"{key} is {_brief(found.get(key))}, not {_brief(value)}"
+        f"{key} is {_brief(attributes.get(key))}, not {_brief(value)}"
         for key, value in cube.attributes.items()
-        if found.get(key) != value
+        if attributes.get(key) != value
     ]
     raise Refused(
         f"{place.cube(cube.name)} was computed with other settings: "
@@ -137,45 +166,56 @@ def _check_settings(place, cube):
     )
 
 
-def _brief(setting):
+def _brief(setting: Any) -> Any:
+    """Return the name of a plane that is a setting; any other setting itself."""
     with suppress(KeyError, RecursionError, TypeError, ValueError):
         return json.loads(setting)["name"]  # of a plane
     return setting
 
 
-def _attributes(place, name):
-    """The attributes of the cube, {} if it is not there, is damaged, or is another program's."""
+def _attributes(place: Place, name: str) -> dict[str, Any]:
+    """Return the attributes of the cube, {} if it is missing, damaged, or another program's."""
     with suppress(*DAMAGED):
         return _parsed(place.read(_key(name), MAX_METADATA))
     return {}
 
 
-def _parsed(data):
-    """The cube's attributes in a zarr.json, or in what is noted beside it; one of DAMAGED."""
-    found = json.loads(data)["attributes"]
-    found.pop("coordinates", None)  # xarray's own word
-    if not isinstance(found["config_hash"], str):
+def _parsed(data: bytes) -> dict[str, Any]:
+    """Parse the cube's attributes in a zarr.json, or in digests.json; errors are in DAMAGED."""
+    attributes = json.loads(data)["attributes"]
+    attributes.pop("coordinates", None)  # xarray has added it
+    if not isinstance(attributes["config_hash"], str):
         raise TypeError
-    return found
+    return attributes
 
 
-def _noted(place, name):
-    """What is noted beside the metadata: the cube's attributes, and {file: its digest}. Empty if
-    nothing is, as by earlier versions, or if it is damaged."""
+def _noted(place: Place, name: str) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return what digests.json holds: the cube's attributes, and {file: its digest}.
+
+    Both are empty if it does not exist, as in cubes of earlier versions, or is damaged.
+    """
     with suppress(*DAMAGED):
         data = place.read(f"{name}.zarr/{DIGESTS}", MAX_METADATA)
         return _parsed(data), dict(json.loads(data)["sha256"])
     return {}, {}
 
 
-def has_digests(place, name):
-    """Whether digests of the cube's metadata were noted, which earlier versions did not do."""
+def has_digests(place: Place, name: str) -> bool:
+    """Return True if the cube has digests of its metadata; those of earlier versions have none."""
     return place.size(f"{name}.zarr/{DIGESTS}") > 0
 
 
-def changes(place, name):
-    """Say which files of the cube's metadata and coordinates are not as they were written, or of a
-    cube that was written whole which of all; "" if none is known to differ."""
+def changes(place: Place, name: str) -> str:
+    """Name the files of a cube that were changed or lost since they were written, and the cure.
+
+    Files of metadata and coordinates are compared with their digests, and all files of a cube
+    without tiles.
+
+    Returns
+    -------
+    str
+        "" if no file differs, or the cube has no digests.
+    """
     if not has_digests(place, name):
         return ""
     digests = _noted(place, name)[1] or {DIGESTS: ""}
@@ -186,20 +226,21 @@ def changes(place, name):
     ]
     if not paths:
         return ""
-    more = f" and {len(paths) - _TOLD} more" if len(paths) > _TOLD else ""
-    told = f"{', '.join(path[:100] for path in paths[:_TOLD])}{more} of {place.cube(name)}"
-    return f"{told}: changed or lost; run again the command that computed it, which restores them"
+    more = f" and {len(paths) - _MAX_NAMED} more" if len(paths) > _MAX_NAMED else ""
+    files = f"{', '.join(path[:100] for path in paths[:_MAX_NAMED])}{more} of {place.cube(name)}"
+    return f"{files}: changed or lost; run again the command that computed it, which restores them"
 
 
-def _digest(data):
+def _digest(data: bytes) -> str:
+    """Return the SHA-256 of a file."""
     return hashlib.sha256(data).hexdigest()
 
 
-def _check_tiles(place, cube, computed_by):
-    """Look at tiles without metadata, which workers write after the cube was deleted under way.
+def _check_tiles(place: Place, cube: "Cube", computed_by: str) -> None:
+    """Check tiles without metadata, which workers write after the cube was deleted during a sweep.
 
-    Refused unless all whose data are there are of this cube and computed by the same code, by the
-    checksums in their records.
+    Refused unless all tiles with data belong to this cube and were computed by the same code, by
+    the checksums in their records.
     """
     if any(place.files(f"{cube.name}.zarr/{COMMIT}")):
         arrays = _planned(place, cube, {"computed_by": computed_by})
@@ -208,63 +249,83 @@ def _check_tiles(place, cube, computed_by):
                 raise _not_ours(place, cube.name)
 
 
-def _is_complete(place, cube):
-    """Whether no tile is missing."""
-    return not cube.computed or tiles.commit_times(place, _planned(place, cube, {}))[0].all()
+def _is_complete(place: Place, cube: "Cube") -> bool:
+    """Return True if no tile is missing."""
+    return not cube.computed or bool(tiles.commit_times(place, _planned(place, cube, {}))[0].all())
 
 
-def _planned(place, cube, by):
-    """{name: zarr array} of the cube by its plan, whatever its metadata in the store say."""
+def _planned(place: Place, cube: "Cube", by: Mapping[str, Any]) -> dict[str, Array]:
+    """Return the zarr arrays of the cube by its plan, whatever its metadata in the store say."""
     return tiles.opened(place, cube.name, json.loads(_files(cube, by)[_key(cube.name)]))
 
 
-def _not_ours(place, name):
-    words = "is not a cube of this program, or its metadata are lost; delete it, or choose"
-    return Refused(f"{place.cube(name)} {words} another --out or --store")
+def _not_ours(place: Place, name: str) -> Refused:
+    """Return the error for a group that is not a cube."""
+    reason = "is not a cube of this program, or its metadata are lost"
+    cure = "delete it, or choose another --out or --store"
+    return Refused(f"{place.cube(name)} {reason}; {cure}")
 
 
-def _key(name):
+def _key(name: str) -> str:
+    """Return the key of the cube's zarr.json."""
     return f"{name}.zarr/zarr.json"
 
 
-def _differing(place, files):
+def _differing(place: Place, files: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Return those of the files that are not like this in the store."""
     return {key: data for key, data in files.items() if place.read(key) != data}
 
 
-def _files(cube, by):
-    """{key: bytes} of the cube before any tile is there, or with all values, compressed, if its
-    template has them; `by` tells who computed it."""
+def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
+    """Return the files {key: bytes} of the cube before any tile is written.
+
+    If its template has all values, they are in the files, compressed. by : attributes that name who
+    computed it.
+    """
     ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
     labels = cube.template.attrs  # first, so that the order is the same when they are read again
     identity = {**labels, **by, **labels, **cube.attributes, **ours}
     # NumPy's type of text has no standard in zarr 3.
     variables = cube.template.variables
     texts = {k: v.astype(object) for k, v in variables.items() if v.dtype.kind == "U"}
-    groups, encoding = {"/": cube.template.assign(texts).assign_attrs(identity)}, {"/": {}}
+    groups = {"/": cube.template.assign(texts).assign_attrs(identity)}
+    encoding: dict[str, dict[Any, dict[str, Any]]] = {"/": {}}
     computed = cube.computed
     for key, array in variables.items():
         if computed:
-            tile = {} if array.dims == (key,) else cube.tile  # indices are read whole
-            chunks, codecs = [tile.get(dim, n) for dim, n in array.sizes.items()], ()
+            tile = {} if array.dims == (key,) else cube.tile  # readers need all of an index
+            chunks = [tile.get(str(dim), n) for dim, n in array.sizes.items()]
+            encoding["/"][key] = _encoding(array.dtype, chunks)
         else:  # one length for each dim, in all of them
-            chunks, codecs = [min(n, _CHUNK) for n in array.shape], (ZstdCodec(),)
-        encoding["/"][key] = _encoding(array.dtype, chunks, *codecs)
+            chunks = [min(n, _MAX_CHUNK) for n in array.shape]
+            encoding["/"][key] = _encoding(array.dtype, chunks, ZstdCodec())
     if computed:
         (group, name), counts = COMMIT.split("/"), cube.tile_counts
-        words = {"long_name": "CPU seconds of the tile, and the CRC-32 of its data", "units": "1"}
-        words |= {"entries": list(ENTRIES), "of_tiles": [*computed, COMMIT], "cube": identity}
-        words["comment"] = "written last: the tile is complete if this is not NaN"
+        labels_of_records = {
+            "long_name": "CPU seconds of the tile, and the CRC-32 of its data",
+            "units": "1",
+            "entries": list(ENTRIES),
+            "of_tiles": [*computed, COMMIT],
+            "cube": identity,
+            "comment": "written last: the tile is complete if this is not NaN",
+        }
         dims, shape = (ENTRY, *(f"tile_{dim}" for dim in cube.tile)), (len(ENTRIES), *counts)
-        blank = xr.Variable(dims, dask.array.full(shape, np.nan, chunks=-1), words)
+        blank = xr.Variable(dims, dask.array.full(shape, np.nan, chunks=-1), labels_of_records)
         groups[group] = xr.Dataset({name: blank})
         encoding[f"/{group}"] = {name: _encoding(blank.dtype, [len(ENTRIES), *(1 for _ in counts)])}
-    how = {"zarr_format": 3, "consolidated": True, "write_empty_chunks": True}
-    files, tree = {}, xr.DataTree.from_dict(groups)
+    options: dict[str, Any] = {
+        "encoding": encoding,
+        "compute": not computed,
+        "zarr_format": 3,
+        "consolidated": True,
+        "write_empty_chunks": True,
+    }
+    buffers: dict[str, Any] = {}
     with warnings.catch_warnings(), usual_codecs():
         # Zarr 3 has no standard for consolidated metadata yet; without them readers are warned.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
-        tree.to_zarr(MemoryStore(files), encoding=encoding, compute=not computed, **how)
-    files = {key: buffer.to_bytes() for key, buffer in files.items()}
+        xr.DataTree.from_dict(groups).to_zarr(MemoryStore(buffers), **options)
+    files = {key: buffer.to_bytes() for key, buffer in buffers.items()}
     arrays_in(json.loads(files["zarr.json"]), f"the cube {cube.name}")
     digests = {key: _digest(data) for key, data in files.items()}
     noted = {"attributes": _parsed(files["zarr.json"]), "sha256": digests}
@@ -272,12 +333,16 @@ def _files(cube, by):
     return {f"{cube.name}.zarr/{key}": data for key, data in files.items()}
 
 
-def _encoding(dtype, chunks, *codecs):
-    """How zarr keeps an array. A lost chunk of it reads as no number that is ever computed."""
-    how = {"chunks": tuple(chunks), "compressors": (*codecs, Crc32cCodec()), "filters": None}
+def _encoding(dtype: np.dtype, chunks: Sequence[int], *codecs: ZstdCodec) -> dict[str, Any]:
+    """Return zarr's settings of an array. The fill value of a missing chunk is never computed."""
+    encoding: dict[str, Any] = {
+        "chunks": tuple(chunks),
+        "compressors": (*codecs, Crc32cCodec()),
+        "filters": None,
+    }
     if dtype.kind in "iu":
         limits = np.iinfo(dtype)
-        how["fill_value"] = int(limits.min or limits.max)
+        encoding["fill_value"] = int(limits.min or limits.max)
     elif dtype.kind == "f":
-        how["fill_value"] = np.nan
-    return how
+        encoding["fill_value"] = np.nan
+    return encoding

@@ -1,68 +1,99 @@
 """Where cubes are kept: a directory, or a prefix in an object store, both through obstore.
 
 Credentials, endpoint and region come from the environment (AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL, …)
-of the driver and of each worker, and go nowhere from there.
+of the driver and of each worker, and are passed on to nothing else.
 """
 
 import errno
 import os
 import re
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from functools import lru_cache
+from typing import TYPE_CHECKING, Literal
 
 from filelock import FileLock, Timeout
 from obstore.exceptions import AlreadyExistsError, BaseError
 from obstore.store import LocalStore, from_url
 
-MAX_FILE = 2**27  # bytes of a file that is read
-PATIENCE = 30  # seconds for which a request is repeated while an object store does not answer
+if TYPE_CHECKING:
+    from obstore import ObjectMeta
+    from obstore.store import ObjectStore
+
+MAX_FILE = 2**27
+"""Most bytes of a file that is read."""
+
+PATIENCE = 30
+"""Seconds for which a request is repeated while an object store does not answer."""
+
 _NO_LOCKS = errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS
 _NOT_THERE = FileNotFoundError, ValueError  # the second for a key that no file can have
 _URL = re.compile(r"(s3|gs|az)://[a-z0-9][a-z0-9._-]+(/[\w.=+-]+)+", re.ASCII)
 
 
 class Refused(Exception):
-    """The store cannot take this sweep; the message says why, and what to do. Nothing was done."""
+    """The store cannot take this sweep; nothing was done. The message gives the reason and the
+    cure."""
 
 
 class StoreFailed(OSError):
-    """The disk or the object store failed under way. What is committed stays."""
+    """The disk or the object store failed during a sweep. Committed tiles stay."""
 
 
-def printable(text):
-    """The text in one line, without control characters, which a stranger's store may hold."""
+def printable(text: str) -> str:
+    """Return the text in one line, without control characters, which a foreign store may contain.
+
+    Examples
+    --------
+    >>> from pipeline.store import printable
+    >>> printable("two\\nlines")
+    'two lines'
+    """
     return "".join(character if character.isprintable() else " " for character in text)
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where cubes are kept; see `place_of`. Keys are paths of files below it."""
+    """Where cubes are kept; `place_of` makes one. Keys are paths of files below it.
 
-    root: str  # absolute path of a directory, or URL of a prefix in an object store
+    Attributes
+    ----------
+    root : str
+        Absolute path of a directory, or URL of a prefix in an object store.
+    """
 
-    def __str__(self):
+    root: str
+
+    def __str__(self) -> str:
         return self.root
 
     @property
-    def is_directory(self):
+    def is_directory(self) -> bool:
+        """True for a directory, False for an object store."""
         return "://" not in self.root
 
-    def cube(self, name):
-        """Path or URL of the cube's zarr group."""
+    def cube(self, name: str) -> str:
+        """Return the path or URL of the cube's zarr group."""
         return f"{self.root}/{name}.zarr"
 
-    def objects(self, name=None):
-        """The obstore store of all files, or of those of one cube, which must be there."""
+    def objects(self, name: str | None = None) -> "ObjectStore":
+        """Return the obstore store of all files, or of those of one cube.
+
+        Raises
+        ------
+        FileNotFoundError
+            If the directory, or the cube in it, does not exist.
+        """
         path = self.cube(name) if name else self.root
-        is_there = os.path.isfile(f"{path}/zarr.json") if name else os.path.isdir(path)
-        if self.is_directory and not is_there:  # obstore would make it anew
+        exists = os.path.isfile(f"{path}/zarr.json") if name else os.path.isdir(path)
+        if self.is_directory and not exists:  # obstore would make it anew
             raise FileNotFoundError(f"{path} does not exist, was moved, or its disk is gone")
         return _opened(path)
 
-    def read(self, key, most=MAX_FILE):
-        """The bytes of a file; empty if it is missing; Refused if there are more than `most`."""
+    def read(self, key: str, most: int = MAX_FILE) -> bytes:
+        """Return the bytes of a file, b"" if it is missing; Refused if it has more than `most`."""
         with store_errors(self), suppress(*_NOT_THERE):
             file = self.objects().get(key)
             if (size := file.meta["size"]) > most:
@@ -70,36 +101,53 @@ class Place:
             return bytes(file.bytes())
         return b""
 
-    def size(self, key):
-        """The bytes that a file has; 0 if it is missing."""
+    def size(self, key: str) -> int:
+        """Return the size of a file in bytes; 0 if it is missing."""
         with store_errors(self), suppress(*_NOT_THERE):
             return self.objects().head(key)["size"]
         return 0
 
-    def write(self, key, data, mode="overwrite"):
-        """Write a file, whole or not at all; with the mode "create" only if it is not there."""
+    def write(
+        self, key: str, data: bytes, mode: Literal["create", "overwrite"] = "overwrite"
+    ) -> None:
+        """Write a file, completely or not at all; with the mode "create" only if it is missing."""
         with store_errors(self), suppress(AlreadyExistsError):
             self.objects().put(key, data, mode=mode)
 
-    def delete(self, key):
-        """Delete a file, if it is there."""
+    def delete(self, key: str) -> None:
+        """Delete a file, if it exists."""
         with store_errors(self), suppress(FileNotFoundError):
             self.objects().delete(key)
 
-    def files(self, prefix):
-        """Yield what the store tells of each file below the prefix: path, size, last_modified."""
+    def files(self, prefix: str) -> Iterator["ObjectMeta"]:
+        """Yield path, size and last_modified of each file below the prefix."""
         with store_errors(self), suppress(*_NOT_THERE):
             for page in self.objects().list(prefix, chunk_size=10_000):
                 yield from page
 
 
-def place_of(out):
-    """Return the Place that `out` names: a directory, or s3://, gs:// or az://BUCKET/PREFIX."""
+def place_of(out: str | os.PathLike[str]) -> Place:
+    """Return the Place that `out` names: a directory, or s3://, gs:// or az://BUCKET/PREFIX.
+
+    Raises
+    ------
+    Refused
+        If a URL has another form.
+
+    Examples
+    --------
+    >>> from pipeline.store import place_of
+    >>> place = place_of("s3://bucket/run")
+    >>> print(place, place.is_directory)
+    s3://bucket/run False
+    >>> place.cube("escape")
+    's3://bucket/run/escape.zarr'
+    """
     out = str(out)
     if "://" not in out:
         return Place(os.path.abspath(os.path.expanduser(out)))
     if not _URL.fullmatch(out.rstrip("/")):
-        # The URL is not repeated: what is wrong with it may be a password in it.
+        # The URL is not repeated: it may contain a password.
         raise Refused(
             "the URL of the store must be s3://BUCKET/PREFIX (or gs://, az://), of letters, digits "
             "and ._=+-, without user, password or '?'; credentials go into the environment, "
@@ -108,63 +156,82 @@ def place_of(out):
     return Place(out.rstrip("/"))
 
 
-def without_password(text):
-    """Return the text, whose URLs may be those of an environment, without the users in them."""
+def without_password(text: str) -> str:
+    """Return the text without the users and passwords in its URLs.
+
+    Examples
+    --------
+    >>> from pipeline.store import without_password
+    >>> without_password("http://me:secret@host:9000")
+    'http://host:9000'
+    """
     return re.sub(r"(?<=://)\S*@", "", text)
 
 
 @lru_cache
-def _opened(path):
+def _opened(path: str) -> "ObjectStore":
+    """Return the obstore store of a directory or a URL."""
     if "://" not in path:
         return LocalStore(path)
-    # The time alone decides: ten retries, obstore's default, are over after two to eight seconds.
-    retries = {"max_retries": 10**6, "retry_timeout": timedelta(seconds=PATIENCE)}
-    return from_url(path, retry_config=retries)
+    # Only the time limits retries: ten, obstore's default, are over after two to eight seconds.
+    timeout = timedelta(seconds=PATIENCE)
+    return from_url(path, retry_config={"max_retries": 10**6, "retry_timeout": timeout})
 
 
 @contextmanager
-def driver_lock(place):
-    """Keep a second driver off a directory, which is made if need be.
+def driver_lock(place: Place) -> Iterator[None]:
+    """Hold the lock of a directory, which is made if needed, so that no second driver writes to it.
 
-    Nothing keeps one off an object store, or off a directory of a file system without locks: two
-    drivers then write the same bytes twice.
+    Object stores, and file systems without locks, have none: two drivers then write the same bytes
+    twice.
+
+    Raises
+    ------
+    Refused
+        If another driver holds the lock, or the directory cannot be written.
+
+    Examples
+    --------
+    >>> from pipeline.store import driver_lock, place_of
+    >>> with driver_lock(place := place_of("run")):
+    ...     place.write("note", b"written by one driver")
     """
-    lock = nullcontext()
+    lock: AbstractContextManager[object] = nullcontext()
     if place.is_directory:
         try:
             os.makedirs(place.root, exist_ok=True)
             lock = FileLock(f"{place}/.lock").acquire(timeout=0)
-        except NotImplementedError:  # a file system without locks, by filelock's word
+        except NotImplementedError:  # filelock's error for a file system without locks
             pass
         except Timeout:
-            words = "is being written by another run; wait for it, stop it, or choose another --out"
-            raise Refused(f"{place} {words}") from None
-        except OSError as e:
-            if e.errno not in _NO_LOCKS:
-                words = f"cannot write to {place}: {e.strerror}; choose another --out"
-                raise Refused(words) from None
+            cure = "wait for it, stop it, or choose another --out"
+            raise Refused(f"{place} is being written by another run; {cure}") from None
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                reason = f"cannot write to {place}: {error.strerror}"
+                raise Refused(f"{reason}; choose another --out") from None
     with lock:
         yield
 
 
 @contextmanager
-def store_errors(place):
-    """Turn what obstore and zarr raise inside, because the store fails, into a StoreFailed."""
+def store_errors(place: Place) -> Iterator[None]:
+    """Convert the errors of obstore and zarr that mean that the store failed into StoreFailed."""
     try:
         yield
     except BaseException as error:
         if isinstance(error, ValueError) and "computed checksum" in str(error):
-            words = "some chunks are damaged; run `python -m workflows.verify --repair` on it"
-        # About a file of this machine there is a number. A setting that obstore cannot digest, e.g.
-        # an endpoint that is no URL, is a PanicException.
+            reason = "some chunks are damaged; run `python -m workflows.verify --repair` on it"
+        # Errors of this machine's files have a number. A setting that obstore cannot parse, e.g. an
+        # endpoint that is not a URL, is a PanicException.
         elif (
             isinstance(error, BaseError)
             or type(error).__name__ == "PanicException"
             or (isinstance(error, FileNotFoundError | PermissionError) and error.errno is None)
         ):
             # The rest of the message and a URL's query string may contain a signature.
-            words = without_password(re.split(r"[\n<]|Debug source", str(error))[0])
-            words = re.sub(r"\?\S+", "", words).strip(" :")
+            reason = without_password(re.split(r"[\n<]|Debug source", str(error))[0])
+            reason = re.sub(r"\?\S+", "", reason).strip(" :")
         else:
             raise
-        raise StoreFailed(f"{place}: {words}") from None
+        raise StoreFailed(f"{place}: {reason}") from None

@@ -1,40 +1,67 @@
 """Tiles: list the missing ones, commit one, read them all.
 
-Every tiled variable has one chunk for each tile, raw numbers with their CRC-32C behind. So has the
-commit record, in a group of its own where readers of the cube do not meet it. Its checksum is of
-the tile's data, its place and who computed it: a chunk of another tile or cube does not match it.
+Every tiled variable has one chunk for each tile: numbers, not compressed, followed by their
+CRC-32C. So has the commit record, in a group of its own where readers of the cube do not see it.
+Its checksum covers the tile's data, its place and who computed it: a chunk of another tile or cube
+does not match.
 """
 
 import json
 import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from math import prod
+from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 from zarr import Array, AsyncArray
 from zarr.storage import StorePath
 
+from nasm.types import BoolArray, FloatArray, IntArray
 from pipeline.store.decoding import MAX_METADATA, Files, arrays_in, usual_codecs
-from pipeline.store.place import Refused, printable, store_errors
+from pipeline.store.place import Place, Refused, printable, store_errors
+
+if TYPE_CHECKING:
+    from zarr.abc.store import ByteRequest
+    from zarr.core.buffer import Buffer, BufferPrototype
+
+    from pipeline.cubes.cube import Cube
 
 CERTIFICATES = "certificates"
+
 COMMIT = "tiles/commit"
-ENTRIES = "cpu_seconds", "crc32"  # of a commit record
-ENTRY = "commit_entry"  # their dimension, the first
-FORMAT = 2  # of cubes; 1 had no checksum of a tile's data
+"""Name of the array of commit records."""
+
+ENTRIES = "cpu_seconds", "crc32"
+"""Entries of a commit record."""
+
+ENTRY = "commit_entry"
+"""Their dimension, the first."""
+
+FORMAT = 2
+"""Format of cubes; 1 had no checksum of a tile's data."""
+
 _CRC_BYTES = 4  # the checksum behind the numbers of a chunk
-_LONGEST_REASON = 500  # characters of the reason of a failure that are kept
-# What reading metadata raises that are lost, cut or changed.
+_MAX_REASON = 500  # characters of the reason of a failure that are kept
+
 DAMAGED = ArithmeticError, AttributeError, FileNotFoundError, LookupError, RecursionError
-DAMAGED += TypeError, ValueError
+DAMAGED += TypeError, ValueError  # type: ignore[assignment]
+"""Errors that reading metadata raises if they are lost, cut or changed."""
 
 
 @lru_cache
-def arrays_of(place, name):
-    """{name: zarr array} of the cube, kept open; Refused if its metadata are lost or not ours."""
+def arrays_of(place: Place, name: str) -> dict[str, Array]:
+    """Return the zarr arrays of the cube by their names; they are kept open.
+
+    Raises
+    ------
+    Refused
+        If its metadata are lost, or another program's.
+    """
     with suppress(*DAMAGED):
         root = json.loads(place.read(f"{name}.zarr/zarr.json", MAX_METADATA))
         if root["attributes"]["store_format"] == FORMAT:
@@ -42,18 +69,20 @@ def arrays_of(place, name):
     raise _damaged(place, name)
 
 
-def _damaged(place, name):
+def _damaged(place: Place, name: str) -> Refused:
+    """Return the error for metadata that cannot be read."""
     return Refused(
         f"the metadata of {place.cube(name)} are damaged, or another program's, or in an earlier "
         "format; run the workflow that computed it again, to have them written anew or refused"
     )
 
 
-forget = arrays_of.cache_clear  # open the arrays anew when they are needed next
+forget = arrays_of.cache_clear
+"""Close the arrays of all cubes; they are opened anew when they are needed next."""
 
 
-def opened(place, name, root):
-    """{name: zarr array} of a cube whose group has the zarr.json `root`, parsed."""
+def opened(place: Place, name: str, root: dict[str, Any]) -> dict[str, Array]:
+    """Return the zarr arrays of a cube whose group has the zarr.json `root`, parsed."""
     store, arrays = Files(place.objects()), {}
     for key, metadata in arrays_in(root, place.cube(name)).items():
         path = StorePath(store, f"{name}.zarr/{key}")
@@ -64,12 +93,12 @@ def opened(place, name, root):
     return arrays
 
 
-def _check_tiles(arrays):
-    """Raise what is in DAMAGED unless a tile has one record, and one chunk of each variable."""
+def _check_tiles(arrays: dict[str, Array]) -> None:
+    """Raise an error in DAMAGED unless a tile has one record, and one chunk of each variable."""
     n_entries, *counts = arrays[COMMIT].shape
     last = tuple(n - 1 for n in counts)
     places = blocks(arrays, last)
-    attributes = arrays[COMMIT].metadata.attributes
+    attributes = _attributes(arrays[COMMIT])
     named = {COMMIT, *attributes.get("of_tiles", places)}
     if n_entries != len(ENTRIES) or named != {*places} or len(places) < 2:
         raise ValueError("the tiles have no records, or nothing else")
@@ -80,51 +109,75 @@ def _check_tiles(arrays):
             raise ValueError(f"the chunks of {key} are not those of the tiles")
 
 
-def tile_at(arrays, index):
-    """{dim: i} of the tile."""
-    _, *dims = arrays[COMMIT].metadata.dimension_names
+def _attributes(array: Array) -> dict[str, Any]:
+    """Return the attributes of an array."""
+    return dict(array.metadata.attributes)
+
+
+def _dims(array: Array) -> list[str]:
+    """Return the names of the dimensions of an array; TypeError if it has none, see DAMAGED."""
+    metadata: Any = array.metadata
+    return list(metadata.dimension_names)
+
+
+def tile_at(arrays: dict[str, Array], index: Sequence[int]) -> dict[str, int]:
+    """Return the index of the tile along each tiled dimension, by name."""
+    _, *dims = _dims(arrays[COMMIT])
     return {dim.removeprefix("tile_"): i for dim, i in zip(dims, index, strict=True)}
 
 
-def blocks(arrays, index):
-    """{name: (zarr array, where the tile's chunk is in its grid)}, of its data and its record."""
-    tile, found, n_tiles = tile_at(arrays, index), {}, prod(arrays[COMMIT].cdata_shape)
-    # Cubes that were made earlier do not say so, and may have coordinates of cells, each in one
-    # chunk, beside these.
-    for key in arrays[COMMIT].metadata.attributes.get("of_tiles", arrays):
-        dims = [dim.removeprefix("tile_") for dim in arrays[key].metadata.dimension_names]
+def blocks(
+    arrays: dict[str, Array], index: Sequence[int]
+) -> dict[str, tuple[Array, tuple[int, ...]]]:
+    """Return the chunks of a tile: {name: (zarr array, index of the chunk in its grid)}.
+
+    They are those of its data and its commit record.
+    """
+    tile, n_tiles = tile_at(arrays, index), prod(arrays[COMMIT].cdata_shape)
+    chunks = {}
+    # Cubes of earlier versions lack `of_tiles`, and may also have coordinates of cells, each in one
+    # chunk.
+    for key in _attributes(arrays[COMMIT]).get("of_tiles", arrays):
+        dims = [dim.removeprefix("tile_") for dim in _dims(arrays[key])]
         is_tiled = prod(arrays[key].cdata_shape) == n_tiles
         if is_tiled and tile.keys() <= {*dims} and dims != [key]:
-            found[key] = arrays[key], tuple(tile.get(dim, 0) for dim in dims)
-    return found
+            chunks[key] = arrays[key], tuple(tile.get(dim, 0) for dim in dims)
+    return chunks
 
 
-def chunk_key(array, block):
-    """Key of the array's chunk."""
+def chunk_key(array: Array, block: tuple[int, ...]) -> str:
+    """Return the key of the array's chunk."""
     return f"{array.path}/{array.metadata.encode_chunk_key(block)}"
 
 
-def commit_times(place, arrays):
-    """List the chunks of all tiles. Returns arrays over the tiles: whether its record and all its
-    data are there, in full length; and the time of its record in seconds, NaN if there is none."""
+def commit_times(place: Place, arrays: dict[str, Array]) -> tuple[BoolArray, FloatArray]:
+    """List the chunks of all tiles.
+
+    Returns
+    -------
+    done : ndarray of bool, over the tiles
+        True if the record and all data of the tile exist, in full length.
+    times : ndarray, over the tiles
+        Time of the record, in seconds since 1970; NaN if there is none.
+    """
     counts = arrays[COMMIT].shape[1:]
     chunked = {key: array for key, (array, _) in blocks(arrays, (0,) * len(counts)).items()}
     records = chunked.pop(COMMIT)
-    written = np.full(records.cdata_shape, np.nan)
-    # The records come first: the data of each are older, so that a tile which is committed during
+    times = np.full(records.cdata_shape, np.nan)
+    # The records come first: the data of each are older, so that a tile that is committed during
     # the listing does not seem to lack them.
-    done = _listed(place, records, written)
+    done = _listed(place, records, times)
     for array in chunked.values():
         done &= _listed(place, array).reshape(done.shape)
-    return done.reshape(counts), written.reshape(counts)
+    return done.reshape(counts), times.reshape(counts)
 
 
-def _listed(place, array, times=None):
-    """List the array's chunks; return an array over its grid, whether each is there in full length.
+def _listed(place: Place, array: Array, times: FloatArray | None = None) -> BoolArray:
+    """List the array's chunks; return an array over its grid, True where one is in full length.
 
-    times : array over the grid, to be filled with the times of those that are there, in seconds.
+    times : array over the grid, to be filled with the times of existing chunks, in seconds.
     """
-    is_whole, n_bytes = np.zeros(array.cdata_shape, bool), _bytes_of_chunk(array)
+    is_complete, n_bytes = np.zeros(array.cdata_shape, bool), _bytes_of_chunk(array)
     root, rows, (*grid, n) = f"{array.path}/c", {}, array.cdata_shape
     for file in place.files(root):
         # A folder holds a row of the grid. It is parsed once, as there may be a million files.
@@ -133,61 +186,80 @@ def _listed(place, array, times=None):
             rows[folder] = _index(folder.removeprefix(root).split("/")[1:], grid)
         row = rows[folder]
         if row is not None and last.isdecimal() and (i := int(last)) < n:
-            is_whole[*row, i] = file["size"] == n_bytes
+            is_complete[*row, i] = file["size"] == n_bytes
             if times is not None:
                 times[*row, i] = file["last_modified"].timestamp()
-    return is_whole
+    return is_complete
 
 
-def _index(texts, shape):
-    """The index that the texts spell in an array of the shape; None if they are no index of it, as
-    in somebody else's files."""
+def _index(texts: Sequence[str], shape: Sequence[int]) -> tuple[int, ...] | None:
+    """Parse an index of an array of this shape; None if it is not one, as in a foreign file."""
     if len(texts) == len(shape) and all(map(str.isdecimal, texts)):
         index = tuple(map(int, texts))
         return index if all(i < n for i, n in zip(index, shape, strict=True)) else None
     return None
 
 
-def _bytes_of_chunk(array):
-    """The length of the file of each chunk, whether or not the array ends within it."""
+def _bytes_of_chunk(array: Array) -> int:
+    """Return the length of the file of each chunk, also where the array ends within a chunk."""
     return prod(array.chunks) * array.dtype.itemsize + _CRC_BYTES
 
 
-def missing(place, cube):
-    """Indices of the tiles that are not committed, or have lost data: int array (tiles, dims)."""
+def missing(place: Place, cube: "Cube") -> IntArray:
+    """Return the indices of the tiles that are not committed, or have lost data.
+
+    Returns
+    -------
+    ndarray of int, shape (tiles, tiled dims)
+    """
     arrays = arrays_of(place, cube.name)
-    if COMMIT not in arrays:  # written whole
+    if COMMIT not in arrays:  # a cube without tiles
         return np.empty((0, len(cube.tile)), dtype=int)
     return np.argwhere(~commit_times(place, arrays)[0])
 
 
-def is_committed(place, name, index):
-    """Whether the tile's commit record and all its data are there, in full length."""
+def is_committed(place: Place, name: str, index: Sequence[int]) -> bool:
+    """Return True if the tile's commit record and all its data exist, in full length."""
     chunks = blocks(arrays_of(place, name), index)
-    record = chunks.pop(COMMIT)  # it comes first: usually it is not there
+    record = chunks.pop(COMMIT)  # it comes first: usually it does not exist
     return all(
         place.size(chunk_key(array, block)) == _bytes_of_chunk(array)
         for array, block in (record, *chunks.values())
     )
 
 
-def commit(place, name, index, arrays, seconds):
-    """Write the tile's data, then its commit record: the CPU seconds that it took.
+def commit(
+    place: Place, name: str, index: Sequence[int], arrays: Mapping[str, Any], seconds: float
+) -> None:
+    """Write the tile's data, then its commit record.
 
-    arrays : of its variables; and `certificates`, bytes that are kept in a file, if there are any.
-    ValueError if a variable is missing, or an array does not have the shape and kind of numbers
-    that the cube has.
+    Parameters
+    ----------
+    place, name, index
+        Where the cube is kept, its name, and the index of the tile.
+    arrays : mapping of str to ndarray
+        The values of each of its variables; `certificates`, if there are any, are bytes, which are
+        kept in a file.
+    seconds : float
+        CPU seconds that the tile took.
+
+    Raises
+    ------
+    ValueError
+        If a variable is missing, or an array differs from the cube in shape or kind of numbers.
+    StoreFailed
+        If the store fails.
     """
-    known, arrays = arrays_of(place, name), dict(arrays)
-    certificates = arrays.pop(CERTIFICATES, b"")
+    known, values_of = arrays_of(place, name), dict(arrays)
+    certificates = values_of.pop(CERTIFICATES, b"")
     places = blocks(known, index)
-    if lacking := places.keys() - arrays.keys() - {COMMIT}:
+    if lacking := places.keys() - values_of.keys() - {COMMIT}:
         raise ValueError(f"the tile has no {', '.join(sorted(lacking))}")
-    chunks = {key: _fitting(key, *places[key], values) for key, values in arrays.items()}
+    chunks = {key: _fitting(key, *places[key], values) for key, values in values_of.items()}
     record = seconds, _checksum(known, index, chunks, certificates)
     chunks[COMMIT] = np.reshape(record, (len(ENTRIES), *(1 for _ in index)))
     with store_errors(place):
-        place.objects(name)  # its disk may be away
+        place.objects(name)  # raises if its file system is unmounted
         if certificates:
             place.write(certificates_key(name, index), certificates)
         for key, values in chunks.items():
@@ -196,11 +268,11 @@ def commit(place, name, index, arrays, seconds):
             array.set_block_selection(block, values)
 
 
-def _fitting(key, array, block, values):
-    """Return the values in the array's kind of numbers; zarr would cast and broadcast unseen."""
+def _fitting(key: str, array: Array, block: tuple[int, ...], values: ArrayLike) -> np.ndarray:
+    """Return the values in the array's kind of numbers; zarr would cast and broadcast silently."""
     values = np.asarray(values)
     grid = zip(block, array.chunks, array.shape, strict=True)
-    shape = tuple(min(n, whole - i * n) for i, n, whole in grid)
+    shape = tuple(min(n, size - i * n) for i, n, size in grid)
     if values.shape != shape:
         raise ValueError(f"{key} has the shape {values.shape} instead of {shape}")
     with np.errstate(invalid="ignore"):
@@ -210,24 +282,29 @@ def _fitting(key, array, block, values):
     return cast
 
 
-def certificates_key(name, index):
-    """Key of the bytes that were committed with a tile as its certificates; empty if none were."""
+def certificates_key(name: str, index: Sequence[int]) -> str:
+    """Return the key of the certificates that were committed with a tile; it may have none."""
     return f"{CERTIFICATES}/{name}/{'.'.join(map(str, index))}.json.xz"
 
 
-def _checksum(arrays, index, values, certificates=b""):
-    """CRC-32 of the cube's settings, who computed it, the tile's place, {variable: values} and its
-    certificates."""
-    cube = arrays[COMMIT].metadata.attributes["cube"]
+def _checksum(
+    arrays: dict[str, Array],
+    index: Sequence[int],
+    values: Mapping[str, np.ndarray],
+    certificates: bytes = b"",
+) -> int:
+    """Compute the CRC-32 of the cube's settings, who computed it, the tile's place, its values and
+    its certificates."""
+    cube = _attributes(arrays[COMMIT])["cube"]
     decisive = cube.get("config_hash"), cube.get("computed_by"), tile_at(arrays, index)
-    found = crc32(json.dumps(decisive).encode())
+    checksum = crc32(json.dumps(decisive).encode())
     for key in sorted(values):
-        found = crc32(np.ascontiguousarray(values[key]), found)
-    return crc32(certificates, found)
+        checksum = crc32(np.ascontiguousarray(values[key]).data, checksum)
+    return crc32(certificates, checksum)
 
 
-def chunk(place, key, array, block):
-    """Read a chunk of the array `key`; ValueError, which says what is wrong with it."""
+def chunk(place: Place, key: str, array: Array, block: tuple[int, ...]) -> Any:
+    """Read a chunk of the array `key`; ValueError with the reason if it is damaged or lost."""
     with store_errors(place):
         try:
             place.objects().head(chunk_key(array, block))  # else zarr reads fill values
@@ -236,18 +313,18 @@ def chunk(place, key, array, block):
             raise ValueError(f"a chunk of {key} is gone") from None
         except (*DAMAGED, MemoryError, RuntimeError) as error:
             is_cut = "checksum" in str(error)
-            what = "does not match its checksum" if is_cut else "cannot be read"
-            raise ValueError(f"{key} {what}") from None
+            fault = "does not match its checksum" if is_cut else "cannot be read"
+            raise ValueError(f"{key} {fault}") from None
 
 
-def damage(place, arrays, index):
-    """Read the tile's chunks, and its certificates; return what is wrong with them, or ""."""
+def damage(place: Place, arrays: dict[str, Array], index: Sequence[int]) -> str:
+    """Read the tile's chunks and certificates; return the first fault, "" if there is none."""
     try:
         values = {key: chunk(place, key, *at) for key, at in blocks(arrays, index).items()}
     except ValueError as error:
         return str(error)
     checksum = values.pop(COMMIT).flat[1]
-    # It is of the data alone where there are no certificates, and in tiles of earlier versions.
+    # It covers the data alone if there are no certificates, and in tiles of earlier versions.
     if checksum == _checksum(arrays, index, values):
         return ""
     name = arrays[COMMIT].path.split("/")[0].removesuffix(".zarr")
@@ -257,50 +334,77 @@ def damage(place, arrays, index):
     return "its data are not those that were committed"
 
 
-def tiles_of(place, name):
+def tiles_of(place: Place, name: str) -> Iterator[tuple[tuple[int, ...], xr.Dataset]]:
     """Yield the index of each committed tile of a cube, and the tile as a Dataset, not yet read."""
     cube, arrays = read(place, name), arrays_of(place, name)
-    if COMMIT not in arrays:  # written whole
+    if COMMIT not in arrays:  # a cube without tiles
         return
     tiled = [array for array, _ in blocks(arrays, (0,) * (arrays[COMMIT].ndim - 1)).values()]
-    sizes = {d: n for a in tiled for d, n in zip(a.metadata.dimension_names, a.chunks, strict=True)}
+    sizes = {dim: n for a in tiled for dim, n in zip(_dims(a), a.chunks, strict=True)}
     for index in map(tuple, np.argwhere(commit_times(place, arrays)[0]).tolist()):
         places = tile_at(arrays, index).items()
         yield index, cube.isel({d: slice(i * sizes[d], (i + 1) * sizes[d]) for d, i in places})
 
 
-def record_failure(place, name, index, reason):
+def record_failure(place: Place, name: str, index: Sequence[int], reason: str) -> str:
     """Record why a tile failed, as one short line without control characters; return the line."""
-    line = printable(reason.strip()[:_LONGEST_REASON])
+    line = printable(reason.strip()[:_MAX_REASON])
     with store_errors(place):
-        place.objects(name)  # its disk may be away
+        place.objects(name)  # raises if its file system is unmounted
         place.write(failure_key(name, index), line.encode(errors="replace"))
     return line
 
 
-def wanted_key(name):
-    """Key of the number of tiles that are wanted, where these are not all."""
+def wanted_key(name: str) -> str:
+    """Return the key of the number of tiles that are wanted, if these are not all."""
     return f"{name}.zarr/.wanted"
 
 
-def failure_key(name, index):
-    """Key of the reason why the tile has failed."""
+def failure_key(name: str, index: Sequence[int]) -> str:
+    """Return the key of the reason why the tile has failed."""
     return f"{name}.zarr/.failed/{'.'.join(map(str, index))}"
 
 
-def read(place, name):
-    """The cube as a Dataset, read lazily; its texts at once, "" where there is none.
+def read(place: Place, name: str) -> xr.Dataset:
+    """Return the cube as a Dataset.
 
-    Refused if its metadata are not those of a cube. To read a damaged chunk is a ValueError. To
-    read one that is lost is a warning; without it nothing would tell that from a tile which is not
-    yet computed.
+    Numbers are read lazily; texts at once, "" where there is none.
+
+    Raises
+    ------
+    Refused
+        If its metadata are not those of a cube.
+    ValueError
+        When a damaged chunk is read.
+
+    Warns
+    -----
+    UserWarning
+        When a chunk is read that was written and is lost: its values are like those of a tile that
+        is not yet computed.
+
+    Examples
+    --------
+    >>> from pipeline import store
+    >>> from pipeline.cubes.cube import Cube, blank, coordinate
+    >>> import xarray as xr
+    >>> labels = {"n": coordinate("n", range(4), "number")}
+    >>> template = xr.Dataset({"square": blank(labels, "its square")}, labels)
+    >>> place, cube = store.place_of("run"), Cube("squares", template, {"n": 2}, {})
+    >>> with store.driver_lock(place):
+    ...     store.create(place, cube, store.COMPUTED_BY)
+    ...     store.commit(place, "squares", (0,), {"square": [0, 1]}, seconds=0.1)
+    >>> store.missing(place, cube)
+    array([[1]])
+    >>> store.read(place, "squares").square.values
+    array([ 0.,  1., nan, nan])
     """
     with store_errors(place), usual_codecs():
         store = _Watched(place, name)
         try:
             root = json.loads(place.read(f"{name}.zarr/zarr.json", MAX_METADATA))
             arrays_in(root, place.cube(name))
-            # Of zarr 3 alone, and of no arrays but those that were looked at.
+            # Of zarr 3 alone, and only of arrays that were checked.
             cube = xr.open_zarr(store, chunks=None, zarr_format=3, consolidated=True)
             texts = {k: v.fillna("") for k, v in cube.variables.items() if v.dtype == object}
             return cube.assign({key: text for key, text in texts.items() if key not in cube.dims})
@@ -311,16 +415,19 @@ def read(place, name):
 
 
 class _Watched(Files):
-    """The files of one cube, for zarr to read. Warns of chunks that were written and are lost."""
+    """The files of one cube for zarr; warns of chunks that were written and are lost."""
 
-    def __init__(self, place, name):
+    def __init__(self, place: Place, name: str) -> None:
         super().__init__(place.objects(name), read_only=True)
-        self.cube, self.tile_axes = place.cube(name), {}
+        self.cube = place.cube(name)
+        self.tile_axes: dict[str, list[int]] = {}
         with suppress(Refused):  # of an earlier format: not watched
             self.tile_axes = _tile_axes(arrays_of(place, name))
 
-    async def get(self, key, *how, **more):
-        data = await super().get(key, *how, **more)
+    async def get(
+        self, key: str, prototype: "BufferPrototype", byte_range: "ByteRequest | None" = None
+    ) -> "Buffer | None":
+        data = await super().get(key, prototype, byte_range)
         variable, _, block = key.partition("/c")
         if data is None and variable in self.tile_axes and await self._was_written(variable, block):
             warnings.warn(
@@ -330,19 +437,19 @@ class _Watched(Files):
             )
         return data
 
-    async def _was_written(self, variable, block):
-        """Whether the chunk's tile has a record; true of what is written before any tile."""
+    async def _was_written(self, variable: str, block: str) -> bool:
+        """Return True if the chunk's tile has a record, or the variable has no tiles."""
         axes = self.tile_axes[variable]
         index = [block.split("/")[1 + axis] for axis in axes]
         return not axes or await self.exists("/".join([COMMIT, "c", "0", *index]))
 
 
-def _tile_axes(arrays):
-    """{variable: its axes along which there are tiles, in their order}, of all in a cube."""
-    found = {key: [] for key in arrays}
+def _tile_axes(arrays: dict[str, Array]) -> dict[str, list[int]]:
+    """Return the axes of each variable along which there are tiles, in the order of the tiles."""
+    axes: dict[str, list[int]] = {key: [] for key in arrays}
     if COMMIT in arrays:
         first = (0,) * (arrays[COMMIT].ndim - 1)
         for key in blocks(arrays, first).keys() - {COMMIT}:
-            dims = arrays[key].metadata.dimension_names
-            found[key] = [dims.index(dim) for dim in tile_at(arrays, first)]
-    return found
+            dims = _dims(arrays[key])
+            axes[key] = [dims.index(dim) for dim in tile_at(arrays, first)]
+    return axes

@@ -1,11 +1,12 @@
-"""What the store tells of its cubes: what is damaged, and how far sweeps are (`status`).
+"""The state of the cubes in a store: how far sweeps are (`status`), and damaged tiles (`verify`).
 
-A tile is done if its commit record and all its data are there. One that has a record alone has
-lost its data. One without a record failed when it was last tried, if the store has the reason;
-otherwise it has not had its turn, or was not wanted. A tile is damaged if it has a record, and a
-chunk is gone or does not match its checksum, or the record's.
+A tile is done if its commit record and all its data exist. If only the record exists, the tile has
+lost its data. A tile without a record failed when it was last tried, if the store has the reason;
+otherwise it was not tried yet, or not wanted. A tile is damaged if it has a record, and a chunk is
+lost or does not match its own checksum, or that of the record.
 """
 
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -17,30 +18,51 @@ import numpy as np
 from pipeline.store import tiles
 from pipeline.store.decoding import MAX_TILE
 from pipeline.store.metadata import changes, has_digests, names
-from pipeline.store.place import Refused, printable
+from pipeline.store.place import Place, Refused, printable
 from pipeline.store.tiles import COMMIT, chunk_key
 
-RECENT = 300  # seconds before the last commit over which the rate is taken
-_TOLD = 10  # failures whose reasons are read
-_AT_ONCE = 1024  # tiles that are looked at together
-_THREADS = 8  # fewer where the tiles that they read would take more than MAX_TILE together
+RECENT = 300
+"""Seconds before the last commit over which the rate is taken."""
+
+_MAX_REASONS = 10  # failures whose reasons are read
+_MAX_SUBMITTED = 1024  # tiles that are submitted together
+_MAX_THREADS = 8  # fewer where the tiles that they read would take more than MAX_TILE together
 
 
 @dataclass(frozen=True)
 class State:
-    """How far one cube is."""
+    """The state of one cube.
+
+    Attributes
+    ----------
+    name : str
+    tiles : int
+        Tiles that are wanted so far; 0 for a cube without tiles, or a damaged one.
+    done : int
+        Tiles that are committed, with all their data.
+    lost : int
+        Tiles that were committed, and have lost data since.
+    failed : int
+        Tiles that failed when they were last tried.
+    reasons : dict
+        The reasons of the first few failures, by the index of the tile.
+    rate : float
+        Tiles per second in the last minutes before the last commit.
+    damage : str
+        Why the state is not known, "" if it is.
+    """
 
     name: str
-    tiles: int = 0  # wanted so far; 0 for a cube that was written whole, or is damaged
-    done: int = 0  # tiles that are committed, with all their data
-    lost: int = 0  # tiles that were committed, and have lost data since
-    failed: int = 0  # tiles that failed when they were last tried
-    reasons: dict[tuple[int, ...], str] = field(default_factory=dict)  # of the first few failures
-    rate: float = nan  # tiles per second in the last minutes before the last commit
-    damage: str = ""  # what hides the cube's state
+    tiles: int = 0
+    done: int = 0
+    lost: int = 0
+    failed: int = 0
+    reasons: dict[tuple[int, ...], str] = field(default_factory=dict)
+    rate: float = nan
+    damage: str = ""
 
 
-def status(place):
+def status(place: Place) -> Iterator[State]:
     """Yield the State of each cube in the place; Refused if the place does not exist."""
     tiles.forget()
     for name in names(place):
@@ -51,42 +73,52 @@ def status(place):
             yield State(name, damage=str(refusal))
 
 
-def _state(place, name):
+def _state(place: Place, name: str) -> State:
+    """Return the State of a cube."""
     arrays = tiles.arrays_of(place, name)
     if COMMIT not in arrays:
         return State(name)
-    done, written = tiles.commit_times(place, arrays)
-    has_record, failed = np.isfinite(written), []
+    done, committed = tiles.commit_times(place, arrays)
+    has_record = np.isfinite(committed)
+    failed: list[tuple[int, ...]] = []
     for file in place.files(f"{name}.zarr/.failed"):
-        with suppress(ValueError, IndexError):  # somebody else's file
+        with suppress(ValueError, IndexError):  # a foreign file
             index = tuple(map(int, file["path"].rpartition("/")[2].split(".")))
             failed += [] if has_record[index] else [index]
-    told = {i: place.read(tiles.failure_key(name, i)) for i in sorted(failed)[:_TOLD]}
-    reasons = {i: printable(reason.decode(errors="replace")) for i, reason in told.items()}
-    times = written[done]
+    files = {i: place.read(tiles.failure_key(name, i)) for i in sorted(failed)[:_MAX_REASONS]}
+    reasons = {i: printable(reason.decode(errors="replace")) for i, reason in files.items()}
+    times = committed[done]
     recent = times[times >= times.max(initial=0) - RECENT]
     span = np.ptp(recent) if recent.size else 0
     rate = float((recent.size - 1) / span) if span > 0 else nan
     n_done, n_tiles = int(done.sum()), done.size
-    with suppress(ValueError):  # none was noted
-        # Less than what is done was noted before, e.g. where a copy was made while a sweep ran.
+    with suppress(ValueError):  # all are wanted
+        # A number below that of the done tiles is outdated, e.g. in a copy of a running sweep.
         if n_done <= (wanted := int(place.read(tiles.wanted_key(name)))) <= n_tiles:
             n_tiles = wanted
     return State(name, n_tiles, n_done, int(has_record.sum()) - n_done, len(failed), reasons, rate)
 
 
-def verify(place, name, repair=False):
-    """Yield (index, what is wrong) for each damaged tile of the cube, in tile order.
+def verify(place: Place, name: str, repair: bool = False) -> Iterator[tuple[tuple[int, ...], str]]:
+    """Yield (index, fault) for each damaged tile of the cube, in tile order.
 
-    The index () stands for metadata, coordinates, and all of a cube that was written whole: the
-    next run of its workflow writes these anew, and its tiles are looked at no sooner. With
-    `repair`, damaged tiles become missing, if it is known that the metadata are as they were
-    written: by wrong ones, sound tiles look damaged. See `has_digests`.
+    The index () stands for metadata, coordinates, and a cube without tiles: the next run of its
+    command writes these anew, and only then are its tiles verified.
+
+    Parameters
+    ----------
+    place : Place
+        Where the cube is kept.
+    name : str
+        Of the cube.
+    repair : bool
+        If True, damaged tiles become missing, provided that digests show that the metadata are as
+        they were written: sound tiles look damaged by wrong metadata. See `has_digests`.
     """
     tiles.forget()
     try:
-        if what := changes(place, name):
-            raise Refused(what)
+        if changed := changes(place, name):
+            raise Refused(changed)
         repair = repair and has_digests(place, name)
         arrays = tiles.arrays_of(place, name)
         tiled = tiles.blocks(arrays, (0,) * (arrays[COMMIT].ndim - 1)) if COMMIT in arrays else {}
@@ -98,21 +130,21 @@ def verify(place, name, repair=False):
         return
     if not tiled:
         return
-    written = np.argwhere(np.isfinite(tiles.commit_times(place, arrays)[1]))
+    committed = np.argwhere(np.isfinite(tiles.commit_times(place, arrays)[1]))
     tile_bytes = sum(array.dtype.itemsize * prod(array.chunks) for array, _ in tiled.values())
-    n_threads = max(1, min(_THREADS, MAX_TILE // tile_bytes))
-    with ThreadPoolExecutor(n_threads) as pool:  # an object store takes its time for each
-        for some in np.split(written, range(_AT_ONCE, len(written), _AT_ONCE)):
-            indices = list(map(tuple, some.tolist()))
-            found = pool.map(partial(tiles.damage, place, arrays), indices)
-            for index, what in zip(indices, found, strict=True):
-                if what and repair:
+    n_threads = max(1, min(_MAX_THREADS, MAX_TILE // tile_bytes))
+    with ThreadPoolExecutor(n_threads) as pool:  # an object store is slow to answer
+        for first in range(0, len(committed), _MAX_SUBMITTED):
+            indices = list(map(tuple, committed[first : first + _MAX_SUBMITTED].tolist()))
+            faults = pool.map(partial(tiles.damage, place, arrays), indices)
+            for index, fault in zip(indices, faults, strict=True):
+                if fault and repair:
                     free(place, name, index)
-                if what:
-                    yield index, what
+                if fault:
+                    yield index, fault
 
 
-def free(place, name, index):
+def free(place: Place, name: str, index: Sequence[int]) -> None:
     """Make a tile missing: delete its commit record first, then its data."""
     arrays = tiles.arrays_of(place, name)
     of_tile = tiles.blocks(arrays, index)
