@@ -122,10 +122,9 @@ def job(
     times = blank(coords, long_name, comment=_COMMENT.format(n_kicks), source=source)
     labels = {"title": f"{title} of the nonautonomous standard map", "source": source}
     template = xr.Dataset({"escape_time": times}, coords, labels)
-    settings = plane.record | {"window": list(PAPER_WINDOW)} | settings
-    x, y = escape.ensemble(1)
-    precision = settings["precision"]
+    (x, y), precision = escape.ensemble(1), settings["precision"]
     warm_up = partial(escape.first_escape, [[0.0, 0.0]], x, y, [1], 1, precision=precision)
+    settings = plane.record | {"window": list(PAPER_WINDOW)} | settings
     return Job(Cube(name, template, tile, settings), compute, predict, warm_up)
 
 

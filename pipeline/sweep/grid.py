@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from nasm.texts import parse_float, parse_integer, short_repr
+from nasm.texts import MAX_DIGITS, parse_float, parse_integer, short_repr
 from nasm.types import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -95,7 +95,11 @@ def parse_axis(text: str) -> Axis:
     """
     try:
         lo_text, hi_text, n_text = text.split(":")
-        lo, hi, n = parse_float(lo_text), parse_float(hi_text), parse_integer(n_text, 0, inf)
+        lo, hi, n = (
+            parse_float(lo_text),
+            parse_float(hi_text),
+            parse_integer(n_text, 0, 10**MAX_DIGITS),
+        )
     except ValueError:
         cure = "write LO:HI:N, two numbers and a number of cells, e.g. -1:1:256"
         raise ValueError(f"{short_repr(text)} is not an axis; {cure}") from None
