@@ -119,7 +119,7 @@ REFUSED = [
     ("the codecs 'numcodecs.pickle'", extend("row", codecs=[{"name": "numcodecs.pickle"}])),
     ("values of the type 'r8000000000'", extend("row", data_type="r8000000000")),
     ("a fill value that is too long", extend("row", fill_value="9" * 1000)),
-    ("a name that is no path", lambda arrays: arrays.update({"../row": arrays["row"]})),
+    ("a name that is not a path", lambda arrays: arrays.update({"../row": arrays["row"]})),
     ("are damaged", lambda arrays: resize(arrays["row"], 10, 0)),
     ("are damaged", extend("row", shape=["10"])),
 ]

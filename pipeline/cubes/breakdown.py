@@ -46,7 +46,7 @@ _SCALES = {  # variable: field of CriticalScale, long_name
     "critical_scale": ("value", "scale of the breakup, best estimate"),
     "error": ("error", "estimated absolute error of critical_scale"),
     "lower": ("lower", "scale at which the barrier was shown to exist"),
-    "upper": ("upper", "scale at which the barrier was shown to be gone"),
+    "upper": ("upper", "scale at which the barrier was shown not to exist"),
 }
 _TILE_SECONDS = 3  # CPU time of a tile, which is a file for every variable
 _FLAG_OF = {  # CriticalScale.method: its meaning among the flags of the variable `method`
@@ -167,7 +167,7 @@ def by_escape(plane: Plane, angles: Sequence[float], n_max: int, n_orbits: int) 
     """
     settings = {"method": escape.METHOD, "n_max": n_max, "n_orbits": n_orbits}
     plane.rays_start_at_zero(escape.METHOD)
-    # The whole ensemble is iterated some times.
+    # The ensemble is iterated at some 20 scales.
     seconds = 20 * SECONDS_PER_KICK["double"] * len(plane.origin) * n_orbits * n_max
     return _job("transport", plane, {}, angles, seconds, settings)
 
@@ -266,7 +266,7 @@ def _job(
     settings = plane.record | settings
     warm_up = partial(_load, first_ray, settings | _METHODS[settings["method"]][1])
     on = {**rows, "angle": cube.angles_of_rays(angles)}
-    label = "what has answered, or says why there is no answer"
+    label = "method that gave the answer, or the reason why there is none"
     more = {"method": blank(on, label, np.int8(0), **cube.flags(_FLAG_OF.values()))}
     title = "Breakup of circles"
     return job_on_rays(

@@ -216,9 +216,7 @@ def proved_triangles(
     angles, scales = map(np.array, zip(*rays, strict=True))
     triangles = proofs.triangles(angles, scales, circles, nearest / 4)
     axes = {"triangle": coordinate("triangle", np.arange(len(triangles)), "from the axis on")}
-    long_name = (
-        "a barrier is proved to exist in the triangle to this part of the way to its far side"
-    )
+    long_name = "part of the way to the far side up to which a barrier is proved to exist"
     variables = {"proved_below": blank(axes, long_name, source="nasm/proofs/README.md")}
     for name in _CORNERS:
         variables[name] = blank(axes, f"{name} of the triangle's corners")

@@ -76,7 +76,7 @@ def last_barriers(
     ]
     forcings += [(Ω, np.nan, repr(Ω)) for Ω in irrational]
     frequencies, phases, names = zip(*forcings, strict=True)
-    phase_label = "phase φ0, in parts of 1/2q; NaN: Ω is irrational, and all phases are alike"
+    phase_label = "phase φ0 relative to 1/2q; NaN: Ω is irrational, and all phases are equivalent"
     rows = {
         "forcing": text("forcing", names, "Ω, and φ0 if Ω is a fraction, exactly"),
         "frequency": coordinate(
@@ -207,7 +207,7 @@ def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr
             u = tori.newton.resample(torus.u, rows, columns)
             deviations[i] = u[:: rows // m, :: columns // n]
             slopes[i] = tori.newton.least_slope(torus.u)
-    h = blank(coords, "h - θ: where the orbit is, less the rotation")
+    h = blank(coords, "h - θ: place of the orbit minus that of the rotation")
     slope = blank({"scale": coords["scale"]}, "least slope of h along θ")
     variables = {"deviation": h.copy(data=deviations), "least_slope": slope.copy(data=slopes)}
     labels = {"vector": _name_of(vector), "angle": angle}

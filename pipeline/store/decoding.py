@@ -109,7 +109,7 @@ def _oddity(name: str, node: dict[str, Any]) -> str:
     if node["zarr_format"] != 3:
         return "another format than zarr 3"
     if {"", ".", ".."} & {*name.split("/")}:
-        return "a name that is no path"
+        return "a name that is not a path"
     if node["node_type"] == "group":
         within = node.get("consolidated_metadata")  # of no use, as the cube has all of them
         return "metadata of its own" if within and within["metadata"] else ""

@@ -310,7 +310,7 @@ def chunk(place: Place, key: str, array: Array, block: tuple[int, ...]) -> Any:
             place.objects().head(chunk_key(array, block))  # else zarr reads fill values
             return array.get_block_selection(block)
         except FileNotFoundError:
-            raise ValueError(f"a chunk of {key} is gone") from None
+            raise ValueError(f"a chunk of {key} is lost") from None
         except (*DAMAGED, MemoryError, RuntimeError) as error:
             is_cut = "checksum" in str(error)
             fault = "does not match its checksum" if is_cut else "cannot be read"
