@@ -153,8 +153,8 @@ def boundary(angles: ArrayLike, tol: float = 1e-4, plane: Plane | None = None) -
     --------
     >>> from pipeline.cubes.barrier import boundary
     >>> cb = boundary([30.0, 60.0], tol=1e-2)
-    >>> cb.circle.values
-    array(['[1;2,(1)]', '[1;2,(1)]'], dtype='<U9')
+    >>> print(*cb.circle.values)
+    [0;1,2,(1)] [0;1,2,(1)]
     """
     cube = last_barrier(plane or two_kicks(), angles, tol).cube
     filled = cube.filled(_compute({"angle": cube.template.angle.values}, cube.settings))

@@ -156,9 +156,7 @@ def _coords(plane: Plane, scales: Mapping[float, float], excesses: Sequence[floa
     """Return the coordinates; those in the plane are computed with each tile."""
     coords = {
         "angle": cube.angles_of_rays(list(scales)),
-        "excess": cube.coordinate(
-            "excess", excesses, "scale relative to that of the breakup, minus 1"
-        ),
+        "excess": cube.coordinate("excess", excesses, "scale over that of the breakup, minus 1"),
         "breakup": cube.coordinate("angle", list(scales.values()), "scale of the breakup"),
     }
     return coords | {name: cube.blank(coords, label) for name, label in plane.axes.items()}
