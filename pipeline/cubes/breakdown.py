@@ -126,9 +126,12 @@ def by_continuation(
     return replace(job, predict=partial(_predict_continuation, seconds))
 
 
-def _predict_continuation(seconds, coords, settings):
-    """Predict by the tail of ω: golden ones take half of the mean of the paper's six circles, those
-    of fours, whose breakup takes more modes to be seen, twice as much."""
+def _predict_continuation(seconds: float, coords: Coords, settings: Settings) -> float:
+    """Predict CPU seconds by the tail of ω, relative to the mean of the paper's six circles.
+
+    Golden circles take half as long; those with a tail of fours, whose breakup is resolved by more
+    modes only, about twice as long.
+    """
     is_golden = [parse(circle).tail == (1,) for circle in coords["circle"]]
     return seconds * coords["angle"].size * np.where(is_golden, 0.5, 1.9).sum()
 
