@@ -141,10 +141,10 @@ def _checked(
     spacing = positive("spacing", spacing, "turns from one of its points to the next")
     if toward not in (1, -1):
         raise ValueError(f"toward={toward!r} must be 1, to the right, or -1, to the left")
-    whole = np.tile(kappa, q)
-    (_, end_x), (_, end_y) = orbit(whole, x, y, 1)
+    kicks = np.tile(kappa, q)
+    (_, end_x), (_, end_y) = orbit(kicks, x, y, 1)
     miss = np.hypot(end_x - p - x, end_y - y)
-    if not miss < _MAX_MISS * max(1.0, float(np.linalg.norm(step_tangent(whole, x, y)))):
+    if not miss < _MAX_MISS * max(1.0, float(np.linalg.norm(step_tangent(kicks, x, y)))):
         raise ValueError(
             f"({x}, {y}) is not on an orbit of p/q = {p}/{q}: it misses itself by {miss:.2g}; take "
             f"a point of `action.ordered_orbits(kappa, {p}, {q})[0].points()`"
@@ -163,8 +163,8 @@ def _branch(
     toward: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Compute a branch of the unstable manifold, arguments checked."""
-    whole = np.tile(kappa, q)
-    values, vectors = np.linalg.eig(step_tangent(whole, x, y))
+    kicks = np.tile(kappa, q)
+    values, vectors = np.linalg.eig(step_tangent(kicks, x, y))
     largest = int(np.argmax(values.real))
     factor, (dx, dy) = values[largest].real, vectors[:, largest].real
     part = np.linspace(0, 1, 17)
@@ -177,7 +177,7 @@ def _branch(
     n = ceil(-np.log(_EPSILON) / np.log(factor))
     while True:
         distance = _EPSILON * factor**part
-        xs, ys = orbit(whole, x + distance * dx, y + distance * dy, n)
+        xs, ys = orbit(kicks, x + distance * dx, y + distance * dy, n)
         xs -= p * np.arange(n + 1)[:, None]
         gaps = np.hypot(np.diff(xs, axis=1), np.diff(ys, axis=1))
         lengths = np.cumsum(gaps.sum(axis=1))
@@ -278,10 +278,10 @@ def turnstile(kappa: ArrayLike, p: int, q: int, above: bool, spacing: float = 1e
     return Turnstile(action_difference(kappa, *long), (lower, upper))
 
 
-def _at(points: FloatArray, i: int, long: tuple[int, int], whole: int) -> FloatArray:
-    """Return point i of an orbit of p, q = `long`, on the lift, `whole` turns to the left."""
+def _at(points: FloatArray, i: int, long: tuple[int, int], shift: int) -> FloatArray:
+    """Return point i of an orbit of p, q = `long`, on the lift, `shift` turns to the left."""
     turns, i = divmod(i, long[1])
-    return points[:, i] + [turns * long[0] - whole, 0.0]
+    return points[:, i] + [turns * long[0] - shift, 0.0]
 
 
 def _pieces(

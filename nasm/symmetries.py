@@ -248,8 +248,8 @@ def symmetry_lines(kappa: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArr
     Returns
     -------
     x, y : ndarray, shape (4, *y.shape)
-        Points before the first kick, in turns, x on the lift: those of the lines x_c = 0 and x_c =
-        1/2, mapped back from site c to site 0, and those of the other centre, c + P/2.
+        Points before the first kick, in turns, x on the lift: first those of the lines x_c = 0 and
+        x_c = 1/2, mapped back from site c to site 0, then those of the other centre, c + P/2.
 
     Raises
     ------
