@@ -154,7 +154,7 @@ def test_results_are_bit_identical_on_any_number_of_threads():
 
 
 def test_momentum_is_conserved_and_only_weak_fields_leave_graphs():
-    size = {"particles": 512, "kicks": 4096}
+    size = {"n_particles": 512, "n_max": 4096}
     fields = study.fields([0.1, 1.3], **size).assign_attrs(size)
     verdicts, settling = study.verdicts(fields), study.settling()
     assert fields.momentum_change.max() < 1e-12

@@ -94,8 +94,8 @@ def self_consistent_caption(fields, verdicts, settling):
     fitted, escaped = (where(np.isfinite(verdicts[n].values)) for n in ("kicks_fitted", "escape"))
     first, *_, circle = settling.area.values
     return (
-        f"The self-consistent map of {fields.attrs['particles']} particles from a band of |y| < "
-        f"0.05, {fields.attrs['kicks']} kicks, at couplings Γ = {couplings[0]:g} to "
+        f"The self-consistent map of {fields.attrs['n_particles']} particles from a band of |y| < "
+        f"0.05, {fields.attrs['n_max']} kicks, at couplings Γ = {couplings[0]:g} to "
         f"{couplings[-1]:g}. Strength (a), phase (b), less its mean drift v per kick, and spectrum "
         f"(c) of the kicks; momentum is conserved to {float(fields.momentum_change.max()):.0e}. "
         "(d): particles in the wave's frame, and the orbit of a start that survives "
