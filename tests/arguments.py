@@ -8,26 +8,52 @@ from nasm import circles, escape, numbers, orbits, periodic, proofs, self_consis
 from nasm.converse_kam import sequence
 from nasm.numbers import parse
 
-GAMMA, KAPPA, REST = parse("gamma"), (0.3, 0.4), np.zeros((2, 64))  # deviations of the rotation
+GAMMA, KAPPA = parse("gamma"), (0.3, 0.4)
 
-# Of which the tests make one bad.
-GOOD = {"omega": GAMMA, "kappa": KAPPA, "kappas": [KAPPA], "forcings": [KAPPA]}
-GOOD |= {"profile": np.array((1, 0)), "short": np.array(KAPPA), "start": KAPPA}
-GOOD |= {"kappa1": 1.0, "kappa2": 1.0}
-GOOD |= {"mean": 1.0, "amplitude": 0.1, "frequency": 0.54, "phase": 0.0, "theta": 0.1, "gamma": 0.1}
-GOOD |= {"x": 0.0, "y": 0.1, "n": 64, "n_max": 100, "n_orbits": 5, "sizes": [1], "site": 1}
-GOOD |= {"window": (-2, 2), "box": (0, 0, 1, 1), "p": 1, "q": 3, "q_max": 100, "a": 1, "b": 1}
-GOOD |= {"u": REST, "circle": circles.invariant_circle(GAMMA, (0.0, 0.0)), "n_modes": 1000}
-GOOD |= {"zero": numbers.rational(0), "breakup": 0.4, "distance": 0.01, "width": 1e-3}
-GOOD |= {
+# Good arguments by name and kind; tests make one of them bad.
+FORCINGS = {
+    "kappa": KAPPA,
+    "kappas": [KAPPA],
+    "forcings": [KAPPA],
+    "short": np.array(KAPPA),
+    "profile": np.array((1, 0)),
+    "kappa1": 1.0,
+    "kappa2": 1.0,
+    "mean": 1.0,
+    "amplitude": 0.1,
+    "half_width": 2.0**-7,
     "angles": [0.0, 45.0],
     "value": 0.48,
-    "budget": 0.1,
-    "half_width": 2.0**-7,
-    "lo": 0,
-    "hi": 1,
-    "text": "0:1:4",
+    "breakup": 0.4,
 }
+NUMBERS = {
+    "omega": GAMMA,
+    "frequency": 0.54,
+    "zero": numbers.rational(0),
+    "p": 1,
+    "q": 3,
+    "a": 1,
+    "b": 1,
+    "width": 1e-3,
+}
+STARTS = {
+    "x": 0.0,
+    "y": 0.1,
+    "window": (-2, 2),
+    "box": (0, 0, 1, 1),
+    "site": 1,
+    "start": KAPPA,
+    "theta": 0.1,
+    "phase": 0.0,
+    "gamma": 0.1,
+    "u": np.zeros((2, 64)),  # deviations of the rotation
+    "circle": circles.invariant_circle(GAMMA, (0.0, 0.0)),
+}
+COUNTS = {"n": 64, "n_max": 100, "n_orbits": 5, "n_modes": 1000, "q_max": 100, "sizes": [1]}
+TOLERANCES = {"distance": 0.01, "budget": 0.1}
+AXES = {"lo": 0, "hi": 1, "text": "0:1:4"}
+GOOD = FORCINGS | NUMBERS | STARTS | COUNTS | TOLERANCES | AXES
+
 # Functions that take others.
 OTHERS = {
     escape.first_escape: {"x": np.zeros(5)},
