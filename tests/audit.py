@@ -1,5 +1,6 @@
 """Audits of proofs: programs with a changed line, and what must notice it."""
 
+import ast
 import inspect
 import math
 import re
@@ -54,18 +55,23 @@ def fused(a, b, c):
 
 
 def in_python(functions, *changes, fma=fused):
-    """The last of some kernels as a Python function on floats, after changes of its source. It
-    returns all of its variables besides, by name."""
+    """The last of some kernels as a Python function on floats, after changes of the sources. It
+    returns the values of the kernel, and all variables of the kernel by name."""
     source = "".join(inspect.getsource(function.py_func) for function in functions)
-    source = re.sub("(?m)^@.*\n", "", changed(source, changes))
-    source = source.replace("return state, bad", "return state, bad, locals()")
+    program = ast.parse(changed(source, changes))
+    for definition in program.body:
+        definition.decorator_list = []
+    for node in ast.walk(program.body[-1]):
+        if isinstance(node, ast.Return):
+            values = f"(*({ast.unparse(node.value)}), locals())"
+            node.value = ast.parse(values, mode="eval").body
     namespace = {}
     for function in functions:
         namespace |= vars(sys.modules[function.py_func.__module__])
     namespace |= {"fma": fma, "rint": lambda a: float(round(a)), "fabs": abs}
     namespace |= {"copysign": math.copysign, "maximum": lambda a, b: a if a > b else b}
     namespace |= {"two_sum": two_sum.py_func, "renormalised": renormalised.py_func}
-    exec(source, namespace)
+    exec(compile(ast.fix_missing_locations(program), "kernels", "exec"), namespace)
     return namespace[functions[-1].py_func.__name__]
 
 

@@ -10,10 +10,8 @@ import numpy as np
 from numba import njit
 from scipy.linalg import eigvalsh_tridiagonal
 
-from nasm import periodic
-from nasm.circles import fourier
+from nasm import action
 from nasm.numbers import as_rotation_number, convergents
-from workflows.claims.circles import invariance
 
 LITERATURE = tomllib.loads(Path(__file__).with_name("literature.toml").read_text())
 KAPPA_G = LITERATURE["kappa_G"]["value"]
@@ -80,17 +78,82 @@ def nearest_float(value):
         return float(+value)
 
 
+def point(circle, theta):
+    """K(θ) by sums over all modes: x_0 = θ + u_0(θ), and y_0 = x_0 - x_{-1}."""
+    n_kicks, n = circle.u.shape
+
+    def deviation(site, theta):
+        modes = np.fft.rfft(circle.u[site]) / n
+        modes[1 : (n + 1) // 2] *= 2
+        return (modes * np.exp(2j * np.pi * np.arange(modes.size) * theta)).sum().real
+
+    first, before = deviation(0, theta), deviation(-1, theta - float(circle.omega))
+    return theta + first, float(circle.omega) / n_kicks + first - before
+
+
 def invariance_error(circle):
-    """max |T∘K(θ) - K(θ + ω)|, by the map itself, on a grid that Newton's method did not use."""
-    fine = fourier.resample(circle.u, 2 * circle.u.shape[-1])
-    return np.abs(invariance(circle.omega, circle.kappa, fine)[2]).max()
+    """max |T∘K(θ) - K(θ + ω)| of some random θ, by the definitions of T and K."""
+    worst = 0.0
+    for theta in np.random.default_rng(3).uniform(size=100):
+        x, y = point(circle, theta)
+        for strength in circle.kappa:
+            x, y = kick(strength, x, y)
+        following = point(circle, theta + float(circle.omega))
+        worst = max(worst, *np.abs(np.subtract((x, y), following)))
+    return worst
+
+
+@njit
+def _residue_along(kappa, x, y, p):
+    """R of the product of tangent maps along an orbit, or inf where that overflows, and the largest
+    error of a step."""
+    a, b, c, d, worst = 1.0, 0.0, 0.0, 1.0, 0.0
+    for i in range(x.size):
+        x1, y1 = x[i], y[i]
+        for strength in kappa:
+            stretch = strength * math.cos(2 * math.pi * x1)
+            c, d = c + stretch * a, d + stretch * b
+            a, b = a + c, b + d
+            x1, y1 = kick(strength, x1, y1)
+        j = (i + 1) % x.size
+        ahead = p if j == 0 else 0
+        worst = max(worst, abs(x1 - x[j] - ahead), abs(y1 - y[j]))
+    return (2 - a - d) / 4 if math.isfinite(a + d) else math.inf, worst
+
+
+def residue(kappa, p, q):
+    """R of the ordered minimax orbit of p/q; NaN where `action` finds none.
+
+    The orbit that it finds is a witness, of which all that matters is checked here: it closes, it
+    is in the order of the rotation, and R > 0 as of no minimizing orbit, but for rounding.
+    """
+    try:
+        _, minimax = action.ordered_orbits(kappa, p, q)
+    except action.LostError:
+        return math.nan
+    x, y = minimax.points()
+    value, error = _residue_along(np.asarray(kappa, float), x, y, p)
+    assert error < 1e-9
+    turns = np.arange(q) * p
+    order = np.argsort(turns % q)
+    assert (np.diff((x - turns // q)[order]) > -1e-9).all()
+    assert value > -RESOLVED
+    return value
+
+
+RESOLVED = 1e-4  # of residues in floats, of orbits of some 10⁴ kicks
 
 
 def residues_fall(omega, kappa, q):
     """Whether the residues of minimax orbits fall, from the first convergent of period q or longer
-    to that a tail further on, by half or more: False where an orbit is not found."""
+    to that a tail further on, by half or more, as they do if a circle exists; None where an orbit
+    is not found and the other does not answer, by a residue > 1."""
     omega = as_rotation_number(omega)
     longer = [f for f in islice(convergents(omega), 100) if f.denominator >= q]
     pair = longer[0], longer[len(omega.tail)]
-    first, last = (periodic.residue(kappa, *f.as_integer_ratio()) for f in pair)
-    return last <= first / 2 < 0.5
+    first, last = (residue(kappa, *f.as_integer_ratio()) for f in pair)
+    if last > 1:
+        return False
+    if math.isnan(first + last):
+        return None
+    return last <= max(first / 2, RESOLVED) and first < 1

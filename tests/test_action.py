@@ -52,7 +52,7 @@ def test_a_breakup_beyond_a_near_miss_is_found_and_is_no_breakup_by_norms():
     assert by_norms.lower < found.value
     for scale in (0.523, found.value - 0.002):
         assert oracles.residues_fall(omega, scale * profile, 800)
-    assert not oracles.residues_fall(omega, (found.value + 0.002) * profile, 800)
+    assert oracles.residues_fall(omega, (found.value + 0.002) * profile, 800) is False
 
 
 def test_far_beyond_the_breakup_orbits_are_lost_and_have_no_residue_of_0():

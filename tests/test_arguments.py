@@ -329,7 +329,7 @@ WITH_OMEGA = {f for f in WITH_OMEGA if f.__module__ != "nasm.tori.newton"}
 
 @pytest.mark.parametrize("omega", [0.618, "golden", Fraction(3, 5), None])
 @pytest.mark.parametrize("function", sorted(WITH_OMEGA, key=lambda f: (f.__module__, f.__name__)))
-def test_what_is_no_rotation_number_is_refused_with_the_remedy(function, omega):
+def test_anything_but_a_rotation_number_is_refused_with_the_remedy(function, omega):
     cure = {0.618: "'[0;(1)]'", "golden": "[1;4,(1)]"}.get(omega, "'gamma'")
     named = re.escape(f"omega={omega!r} is not a ") + "(?i:rotation ?number).*" + re.escape(cure)
     with pytest.raises(ValueError, match=named):

@@ -39,7 +39,7 @@ def first_escapes(found, profile):
     return escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
 
 
-def test_on_the_axes_gamma_stands_for_itself_and_for_one_minus_gamma():
+def test_on_the_axes_gamma_and_one_minus_gamma_are_degenerate():
     for profile in ((1, 0), (0, 1), (-1, 0)):
         assert barriers.tied(GAMMA, profile) == moebius(GAMMA, -1, 1)
     assert barriers.tied(parse("[0;1,3,(4)]"), (1, 1)) is None
@@ -79,25 +79,31 @@ PROFILES = [(1, 0.2, 0.2), ray(20), (1.8, -0.1, -0.1), ray(37), (0.2, 0.1, 1, 0.
 # Both lines of the centre meet minimizing orbits here, of first order at 93°.
 PROFILES += [rotating_forcing(*ray(93), "1/3", 0), rotating_forcing(*ray(160), "1/3", 0.02)]
 GENERIC = (0.3, 0.2, 0.25)
-CASES = [(1e-3, profile) for profile in PROFILES]
-CASES += product([1e-4, 1e-3], map(ray, [0, 36.1, 43.9, 62.5, 104, 127.7]))
-# Three kicks, and kicks that turn, have last circles of their own.
+CASES = [(1e-3, profile, None) for profile in PROFILES]
+CASES += product([1e-4, 1e-3], map(ray, [0, 36.1, 43.9, 62.5, 104, 127.7]), [None])
+CASES += [(2e-5, ray(24.3), None)]
+# Three kicks, and antiperiodic ones, have last circles of their own.
 OWN = [(1e-3, GENERIC, "[1;4,(1)]"), (1e-3, (1, 1, 1, 1, -1, -1, -1, -1), "[2;(4)]")]
 OWN += [(tol, (k, 1, -k, -1), "[0;(4)]") for tol, k in ((1e-3, 0.3), (1e-3, 1), (1e-4, 1))]
 
 
-@pytest.mark.parametrize("case", thirds([*OWN, *CASES, (2e-5, ray(24.3))]))
+@pytest.mark.parametrize("case", thirds([*OWN, *CASES]))
 def test_every_method_finds_the_breakup_in_a_bracket_of_the_tolerance(case):
-    tol, profile, *omega = case
+    tol, profile, omega = case
     found = critical_scale(profile, tol)
     assert is_shown(found)
     assert found.upper - found.lower <= tol * found.value * (1 + 1e-9)
     assert found.error < 1e-6 * found.value
     assert 0 <= float(found.omega) <= len(profile) / 2
-    assert str(found.omega) in omega or not omega
+    if omega:
+        assert str(found.omega) == omega
     upper, last = transversal.located(profile, 300)
-    least, most = upper * (1 - np.array(transversal.EXCESS[::-1]) * len(profile) / last.kicks)
-    assert least <= found.value <= most or -1 in profile  # kicks that turn tell it less well
+    # Under antiperiodic kicks half a period is the step of which the law speaks.
+    half = len(profile) // 2
+    antiperiodic = half and np.array_equal(profile[half:], np.negative(profile[:half]))
+    step = half if antiperiodic else len(profile)
+    least, most = upper * (1 - np.array(transversal.EXCESS[::-1]) * step / last.kicks)
+    assert least <= found.value <= most
     by_norms = continuation.critical_scale(found.omega, profile, 1e-4)
     assert abs(by_norms.value - found.value) <= by_norms.error + found.error < 2e-4
     assert np.isinf(first_escapes(found, profile)).tolist() == [True, False]
@@ -152,7 +158,7 @@ def test_hidden_symmetries_of_random_forcings_change_nothing(monkeypatch):
         half, period = rng.normal(size=4), int(rng.integers(2, 7))
         profile = np.array([half[min(n, period - n)] for n in range(period)])
         decided += assert_both_ways_agree(profile, rng, 1e-2, monkeypatch)
-    assert decided >= 22
+    assert decided >= 0.9 * 24
 
 
 # So near to a shorter forcing the boundary falls like a cusp. At (1, 1, 1.0001) some start survives
@@ -165,7 +171,7 @@ def test_hidden_symmetries_of_random_forcings_change_nothing(monkeypatch):
         ((1, 1 - 1e-7), 1e-1, KAPPA_G, 0.01, 1.0001 * KAPPA_G),
     ],
 )
-def test_next_to_a_shorter_forcing_the_value_is_no_wild_guess(profile, tol, breakup, about, top):
+def test_next_to_a_shorter_forcing_the_value_is_right_or_missing(profile, tol, breakup, about, top):
     found = critical_scale(profile, tol)
     assert not found.lower >= min(breakup + about, found.upper)
     assert breakup - about < found.upper < top
@@ -182,7 +188,7 @@ def test_next_to_a_shorter_forcing_the_value_is_no_wild_guess(profile, tol, brea
         pytest.param(1e-4, "[0;4,4,4,4,2,(1)]", 20_000, 1e-4, marks=pytest.mark.slow),
     ],
 )
-def test_next_to_kicks_that_turn_no_circle_breaks_beyond_upper(away, omega, q, tol):
+def test_next_to_antiperiodic_kicks_no_circle_breaks_beyond_upper(away, omega, q, tol):
     # An earlier search missed these two circles: its upper ends were below their breakups.
     profile = np.array([1, 1, -1, -1 + away])
     judge = periodic.critical_scale(omega, profile, q, between=(0.354, 0.356))
@@ -194,7 +200,7 @@ def test_next_to_kicks_that_turn_no_circle_breaks_beyond_upper(away, omega, q, t
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("profile", "stands"),
+    ("profile", "known"),
     [
         ((1, 0.55, 1), 0.6002),
         ((1, 0.75, 1), 0),
@@ -208,10 +214,10 @@ def test_next_to_kicks_that_turn_no_circle_breaks_beyond_upper(away, omega, q, t
     ],
     ids=str,
 )
-def test_where_circles_break_and_come_back_there_is_a_narrow_bracket(profile, stands):
-    """Where circles are known to stand, by residues, searches miss their survivors."""
+def test_where_circles_break_and_come_back_there_is_a_narrow_bracket(profile, known):
+    """Up to where circles are known to exist, by residues, searches miss their survivors."""
     found = critical_scale(profile, 1e-3)
-    assert max(stands, found.lower) < found.value < found.upper < found.lower * (1 + 4e-3)
+    assert max(known, found.lower) < found.value < found.upper < found.lower * (1 + 4e-3)
     assert (found.status is Status.WIDE) == (found.upper - found.lower > 2e-3 * found.value)
     assert found.value + found.error >= found.upper - 1e-3 * found.value
     assert np.isinf(first_escapes(found, profile)).tolist() == [True, False]
@@ -220,7 +226,7 @@ def test_where_circles_break_and_come_back_there_is_a_narrow_bracket(profile, st
 
 
 @pytest.mark.slow
-def test_none_of_20_random_forcings_is_told_a_lie():
+def test_the_answers_for_20_random_forcings_are_true():
     rng, decided, escaped = np.random.default_rng(300), 0, 0
     for _ in range(20):
         profile = rng.normal(size=int(rng.integers(3, 7)))
@@ -238,8 +244,8 @@ def test_none_of_20_random_forcings_is_told_a_lie():
         inside, outside = first_escapes(found, profile)
         assert inside == np.inf
         escaped += outside < np.inf
-    assert decided > 17
-    assert escaped > 15  # and some orbits take longer
+    assert decided >= 0.9 * 20
+    assert escaped >= 0.8 * 20  # and some orbits take longer
 
 
 WRONG = [*product([ray(30)], [0.99, 1.01], [1e-2]), *product([GENERIC], [0.98, 1.02], [1e-2])]
@@ -306,7 +312,7 @@ def test_wrong_candidates_alone_give_no_value_but_a_true_bound(wrong, tol, monke
     assert exact < found.upper < exact * (1 + 1e-3)
 
 
-def test_where_no_circle_is_certified_so_near_to_the_breakup_that_is_told(monkeypatch):
+def test_without_a_circle_certified_near_the_breakup_the_status_is_wide(monkeypatch):
     monkeypatch.setattr(barriers, "_certified_at", lambda *_: False)
     monkeypatch.setattr(continuation, "certified_circle", lambda _, *more: (0.997 * more[1], 0))
     found = critical_scale(ray(30), 1e-3)
@@ -318,7 +324,7 @@ def test_where_no_circle_is_certified_so_near_to_the_breakup_that_is_told(monkey
 def test_near_the_cusp_the_answer_is_honest(offset):
     tip = KAPPA_G * 2**0.5
     found = [critical_scale(ray(45 - offset), tol) for tol in (1e-3, 1e-4)]
-    # What is shown by one is not denied by the other.
+    # What is shown by one is not excluded by the other.
     lower = max((scale.lower for scale in found if not np.isnan(scale.lower)), default=0)
     upper = min(scale.upper for scale in found)
     assert lower < upper < tip * (1 + 1e-4)

@@ -131,7 +131,7 @@ def test_what_is_known_is_not_computed_again():
     assert n_forcings == 0
     moved = View((0.85, 1.15), (0.0, 0.3), (54, 54))
     (first, *_), n_forcings = pictures(moved, 300, [known])
-    assert (first[0][:, :45] == times[:, 9:]).mean() > 0.97 or np.isinf(times).mean() > 0.9
+    assert (first[0][:, :45] == times[:, 9:]).mean() > 0.97
     assert 0 < n_forcings < 0.35 * times.size
     nearer = View((0.95, 0.96), (0.1, 0.11), (54, 54))  # a preview, and then all of it
     found, n_forcings = pictures(nearer, 300, [known])

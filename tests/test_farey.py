@@ -28,7 +28,7 @@ MISSED = [((1, 0.45, 1), 0.551), (1 + 1.7084e-5 * RIPPLE, 0.9648), (1 + 1.78e-4 
 
 
 @pytest.mark.parametrize("case", thirds(MISSED))
-def test_circles_are_found_where_searches_miss_the_survivors(case):
+def test_the_tree_finds_circles_whose_survivors_searches_miss(case):
     kappa = np.multiply(*case)
     omega, _, _ = farey.standing(kappa)
     assert oracles.residues_fall(omega, kappa, 3000)
@@ -36,15 +36,15 @@ def test_circles_are_found_where_searches_miss_the_survivors(case):
 
 
 @pytest.mark.parametrize(
-    ("profile", "omega", "scale", "stands"),
+    ("profile", "omega", "scale", "exists"),
     [
         ((1, 0.55, 1), "[0;1,2,1,3,3,2,1,2,(1)]", 0.600375, False),
         ((1, 0.55, 1), "[0;1,2,1,3,3,1,1,3,(1)]", 0.6002, True),
         ((1, 0.8, 1), "[1;4,1,3,2,2,3,(1)]", 0.7563, False),
     ],
 )
-def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega, scale, stands):
+def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega, scale, exists):
     # Of two or three convergents they fall in each case; of ten they tell.
     kappa = scale * np.array(profile)
-    assert farey.circle_stands(omega, kappa) == stands
-    assert oracles.residues_fall(omega, kappa, 3000) == stands
+    assert farey.circle_stands(omega, kappa) == exists
+    assert oracles.residues_fall(omega, kappa, 3000) is exists

@@ -133,7 +133,8 @@ def test_next_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
         judge = periodic.critical_scale(omega, profile, 10_000)
         assert is_honest(judge)
         found = [continuation.critical_scale(omega, profile, tol) for tol in (1e-4, 1e-6)]
-        assert [one.status for one in found] == [Status.OK] * 2 or offset < 5e-4
+        if offset >= 5e-4:
+            assert [one.status for one in found] == [Status.OK] * 2
         by_residues = periodic.critical_scale(omega, profile)
         # Orbits are lost before they see the cusp.
         assert (by_residues.status is Status.NEAR_CUSP) == (offset <= 1e-4)
@@ -177,7 +178,8 @@ def test_convergents_before_a_large_quotient_do_not_answer_for_it(omega):
     assert periodic.crossings(omega, (0.3, 0.2), 1500).size == 0
     found = continuation.critical_scale(omega, (0.3, 0.2))
     assert is_honest(found)
-    assert found.status is not Status.OK or found.value - found.error <= found.lower < 2.0806
+    if found.status is Status.OK:  # by its certificates
+        assert found.value - found.error <= found.lower < 2.0806
 
 
 PROFILE = np.array([1.0, 0.4])

@@ -6,6 +6,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 from oracles import KAPPA_G
 
@@ -59,9 +60,14 @@ def test_the_package_itself_imports_no_method_and_no_numba():
     subprocess.run([sys.executable, "-c", asks], check=True)
 
 
-def test_the_boundary_at_some_angles_is_the_breakup_on_their_rays():
-    found = nasm.boundary([0, 30], tol=1e-2)
-    assert found == [nasm.barriers.critical_scale(p, 1e-2) for p in nasm.symmetries.ray([0, 30])]
+def test_the_boundary_on_axes_and_diagonal_is_that_of_the_standard_map():
+    """Of twice the strength where every other kick is 0, and of the same where both are equal."""
+    scales = nasm.boundary([0, 45, 90, 180], tol=1e-2)
+    assert all(scale.status is nasm.Status.OK for scale in scales)
+    expected = KAPPA_G * np.array([0.5, 2**0.5, 0.5, 0.5])
+    assert [scale.value for scale in scales] == pytest.approx(expected, rel=1e-6)
+    for scale, kappa in zip(scales, expected, strict=True):
+        assert scale.lower < kappa < scale.upper
 
 
 def test_a_number_is_a_forcing_of_one_kick():

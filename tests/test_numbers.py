@@ -194,7 +194,7 @@ def test_quotients_of_numpy_make_the_same_number_as_ints_without_overflow(kind):
     "prefix",
     [(), (True,), (0, 2.0), (0, 0), (0, -1), "02", 3, np.ma.array([0, 2], mask=[False, True])],
 )
-def test_what_is_no_continued_fraction_is_refused_when_a_number_is_made(prefix):
+def test_malformed_continued_fractions_are_refused_when_a_number_is_made(prefix):
     with pytest.raises(ValueError, match="prefix="):
         RotationNumber(prefix)
     with pytest.raises(ValueError, match=r"tail=\(0,\) must be whole numbers, ≥ 1"):

@@ -97,6 +97,6 @@ GOOD = {"name": "mine", "axes": AXES, "origin": (0, 0), "first": (1, 0), "second
         ("rotating:1/2,1/4", "second: profile is zero"),
     ],
 )
-def test_what_is_no_plane_is_refused_by_name(bad, message):
+def test_unknown_planes_are_refused_by_name(bad, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         planes.parse(bad) if isinstance(bad, str) else Plane(**GOOD | bad)

@@ -136,7 +136,7 @@ def test_the_bar_is_in_cpu_seconds_and_never_goes_back():
     assert parts == sorted(parts)
 
 
-def test_sweeps_that_are_foreseen_count_until_they_have_ended():
+def test_predicted_sweeps_count_until_they_have_ended():
     clock = Clock()
     line = Progress("run", None, {"one": 10.0, "two": 30.0}, clock=clock)
     line.begin_sweep("one", "one")

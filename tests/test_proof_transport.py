@@ -368,7 +368,7 @@ def test_a_polygon_begins_and_ends_where_its_images_continue_it():
     assert pieces == [-1, 0, 1, 2]
 
 
-def test_boxes_of_lives_beyond_the_allowance_for_rounding_prove_nothing(monkeypatch):
+def test_lifetimes_beyond_the_allowance_for_rounding_prove_nothing(monkeypatch):
     monkeypatch.setattr(proofs.transport, "_LONGEST", 5)
     with pytest.raises(RuntimeError, match="lives for 5 kicks"):
         prove(beyond(20, 0.1))

@@ -11,7 +11,7 @@ from workflows.ramp import study
 
 
 @pytest.mark.parametrize(("rate", "ratio"), [(1e-2, 1.0), (1e-3, 1.0), (1e-6, 0.77)])
-def test_graphs_are_lost_as_renormalisation_says_but_in_slow_ramps(rate, ratio):
+def test_graphs_are_excluded_as_renormalisation_predicts_but_in_slow_ramps(rate, ratio):
     foreseen = 1.67 * rate**-study.EXPONENT
     assert study.lost(KAPPA_G, rate) == pytest.approx(ratio * foreseen, rel=0.05)
 

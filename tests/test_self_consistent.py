@@ -87,7 +87,7 @@ def test_asymptotic_circles_converge_as_the_kicks_fade_and_keep_their_area():
     assert np.polyfit(n, np.log(errors / n), 1)[0] == pytest.approx(-1 / 5, rel=0.05)
 
 
-def test_an_asymptotic_circle_that_folds_is_denied_until_it_has_unfolded():
+def test_an_asymptotic_circle_is_excluded_until_it_has_unfolded():
     kappa = 2 * np.exp(-np.arange(400) / 5)
     x, y, dx = asymptotic_circle(kappa)
     assert np.mean(dx < -0.05) > 0.1

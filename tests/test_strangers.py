@@ -243,7 +243,7 @@ def test_the_largest_things_that_a_cube_may_hold_are_read(place):
     assert store.read(place, "texts").omega.values.tolist() == [text, ""]
 
 
-def test_certificates_cost_what_their_boxes_live():
+def test_certificates_cost_as_much_as_their_boxes_have_kicks():
     assert proved.seconds_to_check({"lives": [10**6, 1]}) == pytest.approx(70, rel=1e-3)
     assert proved.seconds_to_check({"lives": [[10**6, 1], [1, 1]]}) == pytest.approx(70, rel=1e-3)
 

@@ -49,7 +49,7 @@ def test_a_start_is_eliminated_once_its_orbit_is_not_minimizing(kappa):
         ((0.1, -0.4), 1, 0),
     ],
 )
-def test_on_a_symmetry_line_times_are_those_of_cones(kappa, site, a):
+def test_on_a_symmetry_line_times_are_those_of_converse_kam(kappa, site, a):
     y = (np.arange(-300, 600) + 0.5) / 300
     kicks = elimination_time(kappa, site, a, y, 30 * len(kappa))
     assert_array_equal(kicks, np.rint(symmetry_line.elimination_time(kappa, y, 30) * len(kappa)))
