@@ -70,6 +70,13 @@ def test_the_boundary_on_axes_and_diagonal_is_that_of_the_standard_map():
         assert scale.lower < kappa < scale.upper
 
 
+def test_the_boundary_at_an_angle_is_the_breakup_of_its_last_circle():
+    (scale,) = nasm.boundary([30], tol=1e-2)
+    assert str(scale.omega) == "[0;1,2,(1)]"
+    breakup = periodic.critical_scale("[0;1,2,(1)]", nasm.symmetries.ray(30))
+    assert scale.value == pytest.approx(breakup.value, rel=1e-9)
+
+
 def test_a_number_is_a_forcing_of_one_kick():
     assert nasm.maps.forcing(0.3).tolist() == [0.3]
     assert nasm.verdict(0).answer is nasm.Answer.BARRIER

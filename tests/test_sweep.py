@@ -184,7 +184,7 @@ def test_the_most_expensive_tiles_come_first_and_cheap_ones_together():
     assert max(map(len, others)) < 200  # to commit them takes time, too
 
 
-def test_tiles_of_the_same_cost_come_in_random_order_so_that_progress_is_not_misled():
+def test_tiles_of_the_same_cost_come_in_random_order():
     batches = list(_pack(np.full(1000, 0.5), 2))
     rank = np.concatenate(batches)
     assert np.array_equal(np.sort(rank), np.arange(1000))
