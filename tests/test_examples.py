@@ -24,6 +24,7 @@ def examples():
 def test_an_example_gives_what_is_shown(example, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     report = []
-    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    runner = doctest.DocTestRunner(verbose=False, optionflags=flags)  # whatever pytest's -v says
     runner.run(example, out=report.append)
     assert not report, "".join(report)
