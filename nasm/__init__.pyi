@@ -20,6 +20,7 @@ from . import proofs as proofs
 from . import self_consistent as self_consistent
 from . import sources as sources
 from . import symmetries as symmetries
+from . import tables as tables
 from . import texts as texts
 from . import tori as tori
 from . import types as types

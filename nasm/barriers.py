@@ -3,25 +3,26 @@
 The boundary of global transport CB_gt is the envelope of the boundaries CB_ω over all ω: at each
 angle another circle may be the last one. It is found and bracketed in four steps.
 
-1. Locate. Converse KAM finds a scale without circles, and the start that lives longest there: it
-   is next to what is left of the last circle.
+1. Locate. Converse KAM finds a scale without circles, and the start that is longest-lived there: it
+   is next to the remains of the last circle.
 2. Identify. With one kick or two its orbit names the candidates: the weighted Birkhoff average is a
-   rotation number to six digits or so, and the nobles that agree with it, the shortest first, are
-   asked. With three kicks or more the Farey tree is (`nasm.farey`): down from the scale of step 1
-   the first circle that stands is taken, and then those that stand above where it breaks.
-3. Value. Greene's residue says where each candidate breaks; the last one is the barrier. Where
-   residues do not cross, the value is halved out between a scale at which they fall and one at
-   which they grow.
+   rotation number to six digits or so, and the nobles compatible with it are tested, shortest
+   first. With three kicks or more the Farey tree is searched instead (`nasm.farey`): downwards from
+   the scale of step 1 for the first circle that exists, and then for those that exist above its
+   breakup.
+3. Value. Greene's residue determines where each candidate breaks; the last one is the barrier. If
+   residues do not cross, the value is found by bisection between a scale at which they decay and
+   one at which they grow.
 4. Certify. Below the value an invariant circle of that ω, certified by Newton's method on a finer
    grid: `lower`. Above it, the tree shows no circle, and converse KAM on two unrelated grids finds
    no start that survives: `upper`. A survivor between them is on another barrier: back to step 2.
 
-Each step is another method, and checks the one before. If they do not agree in the end there is no
-value, but the bracket of those that do.
+Each step uses another method, and checks the one before. If they disagree in the end there is no
+value, only the bracket of those that agree.
 
 Converse KAM takes its starts from the dominant symmetry line of one or two kicks
 (`converse_kam.symmetry_line`), or else from a curve that every circle crosses
-(`converse_kam.transversal`). All else needs no symmetry.
+(`converse_kam.transversal`). The other steps need no symmetry.
 """
 
 from dataclasses import replace
@@ -30,27 +31,36 @@ from itertools import islice
 from math import floor
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nasm import action, circles, periodic
 from nasm.checks import floats, real
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line, transversal
-from nasm.converse_kam.symmetry_line import Survivor, has_dominant_line
+from nasm.converse_kam.symmetry_line import LongestLived, has_dominant_line
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.farey import circle_stands, standing
+from nasm.farey import circle_exists, find_existing_circle
 from nasm.maps import direction, forcing, segment, unkick
-from nasm.numbers import as_rotation_number, convergents, moebius, nobles_near, rational
+from nasm.numbers import (
+    RotationNumber,
+    as_rotation_number,
+    convergents,
+    moebius,
+    nobles_near,
+    rational,
+)
 from nasm.orbits import rotation_number
 from nasm.symmetries import dominant_centre, equivalent_forcings, half_shift_nobles, ray, shorten
+from nasm.types import FloatArray, OmegaLike
 
 __all__ = [
     "boundary",
     "critical_scale",
+    "degenerate_partner",
     "eliminates",
     "last_circle",
     "longest_lived",
-    "remnant",
-    "tied",
+    "longest_lived_start",
 ]
 
 _LOCATE = 1000  # steps of converse KAM in step 1 on a line,
@@ -82,44 +92,71 @@ _SIMPLER = 2e-4  # of ω: a noble with a short prefix that is tried for one with
 _FIRST, _AT_ONCE = 1500, 3e-7  # period of orbits, and error over the scale, that need no halving
 
 
-def critical_scale(profile, tol=1e-4, start=None):
-    """The scale at which the last rotational invariant circle breaks on κ = start + s·profile.
+def critical_scale(
+    profile: ArrayLike, tol: float = 1e-4, start: ArrayLike | None = None
+) -> CriticalScale:
+    """Compute the scale at which the last rotational circle breaks on κ = start + s·profile.
 
-    profile : sequence of P floats, not all 0.
-    tol : float, 10⁻⁵ to 10⁻¹: the width of the bracket to aim at, (upper - lower)/value.
-    start : sequence of P floats; default 0, a ray from the origin. From another start it is the
-        first breakup, s ≥ 0; a region without circles is stepped over if it is narrower than a
-        change of 0.1 of the largest strength.
+    Parameters
+    ----------
+    profile : array_like, shape (P,)
+        Direction of the segment, not zero; P ≤ 64 unless it repeats after one or two kicks.
+    tol : float
+        Width of the bracket to aim at, (upper - lower)/value, 10⁻⁵ to 10⁻¹.
+    start : array_like, shape (P,), optional
+        Start of the segment; default 0, a ray from the origin. From another start the result is the
+        first breakup, s ≥ 0; regions without circles are skipped if they are narrower than a change
+        of 0.1 of the largest strength.
 
-    Returns CriticalScale. value, error : by Greene's residue; where a later circle may have been
-    missed, next to a cusp or where starts survive above the value, error is no smaller than upper -
-    value. Where residues have no limit the value is between scales at which they fall and grow;
-    circles may come back above it in narrow bands, and error is at least 6·10⁻⁴ of it.
-    lower : a circle is certified there, that of ω or of another; upper : no start on the dominant
-    line, or on a transversal, survives there. omega : that of the last barrier, per period, in
-    [0, P/2], which stands for ±ω and all ω + P·n: their circles break together. Of two that are
-    `tied` it is the one with the shorter text.
-    Status WIDE, with a value, where the bracket is more than twice as wide as asked for, as where
-    no circle is certified so near to the breakup. UNDECIDED, and no value, where the methods
-    contradict each other, and NEAR_CUSP instead where a shorter forcing is so near that periods up
-    to 300 cannot tell them apart; lower and upper are then what was shown. lower is NaN where no
-    circle could be certified. From another start OUTSIDE if no barrier is there, and NO_BREAKUP if
-    one is left where some strength has changed by 4.
+    Returns
+    -------
+    CriticalScale
+        value, error : by Greene's residue.
+        lower : a circle is certified there, that of omega or another one; NaN without one.
+        upper : no start on the dominant line, or on a transversal, survives there.
+        omega : rotation number of the last barrier per period, in [0, P/2]. It represents ±ω and
+        all ω + P·n, whose circles break together; of two partners by `degenerate_partner` it is
+        the one with the shorter text.
+        status : WIDE, with a value, if the bracket is more than twice as wide as tol, for example
+        because no circle is certified close to the breakup. UNDECIDED, without a value, if the
+        methods contradict each other; NEAR_CUSP instead if a shorter forcing is so close that
+        periods up to 300 do not resolve it. lower and upper are then what was shown. From another
+        start OUTSIDE if no barrier exists there, and NO_BREAKUP if one still exists where some
+        strength has changed by 4.
 
-    ValueError if profile is zero or tiny, or has more than 64 kicks and does not repeat after one
-    or two, or start is of another length, or tol is out of range.
+    Raises
+    ------
+    ValueError
+        If profile is zero, tiny or too long, start differs from it in length, or tol is out of
+        range.
+
+    Notes
+    -----
+    The error is at least upper - value if a later circle may have been missed, next to a cusp or
+    with survivors above the value. If residues have no limit, the value is between scales at which
+    they decay and grow; circles may exist again above it in narrow bands, and the error is at least
+    6·10⁻⁴ of the value.
+
+    Examples
+    --------
+    >>> from nasm.barriers import critical_scale
+    >>> scale = critical_scale((1.0, 0.5), tol=1e-2)
+    >>> scale.lower < scale.value < scale.upper
+    True
+    >>> scale.omega, round(scale.value, 6)
+    (parse("[0;1,2,(1)]"), 0.579228)
     """
     start, profile = segment(start, profile)
     tol = real("tol", tol, 1e-5, 0.1)
-    # On κ1 = κ2 the barriers are noble for the standard map, not for two steps of it.
+    # On κ1 = κ2 the barriers are noble for the standard map, not for its second iterate.
     (begin, short), zero = shorten([start, profile], rational(0))
-    found = _last(begin, short, tol)
-    if found.omega is None:
-        return found
-    if found.upper - found.lower > _WIDE * tol * found.value:
-        found = replace(found, status=Status.WIDE)
-    kappa = start + found.value * profile
-    return replace(found, omega=per_period(found.omega, kappa, short, zero))
+    scale = _last(begin, short, tol)
+    if scale.omega is None:
+        return scale
+    if scale.upper - scale.lower > _WIDE * tol * scale.value:
+        scale = replace(scale, status=Status.WIDE)
+    kappa = start + scale.value * profile
+    return replace(scale, omega=per_period(scale.omega, kappa, short, zero))
 
 
 def _last(start, short, tol):
@@ -243,9 +280,9 @@ def _is_certified(omega, kappa):
     """Whether the circle of ω is certified under a forcing, from the sites of a long orbit there,
     one of them held: no circle has to exist under weaker kicks."""
     fractions = [f for f in islice(convergents(omega), 60) if f.denominator < _HULL]
-    ladder = action.Ladder(kappa, 0 * kappa, fractions)
+    ladder = action.ConvergentOrbits(kappa, 0 * kappa, fractions)
     try:
-        first, u = ladder.held(len(fractions) - 1, 0.0)
+        first, u = ladder.constrained_minimizer(len(fractions) - 1, 0.0)
     except action.LostError:
         return False
     # Deviations at each site of a period, by the phase at its start, with a mean of 0 at the first.
@@ -272,7 +309,7 @@ def _located(start, profile):
             return located.upper, candidates(beyond, longest_lived(beyond, 2 * _LOCATE))
     # From zero the tree goes on from any scale without circles: two transversals are enough.
     n_sites = 8 if profile.size <= 2 or start.any() else 2
-    upper, found = transversal.located(profile, _LOCATE_ANYWHERE, start, n_sites)
+    upper, found = transversal.upper_scale(profile, _LOCATE_ANYWHERE, start, n_sites)
     return upper, candidates(start + upper * profile, found) if found else []
 
 
@@ -288,10 +325,10 @@ class _Race:
         self.eliminated = [upper]
         self.leader, self.known, self.told, self.seen = None, [], set(), set()
         self.stands, self.stood = cache(self._stands), []
-        self.standing = cache(lambda scale: standing(self.at(scale)))
+        self.standing = cache(lambda scale: find_existing_circle(self.at(scale)))
 
     def _stands(self, omega, scale, *longest):
-        if stands := circle_stands(omega, self.at(scale), *longest):
+        if stands := circle_exists(omega, self.at(scale), *longest):
             self.stood.append((scale, omega))
         return stands
 
@@ -432,69 +469,149 @@ class _Race:
             self.leader = _most_robust(shortest, None)
 
 
-def longest_lived(kappa, n_max):
-    """The Survivor that converse KAM is longest to eliminate; its kicks are inf if on no line or
-    transversal all starts are eliminated within n_max steps."""
+def longest_lived(kappa: ArrayLike, n_max: int) -> LongestLived:
+    """Find the start that converse KAM takes longest to eliminate.
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first.
+    n_max : int
+        Most steps (periods of the forcing).
+
+    Returns
+    -------
+    LongestLived
+        Its kicks are inf if starts survive n_max steps on every line or transversal.
+
+    Examples
+    --------
+    >>> from nasm.barriers import longest_lived
+    >>> longest_lived((1.2, 0.9), 1000).kicks < 1000
+    True
+    """
     kappa = forcing(kappa)
     if has_dominant_line(kappa):
         y, steps = symmetry_line.longest_lived(kappa, n_max)
-        return Survivor(*dominant_centre(kappa), y, steps * kappa.size)
+        site, x = dominant_centre(kappa)
+        return LongestLived(int(site), x, y, steps * kappa.size)
     return transversal.longest_lived(kappa, n_max)
 
 
-def remnant(kappa, n_max):
-    """Where the last circle was: the start by `longest_lived`, moved to the start of its period.
+def longest_lived_start(kappa: ArrayLike, n_max: int) -> tuple[float, float, float]:
+    """Find the start by `longest_lived`, and move it to the start of its period.
 
-    Returns x, y, steps: floats, steps inf if a start survives n_max steps, and it is one of those.
+    Beyond the breakup it is close to the remains of the last circle.
+
+    Returns
+    -------
+    x, y : float
+        The start.
+    steps : float
+        Steps until it is eliminated; inf if a start survives n_max steps, and it is one of those.
+
+    Examples
+    --------
+    >>> from nasm.barriers import longest_lived_start
+    >>> x, y, steps = longest_lived_start((1.2, 0.9), 1000)
+    >>> x, steps < 1000
+    (0.5, True)
     """
     strengths = forcing(kappa)
-    found = longest_lived(strengths, n_max)
-    x, y = found.x, found.y
-    for strength in strengths[: found.site][::-1]:
+    longest = longest_lived(strengths, n_max)
+    x, y = longest.x, longest.y
+    for strength in strengths[: longest.site][::-1]:
         x, y = unkick(strength, x, y)
-    return float(x), float(y), float(found.kicks / strengths.size)
+    return float(x), float(y), float(longest.kicks / strengths.size)
 
 
-def eliminates(kappa, n_max):
-    """Whether converse KAM eliminates all starts within n_max steps, on the dominant line, or if
-    there is none on a transversal: bool. That is strong evidence, no proof, that no circle is left.
+def eliminates(kappa: ArrayLike, n_max: int) -> bool:
+    """Return True if converse KAM eliminates all starts within n_max steps.
+
+    The starts are on the dominant line, or without one on a transversal. That is strong evidence,
+    not a proof, that no circle exists.
+
+    Examples
+    --------
+    >>> from nasm.barriers import eliminates
+    >>> eliminates((1.2, 0.9), 1000), eliminates((0.3, 0.4), 1000)
+    (True, False)
     """
     return bool(np.isfinite(longest_lived(forcing(kappa), n_max).kicks))
 
 
-def last_circle(found, profile):
-    """The last circle on the ray, as it is at `found.lower`, just before it breaks.
+def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCircle:
+    """Compute the last circle on the ray, as it is at `scale.lower`, just before it breaks.
 
-    `circles.graph` of it is its graph. It has 10⁵ points or so where `found` is precise to 10⁻⁴: so
-    near to the breakup `circles.invariant_circle` is left with too few modes. This one comes by
-    `circles.continuation.certified_circle`, from circles that were met further in.
+    It has 10⁵ points or so if `scale` is precise to 10⁻⁴: so close to the breakup
+    `circles.invariant_circle` runs out of modes. This one is computed by
+    `circles.continuation.certified_circle`, from circles farther from the breakup.
 
-    found : CriticalScale with omega, value and lower, e.g. by `critical_scale`.
-    profile : the ray that it was found on.
+    Parameters
+    ----------
+    scale : CriticalScale
+        With omega, value and lower, e.g. by `critical_scale`.
+    profile : array_like, shape (P,)
+        The ray of that scale.
 
-    Returns InvariantCircle of found.omega under the forcing found.lower·profile; status
-    NOT_CERTIFIED, and no deviations, if it is not certified again.
+    Returns
+    -------
+    InvariantCircle
+        Of scale.omega under the forcing scale.lower·profile; its graph is `circles.graph`. Status
+        NOT_CERTIFIED, and no deviations, if it is not certified again.
 
-    ValueError if found has no lower scale, or no value.
+    Raises
+    ------
+    ValueError
+        If scale has no lower end, or no value.
+
+    Examples
+    --------
+    >>> from nasm.barriers import critical_scale, last_circle
+    >>> profile = (1.0, 0.5)
+    >>> last_circle(critical_scale(profile, tol=1e-2), profile).certified
+    True
     """
     profile = direction(profile)
-    if not 0 < found.lower < found.value:
+    if scale.omega is None or not 0 < scale.lower < scale.value:
         raise ValueError(
-            f"lower={found.lower!r} of value={found.value!r}: no circle was certified on this ray; "
+            f"lower={scale.lower!r} of value={scale.value!r}: no circle was certified on this ray; "
             "ask for a wider bracket, e.g. critical_scale(profile, tol=1e-3)"
         )
-    omega, distance = found.omega, 1 - found.lower / found.value
-    scale, u = continuation.certified_circle(omega, profile, found.value, distance)
+    omega, distance = scale.omega, 1 - scale.lower / scale.value
+    reached, u = continuation.certified_circle(omega, profile, scale.value, distance)
     if u is None:
         u, status = np.empty((profile.size, 0)), Status.NOT_CERTIFIED
-        return circles.InvariantCircle(omega, found.lower * profile, u, np.nan, status)
-    error = np.abs(circles.residual(omega, scale * profile, u)).max()
-    return circles.InvariantCircle(omega, scale * profile, u, error, Status.OK)
+        return circles.InvariantCircle(omega, scale.lower * profile, u, np.nan, status)
+    error = np.abs(circles.residual(omega, reached * profile, u)).max()
+    return circles.InvariantCircle(omega, reached * profile, u, error, Status.OK)
 
 
-def candidates(kappa, start, n=_AVERAGED):
-    """Nobles near the rotation number of the orbit from a Survivor, as far as it has one in n
-    steps."""
+def candidates(kappa: FloatArray, start: LongestLived, n: int = _AVERAGED) -> list[RotationNumber]:
+    """Return the nobles close to the rotation number of an orbit, averaged over n steps.
+
+    Parameters
+    ----------
+    kappa : ndarray, shape (P,)
+        The forcing.
+    start : LongestLived
+        Start of the orbit.
+    n : int
+        Steps.
+
+    Returns
+    -------
+    list of RotationNumber
+        Empty if the average has not converged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.barriers import candidates, longest_lived
+    >>> kappa = np.array([0.972])
+    >>> candidates(kappa, longest_lived(kappa, 100_000))[0]
+    parse("[0;2,(1)]")
+    """
     omega, _ = rotation_number(np.roll(kappa, -start.site), start.x, start.y, n)
     return _nobles(kappa, float(omega), _NEAR, _CANDIDATES) if np.isfinite(omega) else []
 
@@ -514,9 +631,28 @@ def _most_robust(scales, best):
     return best
 
 
-def per_period(omega, profile, short, zero):
-    """ω of the short forcing as one per period of the long one, whose ω = 0 is `zero` for the short
-    one, in [0, P/2]."""
+def per_period(
+    omega: RotationNumber, profile: FloatArray, short: FloatArray, zero: RotationNumber
+) -> RotationNumber:
+    """Convert ω of a shortened forcing to one per period of the long forcing, in [0, P/2].
+
+    Parameters
+    ----------
+    omega : RotationNumber
+        Per period of `short`.
+    profile, short : ndarrays, shapes (P,) and (P',)
+        The forcing, and its shorter form by `symmetries.shorten`.
+    zero : RotationNumber
+        ω under `short` of what is ω = 0 under `profile`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.barriers import per_period
+    >>> from nasm.numbers import parse, rational
+    >>> per_period(parse("gamma"), np.ones(2), np.ones(1), rational(0))
+    parse("[0;1,3,(4)]")
+    """
     period, ratio = profile.size, profile.size // short.size
     (*_, shift) = convergents(zero)
     omega = moebius(
@@ -524,17 +660,27 @@ def per_period(omega, profile, short, zero):
     )
     omega = moebius(omega, 1, -period * floor(float(omega) / period))
     omega = omega if float(omega) <= period / 2 else moebius(omega, -1, period)
-    return min(omega, tied(omega, profile) or omega, key=lambda ω: len(ω.prefix + ω.tail))
+    return min(
+        omega, degenerate_partner(omega, profile) or omega, key=lambda ω: len(ω.prefix + ω.tail)
+    )
 
 
-def tied(omega, profile):
-    """P/2 - ω, if its circle breaks together with that of ω, as where every other kick is zero, or
-    under (1, 1, -1, -1); else None.
+def degenerate_partner(omega: OmegaLike, profile: ArrayLike) -> RotationNumber | None:
+    """Return P/2 - ω if its circle breaks together with that of ω; otherwise None.
 
     y → y + 1/2 changes the sign of every other kick (`symmetries.alternate`) and takes ω to ω +
-    P/2. That is a symmetry if it is undone by another beginning, the other direction of time or
-    x → x + 1/2. So γ and 1 - γ break together on the axes of the (κ1, κ2) plane, where the paper
+    P/2. The two circles break together if another symmetry restores the signs: a shift in time,
+    time reversal or x → x + 1/2. This is the case if every other kick is zero, or under
+    (1, 1, -1, -1). So γ and 1 - γ break together on the axes of the (κ1, κ2) plane, where the paper
     writes γ.
+
+    Examples
+    --------
+    >>> from nasm.barriers import degenerate_partner
+    >>> degenerate_partner("gamma", (1, 0))
+    parse("[0;2,(1)]")
+    >>> degenerate_partner("gamma", (1, 0.5)) is None
+    True
     """
     profile, omega = forcing(profile, "profile"), as_rotation_number(omega)
     equivalent = equivalent_forcings(profile[None])
@@ -542,11 +688,26 @@ def tied(omega, profile):
     return moebius(omega, -1, profile.size // 2) if any(same) else None
 
 
-def boundary(angles, tol=1e-4):
-    """The boundary of global transport of two kicks, ray by ray: a list of CriticalScale.
+def boundary(angles: ArrayLike, tol: float = 1e-4) -> list[CriticalScale]:
+    """Compute the boundary of global transport of two kicks, ray by ray.
 
-    angles : float or sequence of floats, degrees; (κ1, κ2) = s·(cos angle, sin angle).
-    tol : float, as for `critical_scale`: 0.25 s of CPU time a ray at 10⁻⁴, 0.8 s at 2·10⁻⁵.
+    Parameters
+    ----------
+    angles : float or sequence of floats
+        Degrees; (κ1, κ2) = s·(cos angle, sin angle).
+    tol : float
+        As for `critical_scale`: 0.25 s of CPU time a ray at 10⁻⁴, 0.8 s at 2·10⁻⁵.
+
+    Returns
+    -------
+    list of CriticalScale
+        One for each angle.
+
+    Examples
+    --------
+    >>> from nasm.barriers import boundary
+    >>> [round(scale.value, 5) for scale in boundary([0, 30], tol=1e-2)]
+    [0.48582, 0.70018]
     """
     degrees = np.atleast_1d(floats("angles", angles))
     if degrees.ndim > 1 or not np.isfinite(degrees).all():

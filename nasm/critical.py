@@ -8,11 +8,11 @@ CB_gt (arXiv:1606.04824, Sec. V).
 import math
 from dataclasses import dataclass, fields
 from enum import Enum
-from html import escape
 
 import numpy as np
 
 from nasm.numbers import RotationNumber
+from nasm.tables import html_table
 from nasm.texts import rounded_bracket, rounded_value
 
 __all__ = ["CriticalScale", "Result", "Status", "no_answer"]
@@ -189,12 +189,7 @@ class CriticalScale(Result):
             "method": self.method,
             "status": self._outcome(),
         }
-        body = (
-            f"<tr><th>{name}</th><td>{escape(text)}</td></tr>"
-            for name, text in rows.items()
-            if text
-        )
-        return f"<table>{''.join(body)}</table>"
+        return html_table(rows)
 
     def _outcome(self) -> str:
         is_ok = self.status is Status.OK

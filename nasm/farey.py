@@ -1,18 +1,19 @@
-"""Which circles stand under one forcing: residues down the Farey tree.
+"""Which circles exist under one forcing: residues down the Farey tree.
 
 Between neighbours p/q and p'/q', |pq' - p'q| = 1, all fractions have periods of q + q' or longer,
-and the simplest is the *mediant* (p + p')/(q + q'). A path of mediants leads to every ω. Where its
-circle stands the residues of the minimax orbits along the path fall to 0; at the breakup of a noble
-they stay near 0.25 (Greene), and below and above it ln(R/0.25) of two neighbours add up to that of
-their mediant, more or less. So between neighbours with large residues no circle stands, and of a
-forcing beyond its last breakup a hundred mediants rule out all ω.
+and the simplest is the *mediant* (p + p')/(q + q'). A path of mediants leads to every ω. If its
+circle exists, the residues of the minimax orbits along the path decay to 0; at the breakup of a
+noble they stay near 0.25 (Greene), and below and above it ln(R/0.25) of two neighbours add up to
+that of their mediant, approximately. So no circle exists between neighbours with large residues,
+and for a forcing beyond its last breakup a hundred mediants exclude all ω.
 
-The orbit of a mediant is joined from those of its neighbours (`nasm.action`). This is no proof, and
-where a circle stands by a part δ of the scale only, periods of 1/δ are needed to see it. But there
-is nothing to be missed in between: searches of converse KAM for survivors sample starts, and with
-three kicks or more survivors may be in intervals of 10⁻⁶.
+The orbit of a mediant is joined from those of its neighbours (`nasm.action`). This is not a proof:
+a circle within a relative distance δ of its breakup is resolved only by periods of order 1/δ. But
+the tree has no gaps, whereas converse KAM samples starts, and with three kicks or more survivors
+may be in intervals of 10⁻⁶.
 """
 
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import partial
 from heapq import heappop, heappush
@@ -21,13 +22,24 @@ from itertools import islice, pairwise
 from math import inf, log, nan
 from typing import NamedTuple
 
-from nasm.action import SURE_PERIOD, Chain, Ladder, LostError, Orbit, joined, ordered_orbits
+from numpy.typing import ArrayLike
+
+from nasm.action import (
+    SURE_PERIOD,
+    Chain,
+    ConvergentOrbits,
+    LostError,
+    Orbit,
+    joined,
+    ordered_orbits,
+)
 from nasm.checks import count
 from nasm.maps import forcing
-from nasm.numbers import as_rotation_number, convergents, moebius, parse
+from nasm.numbers import RotationNumber, as_rotation_number, convergents, moebius, parse
 from nasm.symmetries import half_shift_nobles
+from nasm.types import OmegaLike
 
-__all__ = ["circle_stands", "standing"]
+__all__ = ["circle_exists", "find_existing_circle"]
 
 _SCANNED = 20  # period up to which the highest maximum is sought, and not that next to neighbours'
 _AGAIN = 300  # the same where joining fails
@@ -42,7 +54,7 @@ forcings of three to six kicks residues were at most 1.1, and products 0.26 from
 _FEW = 10  # Up to that period any residue may be next to one.
 _FALLEN, _LONG = 0.05, 100  # residues that small, of periods that long: ask the circle itself
 _MOST = 3000  # mediants
-_TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues tell if a circle stands
+_TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues show if a circle exists
 _LONGER = 4  # times that: up to it residues that have not fallen to 0.1 must fall with each q
 _GAMMA = parse("gamma")
 
@@ -57,19 +69,38 @@ class _Node(NamedTuple):
         return self.fraction.denominator
 
 
-def standing(kappa):
-    """A circle that stands under a forcing, if the tree shows one, and what it shows else.
+def find_existing_circle(
+    kappa: ArrayLike,
+) -> tuple[RotationNumber | None, list[RotationNumber], int]:
+    """Search the Farey tree for a circle that exists under a forcing.
 
-    kappa : sequence of P floats, the forcing, first kick first.
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first.
 
-    Returns omega : RotationNumber, a noble in [0, P/2] per period whose `circle_stands`; None if
-    none does.
-    nobles : list of the nobles that were not ruled out up to period 1000, the simplest first; else
-        the one that took the longest. Just beyond the last breakup the last circle is one of them.
-    period : int, the longest that was needed. A circle that breaks a part δ of the scale below
-        takes periods of 1/δ or so to be ruled out.
+    Returns
+    -------
+    omega : RotationNumber or None
+        A noble in [0, P/2] per period whose circle exists, by `circle_exists`; None without one.
+    nobles : list of RotationNumber
+        Those that were not excluded up to period 1000, the simplest first; without any, the one
+        that took longest to exclude. Just beyond the last breakup the last circle is one of them.
+    period : int
+        The longest period used. A circle that breaks at a relative distance δ below the scale takes
+        periods of order 1/δ to exclude.
+
+    Examples
+    --------
+    >>> from nasm.farey import circle_exists, find_existing_circle
+    >>> omega, _, _ = find_existing_circle((0.3, 0.2, 0.25))
+    >>> circle_exists(omega, (0.3, 0.2, 0.25))
+    True
+    >>> find_existing_circle((1.2, 0.9))[0] is None
+    True
     """
-    kappa, heap, order, deepest, period = forcing(kappa), [], counter(), [], 1
+    kappa, order, deepest, period = forcing(kappa), counter(), [], 1
+    heap: list[tuple[float, int, _Node, _Node]] = []
 
     def push(left, right):
         product, longer = left.residue * right.residue, max(left.q, right.q)
@@ -78,7 +109,7 @@ def standing(kappa):
         if near and product < most:
             heappush(heap, (log(product), next(order), left, right))
 
-    ordered = partial(ordered_orbits, kappa, climbed={})
+    ordered = partial(ordered_orbits, kappa, minimizers={})
     for last in _first(ordered, kappa.size):
         push(*last)
     for _ in range(_MOST):
@@ -104,28 +135,48 @@ def standing(kappa):
 
 
 def _stands(omega, kappa, nodes):
-    return circle_stands(omega, kappa, known=[node.orbit for node in nodes if node.orbit])
+    return circle_exists(omega, kappa, known=[node.orbit for node in nodes if node.orbit])
 
 
-def circle_stands(omega, kappa, longest=_TOO_LONG, known=()):
-    """Whether residues of the minimax orbits of three or more convergents of ω fall with q: the
-    circle exists. False where long orbits are lost, as they are far beyond its breakup.
+def circle_exists(
+    omega: OmegaLike, kappa: ArrayLike, longest: int = _TOO_LONG, known: Sequence[Orbit] = ()
+) -> bool:
+    """Test whether a circle exists, by the decay of the residues of its convergents.
 
-    omega : RotationNumber or its text, irrational. kappa : P floats. longest : int, their period,
-    up to which the residues fall below 0.1, or from which on they fall with each q. known : minimax
-    Orbits of convergents of ω that are known, if there are any.
+    Parameters
+    ----------
+    omega : RotationNumber or str
+        Rotation number per period, irrational.
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first.
+    longest : int
+        Period up to which residues decrease below 0.1, or from which on they decrease with each q.
+    known : sequence of Orbit
+        Minimax orbits of convergents of ω that are known already.
+
+    Returns
+    -------
+    bool
+        True if the residues of three or more minimax orbits decrease with q. False also if long
+        orbits are lost, which happens far beyond the breakup.
+
+    Examples
+    --------
+    >>> from nasm.farey import circle_exists
+    >>> circle_exists("gamma", 0.9), circle_exists("gamma", 1.0)
+    (True, False)
     """
     kappa, omega = forcing(kappa), as_rotation_number(omega)
     longest = count("longest", longest, 1, 10**6)
     fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
     fractions = [f for f in fractions if f.denominator < _LONGER * longest]
     first = max(len(omega.prefix) - 1, sum(f.denominator < _TELLING for f in fractions))
-    ladder, residues = Ladder(kappa, 0 * kappa, fractions, known=known), [nan]
+    orbits, residues = ConvergentOrbits(kappa, 0 * kappa, fractions, known=known), [nan]
     for n in range(first, len(fractions)):
         if fractions[n].denominator >= longest and not _fall(residues):
             return False
         try:
-            residues.append(ladder.at(n, 0.0, -1).residue)
+            residues.append(orbits.at(n, 0.0, -1).residue)
         except LostError as lost:
             if lost.is_far_beyond:
                 return False

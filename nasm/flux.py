@@ -28,7 +28,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nasm.action import FLAT, MAX_PERIOD, Ladder, LostError, Orbit, ordered_orbits
+from nasm.action import FLAT, MAX_PERIOD, ConvergentOrbits, LostError, Orbit, ordered_orbits
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count
 from nasm.critical import Status
@@ -114,12 +114,12 @@ def flux(omega: OmegaLike, kappa: ArrayLike, q_max: int = 30_000) -> Flux:
     steps = kappa.size // short.size
     # Up to the end of the prefix they are convergents of other numbers too.
     min_period = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
-    ladder = Ladder(short, 0 * short, distinct_convergents(short_omega, q_max))
+    orbits = ConvergentOrbits(short, 0 * short, distinct_convergents(short_omega, q_max))
     value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
     n_lost = 0
-    for n, chain in enumerate(ladder.chains):
+    for n, chain in enumerate(orbits.chains):
         try:
-            difference, rounding = _difference(*(ladder.at(n, 0.0, kind) for kind in (1, -1)))
+            difference, rounding = _difference(*(orbits.at(n, 0.0, kind) for kind in (1, -1)))
             n_lost = 0
         except LostError:
             difference, rounding, n_lost = np.nan, 0.0, n_lost + 1

@@ -1,14 +1,19 @@
-"""Is transport global under one forcing, or is a barrier left?
+"""Is transport global under one forcing, or does a barrier exist?
 
-The boundary on the ray through the forcing tells only where to look and how hard. The answer comes
-from the forcing itself: a circle that is certified there, or no start that survives converse KAM.
+The boundary on the ray through the forcing only shows where to search, and how hard. The answer
+comes from the forcing itself: a circle is certified under it, or converse KAM eliminates all
+starts.
 """
 
-from dataclasses import dataclass, field, replace
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 from enum import Enum
-from math import inf, nan
+from math import inf, isfinite, nan
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nasm import barriers, circles
 from nasm.barriers import critical_scale, per_period
@@ -17,17 +22,38 @@ from nasm.critical import CriticalScale, Result, Status, no_answer
 from nasm.maps import MIN_SIZE, forcing
 from nasm.numbers import rational
 from nasm.symmetries import lengthen, shorten
+from nasm.tables import html_table, omega_text
+from nasm.texts import rounded_bracket, rounded_value
+from nasm.types import FloatArray
+
+if TYPE_CHECKING:  # 0.2 s to import, and mostly not needed
+    from nasm.proofs.barrier import BarrierProof
+    from nasm.proofs.transport import TransportProof
 
 __all__ = ["Answer", "Evidence", "Verdict", "verdict"]
 
-_COARSE, _CLEAR = 1e-2, 0.05  # tolerance of a first look, with three kicks, and where it is enough
-_TOLERANCES = (1e-3, 1e-4, 2e-5)  # of the boundary, until its error tells a point from it
-_FAR = 1.1  # times a point: a circle so far out that the point is no matter of tolerances
-_STEPS = 1000  # of converse KAM that every point is asked to survive
-_MOST_STEPS = 400_000  # of converse KAM at a point, a second or two: to 4e-6 above the boundary
-_MOST_POINTS = 2**15  # of a circle that is further than the first tolerance from its breakup
+_FIRST_TOLERANCE = 1e-2
+"""Tolerance of the boundary at first, with three kicks or more."""
+
+_CLEAR_DISTANCE = 0.05
+"""Distance |value - 1| of the forcing from the boundary from which `_FIRST_TOLERANCE` is enough."""
+
+_TOLERANCES = (1e-3, 1e-4, 2e-5)
+"""Tolerances of the boundary, in turn, until its error is less than the distance."""
+
+_UNRELATED_RATIO = 1.1
+"""Lower scale of the boundary from which a tighter tolerance cannot change the verdict."""
+
+_MIN_STEPS, _MAX_STEPS = 1000, 400_000
+"""Steps of converse KAM: the most take a second or two, and reach to 4e-6 above the boundary."""
+
+_MAX_POINTS = 2**15
+"""Points of a circle that is further than the first of `_TOLERANCES` from its breakup."""
+
+_MIN_DISTANCE = 1.5e-5
+"""Distance below the boundary under which certificates fail, after 5 s."""
+
 _BUDGET = 20.0  # CPU seconds of a proof
-_NEAREST = 1.5e-5  # below the boundary: nearer, certificates fail, and take 5 s to do so
 
 
 class Answer(Enum):
@@ -52,7 +78,7 @@ class Evidence(Enum):
         "the circle is certified further out on the ray from κ = 0, not at this forcing; that it "
         "exists all the way is an assumption"
     )
-    CONES = (
+    CONVERSE_KAM = (
         "converse KAM excludes a circle through every sampled initial condition at exactly this "
         "forcing: strong evidence, not a proof"
     )
@@ -69,133 +95,219 @@ class Evidence(Enum):
     __repr__ = Enum.__str__
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Verdict(Result):
-    """Whether a rotational invariant circle is left under the forcing kappa.
+    """Whether a rotational invariant circle exists under a forcing.
 
-    answer, evidence : what is known, and from what. UNDECIDED makes no statement about either.
-    boundary : CriticalScale of the last barrier on the ray s·kappa, s = 1 being the forcing itself.
-        Its omega is the circle's, if there is one; else that of the last circle that broke.
-    circle : x, y of it at the start of a period, ndarrays, x on the lift, y up to an integer; None
+    Attributes
+    ----------
+    kappa : ndarray, shape (P,)
+        The forcing, first kick first.
+    answer : Answer
+        UNDECIDED makes no statement about either.
+    evidence : Evidence
+        What the answer rests on.
+    boundary : CriticalScale
+        Breakup of the last barrier on the ray s·kappa, s = 1 being the forcing itself. Its omega is
+        that of the circle, if one exists; otherwise that of the last circle that broke.
+    circle : tuple of two ndarrays, shape (n,), or None
+        x and y of the circle at the start of a period, x on the lift, y up to an integer. None
         unless evidence is CIRCLE or CIRCLE_PROVED.
-    steps : float, within which converse KAM eliminated all starts; inf if it did not.
-    proof : BarrierProof or TransportProof that was tried, proved or not; None if none was.
-    proved_below : float; a barrier is proved to exist under s·kappa for 0 ≤ s ≤ this. NaN where
-        that was not tried.
+    steps : float
+        Steps (periods of the forcing) within which converse KAM eliminated all starts; inf if it
+        did not.
+    proof : BarrierProof, TransportProof or None
+        The proof that was tried, proved or not.
+    proved_below : float
+        A barrier is proved to exist under s·kappa for 0 ≤ s ≤ proved_below. NaN if not tried.
+
+    Notes
+    -----
+    Verdicts compare by their contents, NaN equal to NaN. They contain arrays and cannot be hashed.
     """
 
+    kappa: FloatArray
     answer: Answer
     evidence: Evidence
     boundary: CriticalScale
-    circle: tuple[np.ndarray, np.ndarray] | None = field(default=None, repr=False)
+    circle: tuple[FloatArray, FloatArray] | None = None
     steps: float = inf
-    proof: object = None
+    proof: BarrierProof | TransportProof | None = None
     proved_below: float = nan
 
+    def __repr__(self) -> str:
+        text = f"<Verdict: {self.answer.name}, evidence {self.evidence.name}"
+        if self.boundary.omega is None:
+            return f"{text}>"
+        return f"{text}; circle {self.boundary.omega} breaks at {self._breakup()}>"
 
-def verdict(kappa, prove=False):
-    """Does a barrier exist under the forcing kappa, or is transport global?
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        boundary, omega = self.boundary, self.boundary.omega
+        lower, upper = rounded_bracket(boundary.lower, boundary.upper)
+        name = "circle" if self.answer is Answer.BARRIER else "last circle to break"
+        rows = {
+            "evidence": self.evidence.value,
+            "forcing": np.array2string(self.kappa, separator=", ", threshold=8),
+            name: "" if omega is None else omega_text(omega, self.kappa.size),
+            "its breakup": self._breakup(),
+            "method": boundary.method,
+            "a circle exists at": f"{lower} times the forcing" * bool(lower),
+            "no circle exists at": f"{upper} times the forcing" * bool(upper),
+            "status": boundary.status.value,
+        }
+        if self.evidence is Evidence.INTEGRABLE:
+            rows = {"evidence": self.evidence.value, "forcing": rows["forcing"]}
+        if self.steps < inf:
+            rows["all starts eliminated"] = f"after {round(self.steps * self.kappa.size)} kicks"
+        if self.proof is not None:
+            rows["proof"] = self.proof.why
+        if isfinite(self.proved_below):
+            rows["barrier proved up to"] = f"{self.proved_below:.10g} times the forcing"
+        return html_table(rows, f"Verdict: {self.answer.name}")
 
-    1. The boundary on the ray through kappa, the finer the nearer it turns out to be; with three
-       kicks or more at 1% first.
-    2. Below it, the circle under kappa itself, certified, while converse KAM leaves a survivor.
-    3. Above it, converse KAM under kappa itself, with as many steps as the distance asks for.
-    4. If asked to, prove the circle, and up to which multiple of kappa there is one; or where there
-       is none that transport is global. Each takes up to some 20 seconds.
+    def _breakup(self) -> str:
+        value, error = self.boundary.value, self.boundary.error
+        return f"{rounded_value(value, error)} times the forcing" if isfinite(value) else "unknown"
 
-    kappa : sequence of P floats; P at most 64, or kappa repeats after one or two kicks.
-    prove : bool; evidence is CIRCLE_PROVED or TRANSPORT_PROVED where a proof succeeds.
 
-    Returns Verdict. UNDECIDED closer to the boundary than some 1.5·10⁻⁵ below and 4·10⁻⁶ above, in
-    parts of kappa, or where the methods fail or contradict each other; its boundary then holds the
-    bracket.
+def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
+    """Decide whether a barrier exists under a forcing, or transport is global.
 
-    ValueError if kappa is not finite or too large. ImportError if a circle is to be proved and
-    python-flint is not installed.
+    1. Find the boundary on the ray through kappa, more precisely the nearer it is to kappa; with
+       three kicks or more to 1% first.
+    2. Below it, certify the circle under kappa itself, unless converse KAM eliminates all starts.
+    3. Above it, apply converse KAM under kappa itself, with as many steps as the distance needs.
+    4. With `prove`, prove that the circle exists, and up to which multiple of kappa; or that
+       transport is global. Each takes up to 20 CPU seconds.
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first; P ≤ 64 unless kappa repeats after one or two
+        kicks.
+    prove : bool
+        Evidence is CIRCLE_PROVED or TRANSPORT_PROVED if a proof succeeds.
+
+    Returns
+    -------
+    Verdict
+        UNDECIDED at relative distances from the boundary of less than 1.5·10⁻⁵ below it or 4·10⁻⁶
+        above it, and where the methods fail or contradict each other; its boundary then has the
+        bracket.
+
+    Raises
+    ------
+    ValueError
+        If kappa is not finite or too large.
+    ImportError
+        If a circle is to be proved and python-flint is not installed.
+
+    Examples
+    --------
+    >>> from nasm.verdicts import verdict
+    >>> verdict((0.3, 0.4)).answer
+    Answer.BARRIER
+    >>> verdict((1.2, 0.9))
+    <Verdict: TRANSPORT, evidence CONVERSE_KAM; circle ...>
     """
     kappa = forcing(kappa)
     size = float(np.abs(kappa).max())
     if size == 0:
-        return Verdict(Answer.BARRIER, Evidence.INTEGRABLE, no_answer(None, Status.NO_BREAKUP))
+        no_breakup = no_answer(None, Status.NO_BREAKUP)
+        return Verdict(kappa, Answer.BARRIER, Evidence.INTEGRABLE, no_breakup)
     (short,), zero = shorten([kappa], rational(0))
     answer, evidence = Answer.UNDECIDED, Evidence.NONE
-    found, circle, steps, proof = None, None, inf, None
-    for tol in [_COARSE] * (short.size > 2) + [*_TOLERANCES]:
+    circle, graph, steps, proof = None, None, inf, None
+    for tol in [_FIRST_TOLERANCE] * (short.size > 2) + [*_TOLERANCES]:
         unit = critical_scale(short / size, tol)
-        lengths = {n: getattr(unit, n) / size for n in ("value", "error", "lower", "upper")}
-        boundary = replace(unit, **lengths)
-        if tol == _COARSE and not abs(boundary.value - 1) > _CLEAR:
+        boundary = replace(
+            unit,
+            value=unit.value / size,
+            error=unit.error / size,
+            lower=unit.lower / size,
+            upper=unit.upper / size,
+        )
+        if tol == _FIRST_TOLERANCE and not abs(boundary.value - 1) > _CLEAR_DISTANCE:
             continue
         if abs(boundary.value - 1) <= boundary.error and tol > _TOLERANCES[-1]:
-            continue  # look closer before deciding
+            continue  # a tighter tolerance before deciding
         end = boundary.value if np.isfinite(boundary.value) else boundary.upper
         if end < 1:
-            n_max = min(max(1.6 / (1 / end - 1), _STEPS), _MOST_STEPS)
+            n_max = min(max(1.6 / (1 / end - 1), _MIN_STEPS), _MAX_STEPS)
             steps = barriers.longest_lived(short, int(n_max)).kicks / kappa.size
             if steps < inf:
-                answer, evidence = Answer.TRANSPORT, Evidence.CONES
+                answer, evidence = Answer.TRANSPORT, Evidence.CONVERSE_KAM
                 boundary = replace(boundary, upper=min(boundary.upper, 1.0))
                 break
         elif end > 1:
-            found = _circle_under(short, boundary)
-            if found is not None:
+            circle = _circle_under(short, boundary)
+            if circle is not None:
                 answer, evidence = Answer.BARRIER, Evidence.CIRCLE
-                boundary = replace(boundary, omega=found.omega, lower=np.fmax(boundary.lower, 1.0))
-                circle = lengthen(kappa, *circles.graph(found))
+                lower = float(np.fmax(boundary.lower, 1.0))
+                boundary = replace(boundary, omega=circle.omega, lower=lower)
+                graph = lengthen(kappa, *circles.graph(circle))
                 break
-        too_near = boundary.error < end - 1 < _NEAREST
-        if too_near or (boundary.lower > _FAR and np.isnan(boundary.value)):
-            break  # a closer look tells no more
+        too_close = boundary.error < end - 1 < _MIN_DISTANCE
+        if too_close or (boundary.lower > _UNRELATED_RATIO and np.isnan(boundary.value)):
+            break  # a tighter tolerance would not decide either
     if (
         answer is Answer.UNDECIDED
         and boundary.lower >= 1
-        and not barriers.eliminates(short, _STEPS)
+        and not barriers.eliminates(short, _MIN_STEPS)
     ):
         answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
-    if boundary.upper == inf:  # kicks so weak that floats do not reach from them to the boundary
+    if boundary.upper == inf:  # the boundary is out of the range of floats, in units of kappa
         boundary = no_answer(boundary.omega, Status.NO_BREAKUP)
     if boundary.omega is not None:
         boundary = replace(boundary, omega=per_period(boundary.omega, kappa, short, zero))
     below = nan
     if prove:
-        answer, evidence, proof = _proved(kappa, short, found, answer, evidence)
-        proved = evidence is Evidence.CIRCLE_PROVED
-        if proved and boundary.value > 1 and size >= MIN_SIZE:  # as a profile must be
+        answer, evidence, proof = _prove(kappa, short, circle, answer, evidence)
+        is_ray = boundary.value > 1 and size >= MIN_SIZE  # as a profile must be
+        if circle is not None and evidence is Evidence.CIRCLE_PROVED and is_ray:
             from nasm.proofs.fan import proved_below
 
-            below, _ = proved_below(found.omega, short, boundary.value, _BUDGET)
-    return Verdict(answer, evidence, boundary, circle, steps, proof, below)
+            below, _ = proved_below(circle.omega, short, boundary.value, _BUDGET)
+    return Verdict(kappa, answer, evidence, boundary, graph, steps, proof, below)
 
 
-def _proved(kappa, short, found, answer, evidence):
-    """The answer and its evidence, after a proof was tried where there is something to prove."""
-    from nasm.proofs import barrier, transport  # 0.2 s to import, and mostly not needed
+def _prove(
+    kappa: FloatArray,
+    short: FloatArray,
+    circle: circles.InvariantCircle | None,
+    answer: Answer,
+    evidence: Evidence,
+) -> tuple[Answer, Evidence, BarrierProof | TransportProof | None]:
+    """Try to prove the answer, and return it with its evidence and the proof."""
+    from nasm.proofs import barrier, transport
 
-    if found is not None:
-        proof = barrier.prove(found.omega, short, start=found.u, budget=_BUDGET)
+    if circle is not None:
+        proof = barrier.prove(circle.omega, short, start=circle.u, budget=_BUDGET)
         return answer, Evidence.CIRCLE_PROVED if proof.proved else evidence, proof
     if answer is Answer.BARRIER:
         return answer, evidence, None
-    proof = transport.prove(kappa, _BUDGET)
-    if proof.proved:
-        return Answer.TRANSPORT, Evidence.TRANSPORT_PROVED, proof
-    return answer, evidence, proof
+    transport_proof = transport.prove(kappa, _BUDGET)
+    if transport_proof.proved:
+        return Answer.TRANSPORT, Evidence.TRANSPORT_PROVED, transport_proof
+    return answer, evidence, transport_proof
 
 
-def _circle_under(kappa, boundary):
-    """A certified circle under kappa; None if there is none, or if converse KAM contradicts it."""
-    if barriers.eliminates(kappa, _STEPS):
+def _circle_under(kappa: FloatArray, boundary: CriticalScale) -> circles.InvariantCircle | None:
+    """Return a certified circle under kappa; None without one, or if converse KAM excludes it."""
+    if barriers.eliminates(kappa, _MIN_STEPS):
         return None
     omega, distance = boundary.omega, 1 - 1 / boundary.value
-    if _NEAREST <= distance < _TOLERANCES[0]:
+    if omega is not None and _MIN_DISTANCE <= distance < _TOLERANCES[0]:
         scale, u = continuation.certified_circle(omega, kappa, boundary.value, distance)
-        if u is None or not scale > 1 - 1e-12:  # not certified here, only further in
+        if u is None or not scale > 1 - 1e-12:  # certified at weaker kicks only
             return None
         error = np.abs(circles.residual(omega, kappa, u)).max()
         return circles.InvariantCircle(omega, kappa, u, error, Status.OK)
-    omegas = [omega]
-    if omega is None:  # as next to a cusp, where residues give no value
+    if omega is not None:
+        omegas = [omega]
+    else:  # as next to a cusp, where residues give no value
         beyond = boundary.upper * kappa
-        omegas = barriers.candidates(beyond, barriers.longest_lived(beyond, 2 * _STEPS))
-    found = (circles.invariant_circle(omega, kappa, _MOST_POINTS) for omega in omegas)
-    return next((circle for circle in found if circle.certified), None)
+        omegas = barriers.candidates(beyond, barriers.longest_lived(beyond, 2 * _MIN_STEPS))
+    solutions = (circles.invariant_circle(omega, kappa, _MAX_POINTS) for omega in omegas)
+    return next((circle for circle in solutions if circle.certified), None)

@@ -5,7 +5,7 @@ import inspect
 import numpy as np
 
 from nasm import circles, escape, numbers, orbits, periodic, proofs, self_consistent, tori
-from nasm.converse_kam import sequence
+from nasm.converse_kam import aperiodic
 from nasm.numbers import parse
 
 GAMMA, KAPPA = parse("gamma"), (0.3, 0.4)
@@ -61,7 +61,7 @@ OTHERS = {
     periodic.torus_scale: {"omega": "5/8", "frequency": "1/2", "amplitude": 0.0},
     proofs.transport_cells.prove_cell: {"kappa": (0.25, 0.5)},
     self_consistent.evolve: {"x": np.zeros(3)},
-    sequence.critical_scale: {"profile": np.ones(64)},
+    aperiodic.critical_scale: {"profile": np.ones(64)},
     tori.critical_scale: {"omega": 0.618},
     tori.invariant_torus: {"omega": 0.618},
 }

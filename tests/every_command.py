@@ -56,7 +56,7 @@ COMPUTING = {
     "pipeline.store": ["replace"],
     "pipeline.sweep.sweep": ["_Run"],
     "nasm.circles.continuation": ["critical_scale"],
-    "nasm.converse_kam.sequence": ["escape_time", "longest_lived"],
+    "nasm.converse_kam.aperiodic": ["escape_time", "longest_lived"],
     "nasm.converse_kam.symmetry_line": ["longest_lived"],
     "nasm.escape": ["first_escape"],
     "nasm.orbits": ["orbit", "portrait"],

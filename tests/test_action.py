@@ -139,27 +139,27 @@ def test_no_orbit_is_joined_twice_at_a_scale(monkeypatch):
 
     monkeypatch.setattr(action, "joined", counted)
     fractions = distinct_convergents(parse("gamma"), 3000)
-    ladder = action.Ladder(np.zeros(2), np.array((0.2, 0.1)), fractions)
-    assert ladder.at(len(fractions) - 1, 1.0, -1).residue < 1e-9
+    orbits = action.ConvergentOrbits(np.zeros(2), np.array((0.2, 0.1)), fractions)
+    assert orbits.at(len(fractions) - 1, 1.0, -1).residue < 1e-9
     assert len(calls) == len(set(calls)) > 3
 
 
 def test_only_long_lost_orbits_are_taken_as_evidence_of_broken_circles(monkeypatch):
     kappa, omega = (0.3, 0.2, 0.25), parse("[1;4,(1)]")
-    assert farey.circle_stands(omega, kappa)
-    scanned = action.Ladder.scan
+    assert farey.circle_exists(omega, kappa)
+    scanned = action.ConvergentOrbits.scan
 
     def losing(self, n, scale):
         if self.chains[n].q < 100:
             raise self.chains[n].lost("a test")
         return scanned(self, n, scale)
 
-    monkeypatch.setattr(action.Ladder, "scan", losing)
+    monkeypatch.setattr(action.ConvergentOrbits, "scan", losing)
     with pytest.raises(action.LostError, match=r"orbits of 1/6 were not found: a test") as lost:
         action.ordered_orbits((0.5,), 1, 6)
     assert not lost.value.is_far_beyond
     assert np.isnan(periodic.residue((0.5,), 1, 6))
-    assert farey.circle_stands(omega, kappa)
-    assert farey.standing(kappa)[0] is not None
+    assert farey.circle_exists(omega, kappa)
+    assert farey.find_existing_circle(kappa)[0] is not None
     found = periodic.critical_scale("gamma", (1.0, 0.0))
     assert found.status is not Status.OK or found.value == pytest.approx(0.48581770302, abs=1e-9)

@@ -37,7 +37,7 @@ from nasm import (
     tori,
 )
 from nasm.circles import continuation, fourier
-from nasm.converse_kam import sequence, symmetry_line, transversal
+from nasm.converse_kam import aperiodic, symmetry_line, transversal
 from nasm.numbers import parse
 from pipeline.sweep.grid import Axis, parse_axis
 
@@ -53,7 +53,7 @@ RAYS = (
     escape.critical_scale,
     periodic.critical_scale,
     symmetry_line.critical_scale,
-    transversal.located,
+    transversal.upper_scale,
 )
 BOUNDS = proofs.barrier.proved_lower, proofs.transport.proved_upper
 CELLS = proofs.transport_cells.prove_cell
@@ -113,7 +113,7 @@ FORCINGS = {
         (barriers.critical_scale, [()], "profile=() has shape (0,)"),
         (barriers.critical_scale, [(1, nan)], "is not finite"),
         (barriers.critical_scale, [[1.0] + [0.5] * 63 + [0.2]], "P=65 kicks"),
-        (sequence.critical_scale, [np.ones(63)], "profile has 63 kicks; it must have 64"),
+        (aperiodic.critical_scale, [np.ones(63)], "profile has 63 kicks; it must have 64"),
         (
             symmetry_line.critical_scale,
             [(0.1, 0.2, 0.3), (0.3, 0.2, 0.2, 0.3)],
@@ -183,7 +183,7 @@ STARTS = {
     ],
     "window": [
         (ESCAPES, [(2.3, -2.0), (0.0, 0.0), (-inf, 2.0)], "={value} must be two finite"),
-        (sequence.escape_time, [(2.0, -2.0), (nan, 2.0), 5], "window={value} must be (lo, hi)"),
+        (aperiodic.escape_time, [(2.0, -2.0), (nan, 2.0), 5], "window={value} must be (lo, hi)"),
         (escape.critical_scale, [(0.1, 2.3), (-2.0, 0.29)], "leaves out starts"),
     ],
     "box": [
@@ -191,14 +191,14 @@ STARTS = {
         (orbits.passages, [(0, 0, 1), (nan, 0, 1, 1), [[0, 0, 1, 1]]], "must be left"),
     ],
     "theta": [
-        (sequence.longest_lived, INEXACT, NO_FLOATS),
+        (aperiodic.longest_lived, INEXACT, NO_FLOATS),
         (
-            (sequence.escape_time, sequence.longest_lived),
+            (aperiodic.escape_time, aperiodic.longest_lived),
             [(0.1,), nan, [0.1, inf]],
             "must be one phase, or one for each of the 2 kicks",
         ),
     ],
-    "site": [(sequence.longest_lived, [2], WHOLE + " 0 to 1")],
+    "site": [(aperiodic.longest_lived, [2], WHOLE + " 0 to 1")],
     "gamma": [
         (self_consistent.evolve, INEXACT, NO_FLOATS),
         (
@@ -235,7 +235,7 @@ COUNTS = {
         (LINES, [0, 2.5], BILLION),
         (symmetry_line.critical_scale, [99], WHOLE + " 100 to 1000000000"),
         (transversal.longest_lived, [0, 1.5], WHOLE + " 1"),
-        (transversal.located, [29], WHOLE + " 30"),
+        (transversal.upper_scale, [29], WHOLE + " 30"),
         (circles.invariant_circle, [32], WHOLE + " 64 to 65536"),
         (tori.invariant_torus, [100, 2**23], WHOLE + " 8192 to 4194304"),
     ],
@@ -256,9 +256,9 @@ COUNTS = {
             "must be increasing whole numbers from 1 to 5, the number of starts",
         ),
     ],
-    "n_sites": [(transversal.located, [0, 9], WHOLE + " 1 to 8")],
-    "n_kicks": [((tori.of_irrational, tori.upper_scale), [99], WHOLE + " 100 to 1000000")],
-    "effort": [(sequence.longest_lived, [0], WHOLE + " 1 to 100")],
+    "n_sites": [(transversal.upper_scale, [0, 9], WHOLE + " 1 to 8")],
+    "n_kicks": [((tori.last_critical_scale, tori.upper_scale), [99], WHOLE + " 100 to 1000000")],
+    "effort": [(aperiodic.longest_lived, [0], WHOLE + " 1 to 100")],
     "q_max": [
         (periodic.critical_scale, [0, nan, 500.5, "a", 10**6 + 1], MILLION),
         (flux.flux, [0, 500.5, nan], MILLION),
@@ -271,7 +271,7 @@ TOLERANCES = {
         (barriers.critical_scale, ["1e-3", None], "tol={value} must be a number"),
         (continuation.critical_scale, [0.0, inf, nan], "tol={value} must be positive"),
         (continuation.critical_scale, ["a", None, True, 1e-4j], "must be a number"),
-        (sequence.critical_scale, [1e-7, 0.2], "tol={value} must be from 1e-06"),
+        (aperiodic.critical_scale, [1e-7, 0.2], "tol={value} must be from 1e-06"),
         (tori.critical_scale, [0.0, nan], "tol={value} must be positive: the error"),
     ],
     "distance": [(continuation.certified_circle, [1e-7, 0.6, nan], "={value} must be from")],

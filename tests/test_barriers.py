@@ -41,8 +41,8 @@ def first_escapes(found, profile):
 
 def test_on_the_axes_gamma_and_one_minus_gamma_are_degenerate():
     for profile in ((1, 0), (0, 1), (-1, 0)):
-        assert barriers.tied(GAMMA, profile) == moebius(GAMMA, -1, 1)
-    assert barriers.tied(parse("[0;1,3,(4)]"), (1, 1)) is None
+        assert barriers.degenerate_partner(GAMMA, profile) == moebius(GAMMA, -1, 1)
+    assert barriers.degenerate_partner(parse("[0;1,3,(4)]"), (1, 1)) is None
     one, other = (periodic.critical_scale(omega, (1, 0)) for omega in (GAMMA, parse("[0;2,(1)]")))
     assert abs(one.value - other.value) < one.error + other.error
 
@@ -97,12 +97,12 @@ def test_every_method_finds_the_breakup_in_a_bracket_of_the_tolerance(case):
     assert 0 <= float(found.omega) <= len(profile) / 2
     if omega:
         assert str(found.omega) == omega
-    upper, last = transversal.located(profile, 300)
+    upper, last = transversal.upper_scale(profile, 300)
     # Under antiperiodic kicks half a period is the step of which the law speaks.
     half = len(profile) // 2
     antiperiodic = half and np.array_equal(profile[half:], np.negative(profile[:half]))
     step = half if antiperiodic else len(profile)
-    least, most = upper * (1 - np.array(transversal.EXCESS[::-1]) * step / last.kicks)
+    least, most = upper * (1 - np.array(transversal.EXCESS_BOUNDS[::-1]) * step / last.kicks)
     assert least <= found.value <= most
     by_norms = continuation.critical_scale(found.omega, profile, 1e-4)
     assert abs(by_norms.value - found.value) <= by_norms.error + found.error < 2e-4
@@ -302,7 +302,7 @@ def test_a_wrong_candidate_is_caught_and_the_right_one_found(angle, wrong, monke
 def test_wrong_candidates_alone_give_no_value_but_a_true_bound(wrong, tol, monkeypatch):
     exact = critical_scale(ray(30), 1e-3).value
     rounds = misled(monkeypatch, [wrong] * 100)
-    monkeypatch.setattr(barriers, "standing", lambda kappa: (None, [], 100))
+    monkeypatch.setattr(barriers, "find_existing_circle", lambda kappa: (None, [], 100))
     found = critical_scale(ray(30), tol)
     assert rounds
     assert found.status is Status.UNDECIDED
@@ -371,7 +371,7 @@ def test_the_longest_lived_start_keeps_the_last_rotation_number_a_while(kappa):
     """At the start of the period, whichever site the search began at."""
     scale = barriers.critical_scale(kappa, 1e-3)
     beyond = scale.value * 1.0005 * np.array(kappa)
-    x, y, steps = barriers.remnant(beyond, 10_000)
+    x, y, steps = barriers.longest_lived_start(beyond, 10_000)
     assert 600 < steps < 6000
     omega, _ = orbits.rotation_number(beyond, x, y, 1000)
     images = [abs(omega - sign * float(scale.omega)) % len(kappa) for sign in (1, -1)]

@@ -150,7 +150,7 @@ def test_fake_circles_of_too_few_modes_or_small_updates_are_rejected(n, past):
     error, status = circles.newton.certify(GAMMA, np.array([kappa]), fake)
     assert status is Status.NOT_CERTIFIED
     assert error > 1e-6
-    n_max = max(n, circles.newton.N_FIRST)
+    n_max = max(n, circles.newton.MIN_POINTS)
     circle = circles.invariant_circle(GAMMA, (kappa,), n_max=n_max, start=fake)
     assert not circle.certified
     # Nor are they circles once they are polished.
@@ -181,7 +181,7 @@ def test_what_is_off_a_circle_is_polished_or_rejected():
     nothing = np.full((2, 512), np.nan)  # max and min pass over NaN: without the twist checks would
     assert not circles.newton.polished_is_circle(GAMMA, kappa, nothing)
     assert not circles.newton.polish(GAMMA, kappa, nothing)
-    assert circles.newton.settle(GAMMA, kappa, nothing, 512)[1] is Status.NO_CIRCLE
+    assert circles.newton.solve(GAMMA, kappa, nothing, 512)[1] is Status.NO_CIRCLE
     assert circles.newton.certify(GAMMA, kappa, nothing)[1] is Status.NOT_CERTIFIED
 
 

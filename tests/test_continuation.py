@@ -34,7 +34,7 @@ def test_the_error_covers_the_difference_to_residues(tol, n, seed, part):
 
 
 def test_fineness_grows_by_the_golden_ratio_per_shrinking_by_delta():
-    delta, growth = continuation.UNSTABLE[1,], (1 + 5**0.5) / 2
+    delta, growth = continuation.UNSTABLE_EIGENVALUES[1,], (1 + 5**0.5) / 2
     finest = []
     for distance in 0.01 / delta ** np.arange(3):
         circle = circles.invariant_circle(GAMMA, (KAPPA_G - distance,), n_max=8192)
@@ -44,7 +44,7 @@ def test_fineness_grows_by_the_golden_ratio_per_shrinking_by_delta():
     assert abs(ratios[1] - growth) < abs(ratios[0] - growth)
 
 
-@pytest.mark.parametrize("tail", continuation.UNSTABLE)
+@pytest.mark.parametrize("tail", continuation.UNSTABLE_EIGENVALUES)
 def test_delta_is_the_growth_of_the_residues_slopes(tail):
     omega = RotationNumber((0,), tail)
     critical = periodic.critical_scale(omega, (1,), 10_000).value
@@ -55,7 +55,7 @@ def test_delta_is_the_growth_of_the_residues_slopes(tail):
         step = 1e-4 / q
         ends = [periodic.residue((critical + e,), p, q) for e in (-step, step)]
         slopes.append((ends[1] - ends[0]) / (2 * step))
-    assert continuation.UNSTABLE[tail] == pytest.approx(slopes[1] / slopes[0], rel=2e-3)
+    assert continuation.UNSTABLE_EIGENVALUES[tail] == pytest.approx(slopes[1] / slopes[0], rel=2e-3)
 
 
 def test_next_to_an_unresolved_cusp_the_error_contains_its_depth():
@@ -77,7 +77,7 @@ def test_tails_of_other_classes_are_answered_with_the_error_they_deserve(tail):
         found = continuation.critical_scale(omega, ray(angle), 1e-4)
         if judge.status is Status.OK:
             assert found.lower < judge.value
-        if tail in continuation.UNSTABLE:
+        if tail in continuation.UNSTABLE_EIGENVALUES:
             assert found.error < 1e-4
         elif found.status is Status.OK:  # no better than the way from the last circle
             assert found.error > 1e-4

@@ -33,7 +33,7 @@ from nasm.converse_kam import transversal
 # They take what others of nasm have made, and trust it.
 TRUSTING = ("arithmetic", "action", "checks", "circles.fourier", "circles.parameterization")
 TRUSTING += ("proofs.cells", "proofs.certificate_checker", "proofs.certificates", "proofs.fan")
-TRUSTING += ("manifolds", "sources", "texts")
+TRUSTING += ("manifolds", "sources", "tables", "texts")
 INNER = {barriers.last_circle, continuation.fineness, critical.no_answer}
 INNER |= {transversal.longest_period}
 
@@ -75,9 +75,14 @@ def faces():
 KERNELS = {maps.kick, maps.unkick}
 SLOW = {barriers.boundary, barriers.critical_scale, proofs.bracket.critical_scale}
 SLOW |= {proofs.barrier.proved_lower, proofs.transport.prove, proofs.transport.proved_upper}
-SLOW |= {proofs.transport_cells.prove_cell, tori.of_irrational, tori.upper_scale, verdict}
+SLOW |= {proofs.transport_cells.prove_cell, tori.last_critical_scale, tori.upper_scale, verdict}
 SLOW |= {continuation.certified_circle, diffusion.diffusion}
-SEARCHES = {transversal.located, transversal.longest_lived, farey.standing, periodic.crossings}
+SEARCHES = {
+    transversal.upper_scale,
+    transversal.longest_lived,
+    farey.find_existing_circle,
+    periodic.crossings,
+}
 
 
 def good(function):

@@ -716,7 +716,7 @@ def test_orbits_that_are_not_found_are_named_and_short_ones_are_drawn(monkeypatc
     def losing(self, n, scale):
         raise self.chains[n].lost("a test")
 
-    monkeypatch.setattr(action.Ladder, "scan", losing)
+    monkeypatch.setattr(action.ConvergentOrbits, "scan", losing)
     found, missing = phase_space.periodic_orbits((1.0,), [fraction])
     assert (found, missing) == (
         [], ["Not drawn: the ordered orbits of 1/6 were not found: a test."]

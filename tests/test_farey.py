@@ -15,11 +15,11 @@ RIPPLE = np.array([1, -1, -1, 1])
 def test_a_circle_exists_below_the_breakup_and_the_last_is_named_above(profile):
     last = barriers.critical_scale(profile, 1e-3)
     inside, outside, *far = (last.value * s * np.array(profile) for s in (0.999, 1.0002, 1.01, 99))
-    omega, _, _ = farey.standing(inside)
-    assert [farey.circle_stands(omega, kappa) for kappa in (inside, outside)] == [True, False]
-    nothing, nobles, period = farey.standing(outside)
+    omega, _, _ = farey.find_existing_circle(inside)
+    assert [farey.circle_exists(omega, kappa) for kappa in (inside, outside)] == [True, False]
+    nothing, nobles, period = farey.find_existing_circle(outside)
     assert last.omega in nobles
-    nowhere, ([_], [_]), shorter = zip(*map(farey.standing, far), strict=True)
+    nowhere, ([_], [_]), shorter = zip(*map(farey.find_existing_circle, far), strict=True)
     assert {nothing, *nowhere} == {None}
     assert max(shorter) < period
 
@@ -30,7 +30,7 @@ MISSED = [((1, 0.45, 1), 0.551), (1 + 1.7084e-5 * RIPPLE, 0.9648), (1 + 1.78e-4 
 @pytest.mark.parametrize("case", thirds(MISSED))
 def test_the_tree_finds_circles_whose_survivors_searches_miss(case):
     kappa = np.multiply(*case)
-    omega, _, _ = farey.standing(kappa)
+    omega, _, _ = farey.find_existing_circle(kappa)
     assert oracles.residues_fall(omega, kappa, 3000)
     assert barriers._is_certified(omega, kappa)
 
@@ -46,5 +46,5 @@ def test_the_tree_finds_circles_whose_survivors_searches_miss(case):
 def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega, scale, exists):
     # Of two or three convergents they fall in each case; of ten they tell.
     kappa = scale * np.array(profile)
-    assert farey.circle_stands(omega, kappa) == exists
+    assert farey.circle_exists(omega, kappa) == exists
     assert oracles.residues_fall(omega, kappa, 3000) is exists

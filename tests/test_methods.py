@@ -12,7 +12,7 @@ import pytest
 from cases import thirds
 from oracles import KAPPA_G
 
-from nasm import barriers, circles, escape, flux, periodic, verdict
+from nasm import Answer, Evidence, barriers, circles, escape, flux, periodic, verdict
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
 from nasm.critical import Status
@@ -175,7 +175,7 @@ def test_convergents_before_a_large_quotient_do_not_answer_for_it(omega):
     ):
         assert found.status is not Status.OK
         assert is_honest(found)
-    assert periodic.crossings(omega, (0.3, 0.2), 1500).size == 0
+    assert np.size(periodic.crossings(omega, (0.3, 0.2), 1500)) == 0
     found = continuation.critical_scale(omega, (0.3, 0.2))
     assert is_honest(found)
     if found.status is Status.OK:  # by its certificates
@@ -234,6 +234,6 @@ def test_the_methods_give_a_number_or_a_reason_and_never_a_warning(n_kicks):
         methods.append(symmetry_line.critical_scale(profile, 100))
     for found in methods:
         assert np.isnan(found.value) == (found.status not in (Status.OK, Status.WIDE))
-    said = verdict.verdict(profile)
-    undecided = said.answer is verdict.Answer.UNDECIDED
-    assert undecided == (said.evidence is verdict.Evidence.NONE)
+    judged = verdict(profile)
+    undecided = judged.answer is Answer.UNDECIDED
+    assert undecided == (judged.evidence is Evidence.NONE)

@@ -81,3 +81,23 @@ def test_a_number_is_a_forcing_of_one_kick():
     assert nasm.maps.forcing(0.3).tolist() == [0.3]
     assert nasm.verdict(0).answer is nasm.Answer.BARRIER
     assert periodic.critical_scale("gamma", 2.0, 400).value == pytest.approx(KAPPA_G / 2, rel=1e-6)
+
+
+def test_a_verdict_prints_on_a_line_and_as_a_table():
+    verdict = nasm.verdict((0.3, 0.4))
+    assert "BARRIER" in repr(verdict)
+    assert "\n" not in repr(verdict)
+    table = verdict._repr_html_()
+    for text in str(verdict.boundary.omega), "per kick", "± ", "on a finer grid", "residue":
+        assert text in table
+    assert nasm.verdict(0)._repr_html_().count("<tr>") == 2
+
+
+@pytest.mark.parametrize("kappa", [0.3, 3.0])
+def test_a_circle_prints_on_a_line_and_as_a_table(kappa):
+    circle = nasm.invariant_circle("gamma", kappa)
+    assert repr(circle).startswith(f"<InvariantCircle of [0;(1)] under kappa = [{kappa:g}")
+    table = circle._repr_html_()
+    for text in "[0;(1)] = 0.61803398875 per kick", "points", f"{kappa:g}":
+        assert text in table
+    assert ("certified on a finer grid" in table) == circle.certified == (kappa == 0.3)

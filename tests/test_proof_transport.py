@@ -388,7 +388,7 @@ def test_more_kicks_than_transversals_are_for_are_outside_the_theorem():
 @pytest.mark.parametrize("kappa", [(0.0,), (0.04, 0.0), (1e-300, 5e-324, 1e-310)])
 def test_where_a_circle_is_plainly_there_nothing_is_tried(kappa, monkeypatch):
     monkeypatch.setattr(proofs.transport, "_covered", None)
-    monkeypatch.setattr(proofs.transport.transversal, "curves", None)
+    monkeypatch.setattr(proofs.transport.transversal, "eliminated_transversals", None)
     assert prove(kappa).outcome is Outcome.WEAK
 
 

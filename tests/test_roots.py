@@ -39,7 +39,7 @@ def test_after_the_most_steps_it_is_the_best_so_far():
         asked.append(x)
         return np.exp(x) - 2
 
-    found = root(f, 0, 30, most=3)
+    found = root(f, 0, 30, max_steps=3)
     assert len(asked) == 5
     assert abs(f(found)) == min(abs(f(x)) for x in asked[:5])
 

@@ -9,7 +9,7 @@ from dask.system import CPU_COUNT
 from oracles import KAPPA_G
 
 from nasm.circles import fourier
-from nasm.converse_kam import sequence, transversal
+from nasm.converse_kam import aperiodic, transversal
 from nasm.maps import TWO_PI, kick
 from nasm.self_consistent import evolve
 from workflows.ask import once
@@ -27,7 +27,7 @@ def test_escapes_are_counted_in_kicks():
         orbit.append(y)
     outside = np.abs(orbit) > 1.2
     expected = np.where(outside.any(axis=0), outside.argmax(axis=0), np.inf)
-    found = sequence.escape_time(kappa, theta, X, Y, (-1.2, 1.2))
+    found = aperiodic.escape_time(kappa, theta, X, Y, (-1.2, 1.2))
     assert len(set(found)) > 20
     assert np.array_equal(found, expected)
 
@@ -37,19 +37,19 @@ def test_a_sequence_that_repeats_eliminates_as_its_period_does():
     expected, _ = transversal.elimination(np.roll(kappa, -(site % 3)), X, Y, 300)
     assert 10 < np.isinf(expected).sum() < 650
     repeated = np.tile(kappa, 201)[:602]
-    assert np.array_equal(sequence.elimination_time(repeated, 0.0, site, X, Y), expected)
+    assert np.array_equal(aperiodic.elimination_time(repeated, 0.0, site, X, Y), expected)
     theta = (np.arange(602) - site) * omega + 0.2
-    moved = sequence.elimination_time(repeated, theta, site, X + 0.2, Y + omega)
+    moved = aperiodic.elimination_time(repeated, theta, site, X + 0.2, Y + omega)
     assert np.mean(moved == expected) > 0.99  # some are marginal
-    assert sequence.longest_lived(0.9 * np.ones(602), theta, site)[2] == np.inf
-    x, y, time = sequence.longest_lived(1.1 * np.ones(602), theta, site)
-    assert time == sequence.elimination_time(1.1 * np.ones(602), theta, site, x, y) < 100
+    assert aperiodic.longest_lived(0.9 * np.ones(602), theta, site)[2] == np.inf
+    x, y, time = aperiodic.longest_lived(1.1 * np.ones(602), theta, site)
+    assert time == aperiodic.elimination_time(1.1 * np.ones(602), theta, site, x, y) < 100
 
 
 def asymptotic_circle(kappa, omega=0.618, n=4096):
     """The curve that comes to y = omega as the kicks fade, and dx on it."""
     angle = np.arange(n) / n
-    x, y = sequence.asymptotic(kappa, 0.0, 0.0, angle, np.full(n, omega))
+    x, y = aperiodic.asymptotic(kappa, 0.0, 0.0, angle, np.full(n, omega))
     return x, y, 1 + fourier.derivative(x - angle)
 
 
@@ -62,19 +62,19 @@ def test_the_search_finds_lifetimes_of_a_dense_scan_under_changing_kicks():
     kappa, low, high, longest = ramp(1e-3, 600), 0.4, 0.41, 0.0
     while high - low > 1e-12:
         y = np.linspace(low, high, 20_001)
-        times = sequence.elimination_time(kappa, 0.0, 600, np.full(y.size, 0.5), y)
+        times = aperiodic.elimination_time(kappa, 0.0, 600, np.full(y.size, 0.5), y)
         longest, best, near = max(longest, times.max()), y[times.argmax()], (high - low) / 100
         low, high = best - near, best + near
     assert 300 < longest < np.inf
-    assert sequence.longest_lived(kappa, 0.0, 600, 8)[2] > 0.9 * longest
+    assert aperiodic.longest_lived(kappa, 0.0, 600, 8)[2] > 0.9 * longest
 
 
 def test_a_life_beyond_the_horizon_in_a_ramp_is_not_called_a_denial():
     short, long = (
-        sequence.longest_lived(ramp(rate, 2000), 0.0, 2000, 8)[2] for rate in (1e-2, 1e-3)
+        aperiodic.longest_lived(ramp(rate, 2000), 0.0, 2000, 8)[2] for rate in (1e-2, 1e-3)
     )
-    assert short < sequence.HORIZON < long
-    survivor = sequence.Survivor(2000, 0.5, 0.4, long)
+    assert short < aperiodic.HORIZON < long
+    survivor = aperiodic.LongestLived(2000, 0.5, 0.4, long)
     assert next(once._sentences(ramp(1e-3, 2000), survivor, np.inf)).startswith("UNDECIDED")
 
 
@@ -91,11 +91,11 @@ def test_an_asymptotic_circle_is_excluded_until_it_has_unfolded():
     kappa = 2 * np.exp(-np.arange(400) / 5)
     x, y, dx = asymptotic_circle(kappa)
     assert np.mean(dx < -0.05) > 0.1
-    assert np.isfinite(sequence.elimination_time(kappa, 0.0, 0, x, y))[dx < -0.05].all()
-    assert sequence.longest_lived(kappa, 0.0, 3)[2] < 100
+    assert np.isfinite(aperiodic.elimination_time(kappa, 0.0, 0, x, y))[dx < -0.05].all()
+    assert aperiodic.longest_lived(kappa, 0.0, 3)[2] < 100
     x, y, dx = asymptotic_circle(kappa[5:])
     assert dx.min() > 0
-    assert np.isinf(sequence.elimination_time(kappa[5:], 0.0, 0, x, y)).all()
+    assert np.isinf(aperiodic.elimination_time(kappa[5:], 0.0, 0, x, y)).all()
 
 
 def test_five_particles_move_as_in_the_literature():

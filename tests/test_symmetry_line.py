@@ -36,9 +36,11 @@ def _one_by_one(c, x0, w0, y0, n_max):
 @pytest.mark.parametrize("n_starts", [1, 63, 300])
 def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_starts):
     # The same kick on floats, one start at a time; the last block is full, or not.
-    line = symmetry_line._line(0.9 * critical_scale(kappa, 100).value * np.array(kappa))
+    line = symmetry_line._line_coefficients(
+        0.9 * critical_scale(kappa, 100).value * np.array(kappa)
+    )
     for n in (1, 2, 15, 16, 17, 31, 100, 700, 20_001):
-        times = symmetry_line._kicks(line, Y[:n_starts], n)
+        times = symmetry_line._lifetimes(line, Y[:n_starts], n)
         assert_array_equal(times, _one_by_one(*line, Y[:n_starts], n))
     if n_starts == 300:
         assert 2 < np.isinf(times).sum() < 100

@@ -8,7 +8,7 @@ from cases import thirds
 from oracles import KAPPA_G
 
 from nasm import circles, maps, orbits, periodic, tori
-from nasm.converse_kam import sequence
+from nasm.converse_kam import aperiodic
 from nasm.critical import Status
 from nasm.numbers import parse
 from nasm.symmetries import ray
@@ -126,7 +126,7 @@ def test_where_the_circle_breaks_the_torus_without_an_amplitude_breaks():
 
 
 def test_a_torus_one_per_cent_below_its_breakup_is_certified_from_nothing():
-    assert tori.invariant_torus(*TRIBONACCI, *(0.322 * ray(45)), tori.newton.N_MAX).certified
+    assert tori.invariant_torus(*TRIBONACCI, *(0.322 * ray(45)), tori.newton.MAX_POINTS).certified
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ def test_tori_are_certified_close_to_where_residues_of_a_long_orbit_say(angle, t
 def test_graphs_persist_where_a_torus_is_certified_and_not_far_beyond():
     n = np.arange(-100, 101)
     kappa = ray(45)[0] + ray(45)[1] * np.cos(2 * np.pi * n * TRIBONACCI[1])
-    lives = [sequence.longest_lived(scale * kappa, 0.0, 100)[2] for scale in (0.3, 0.6)]
+    lives = [aperiodic.longest_lived(scale * kappa, 0.0, 100)[2] for scale in (0.3, 0.6)]
     assert lives[0] == np.inf
     assert lives[1] < 60
 
@@ -163,38 +163,38 @@ KNOWN = ((1.0,), KAPPA_G, 0.01), ((0.3, 0.2, 0.25), 1.79656, 0.05)
 def test_a_sequence_that_repeats_loses_its_graphs_past_the_breakup(case):
     period, breakup, above = case
     kappa = np.tile(period, 601)
-    upper = sequence.critical_scale(kappa).upper
+    upper = aperiodic.critical_scale(kappa).upper
     assert breakup < upper < (1 + above) * breakup
-    assert sequence.last_survivor(0.99 * breakup * kappa).kicks == np.inf
+    assert aperiodic.last_survivor(0.99 * breakup * kappa).kicks == np.inf
 
 
 def test_strong_random_kicks_exclude_graphs_and_name_the_last_start():
     kappa = np.random.default_rng(20).uniform(0.8, 1.8, 300)
-    last = sequence.last_survivor(kappa)
+    last = aperiodic.last_survivor(kappa)
     site, reach = last.site, int(last.kicks)
     assert reach < 20
     for less, life in ((0, reach), (1, np.inf)):  # the kicks told do it alone, fewer do not
         first, end = max(site - reach + less, 0), site + reach - less
-        alone = sequence.elimination_time(kappa[first:end], 0.0, site - first, [last.x], [last.y])
+        alone = aperiodic.elimination_time(kappa[first:end], 0.0, site - first, [last.x], [last.y])
         assert alone == life
 
 
 def test_searches_that_disagree_give_no_bound(monkeypatch):
-    search = sequence.last_survivor
-    found = sequence.critical_scale(np.ones(64), 0.1)
+    search = aperiodic.last_survivor
+    found = aperiodic.critical_scale(np.ones(64), 0.1)
     assert found.status is Status.OK
     assert found.value + found.error == pytest.approx(found.upper)
 
     def careless(kappa, theta=0.0, effort=8):
         return search(1.3 * kappa if effort == 1 else kappa, theta, effort)
 
-    monkeypatch.setattr(sequence, "last_survivor", careless)
-    found = sequence.critical_scale(np.ones(64), 0.1)
+    monkeypatch.setattr(aperiodic, "last_survivor", careless)
+    found = aperiodic.critical_scale(np.ones(64), 0.1)
     assert found.status is Status.UNDECIDED
     assert np.isnan(found.upper)
 
 
 def test_without_an_amplitude_the_last_torus_is_the_golden_circle():
-    found, omega = last_torus.of_irrational(2**0.5 - 1, 1.0, 0.0, 4000)
+    found, omega = last_torus.last_critical_scale(2**0.5 - 1, 1.0, 0.0, 4000)
     assert found.lower < KAPPA_G < found.upper < 1.05 * found.lower
     assert omega == pytest.approx((3 - 5**0.5) / 2, abs=0.05)

@@ -13,16 +13,7 @@ import workflows.shared
 
 # Not annotated yet.
 LATER = """
-nasm.action
-nasm.arithmetic
-nasm.barriers
-nasm.circles
-nasm.converse_kam
-nasm.farey
-nasm.periodic
 nasm.proofs
-nasm.tori
-nasm.verdicts
 workflows.shared
 """
 

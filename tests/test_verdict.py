@@ -36,7 +36,7 @@ def test_verdicts_agree_with_the_boundary_on_both_sides(boundary, distance):
     assert (inside.answer, inside.evidence) == (Answer.BARRIER, Evidence.CIRCLE)
     assert inside.boundary.value == pytest.approx(1 / (1 - distance), abs=1e-8)
     outside = verdict(value * (1 + distance) * profile)
-    assert (outside.answer, outside.evidence) == (Answer.TRANSPORT, Evidence.CONES)
+    assert (outside.answer, outside.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
     assert outside.boundary.value == pytest.approx(1 / (1 + distance), abs=1e-8)
     assert outside.boundary.omega == inside.boundary.omega
 
@@ -159,7 +159,7 @@ def test_a_proof_is_evidence_of_its_own(kappa, evidence):
     assert found.evidence is evidence
     assert found.proof.proved
     assert found.answer is sampled.answer
-    assert sampled.evidence in (Evidence.CIRCLE, Evidence.CONES)
+    assert sampled.evidence in (Evidence.CIRCLE, Evidence.CONVERSE_KAM)
     told = " ".join(sentences(np.array(kappa), None, found))
     assert "proved for exactly this forcing" in told
     assert "proved" not in " ".join(sentences(np.array(kappa), None, sampled))
@@ -167,7 +167,7 @@ def test_a_proof_is_evidence_of_its_own(kappa, evidence):
 
 @pytest.mark.usefixtures("briefly")
 @pytest.mark.parametrize(
-    ("kappa", "evidence"), [((0.3, 0.45), Evidence.CIRCLE), ((-0.75, 0.6), Evidence.CONES)]
+    ("kappa", "evidence"), [((0.3, 0.45), Evidence.CIRCLE), ((-0.75, 0.6), Evidence.CONVERSE_KAM)]
 )
 def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evidence):
     monkeypatch.setattr("nasm.verdicts._BUDGET", 1e-9)

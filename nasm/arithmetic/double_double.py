@@ -2,9 +2,9 @@
 
     x = x_hi + x_lo,   |x_lo| ≤ ulp(x_hi)/2
 
-Sums and products are made of error-free transformations: a + b = s + e and a·b = p + e exactly,
-with s and p the rounded results (Knuth; Dekker; here with fma). Where a long computation ends in a
-float that rounding has eaten into, its last steps in this arithmetic give the digits back.
+Sums and products consist of error-free transformations: a + b = s + e and a·b = p + e exactly, with
+s and p the rounded results (Knuth; Dekker; here with fma). If rounding has reduced the digits of a
+long computation in floats, its last steps in this arithmetic restore them.
 
 `add`, `multiply` and `sincos_2pi` exist inside `numba.njit` functions only, and take and return
 pairs (hi, lo).
@@ -20,11 +20,20 @@ from nasm.arithmetic.lanes import fma, rint
 __all__ = ["add", "divided", "multiply", "pair", "sincos_2pi"]
 
 
-# To twice the digits that a pair holds.
+# To twice the digits of a pair.
 EXACT_PI = Fraction("3.1415926535897932384626433832795028841971693993751058209749445923")
 
 
-def pair(exact):
+def pair(exact: Fraction) -> tuple[float, float]:
+    """Round a Fraction to a pair (hi, lo).
+
+    Examples
+    --------
+    >>> from fractions import Fraction
+    >>> from nasm.arithmetic.double_double import pair
+    >>> pair(Fraction(1, 2))
+    (0.5, 0.0)
+    """
     return float(exact), float(exact - Fraction(float(exact)))
 
 
@@ -36,14 +45,14 @@ def _taylor(first):
     )
 
 
-_IN_FLOATS = 5  # from that coefficient on
+_FIRST_FLOAT = 5  # the first coefficient that is a float
 _SIN, _COS = _taylor(1), _taylor(0)
 INVERSE_TWO_PI = pair(1 / (2 * EXACT_PI))
 
 
 @njit(inline="always")
 def two_sum(a, b):
-    """a + b of two floats, exactly."""
+    """Compute a + b of two floats, exactly."""
     s = a + b
     t = s - a
     return s, (a - (s - t)) + (b - t)
@@ -70,26 +79,26 @@ def multiply(a, b):
 
 @njit(inline="always")
 def divided(a, b):
-    """a/b of two floats."""
+    """Compute a/b of two floats."""
     quotient = a / b
     return quotient, fma(-quotient, b, a) / b
 
 
 @njit
 def _polynomial(coefficients, square):
-    """To 1e-23, for which terms below 1e-7 are floats."""
+    """Evaluate to 1e-23, for which terms below 1e-7 are floats."""
     low = coefficients[len(coefficients) - 1][0]
-    for k in range(len(coefficients) - 2, _IN_FLOATS - 1, -1):
+    for k in range(len(coefficients) - 2, _FIRST_FLOAT - 1, -1):
         low = low * square[0] + coefficients[k][0]
     value = (low, 0.0)
-    for k in range(_IN_FLOATS - 1, -1, -1):
+    for k in range(_FIRST_FLOAT - 1, -1, -1):
         value = add(multiply(value, square), coefficients[k])
     return value
 
 
 @njit
 def sincos_2pi(x):
-    """sin 2πx and cos 2πx, to 1e-23."""
+    """Compute sin 2πx and cos 2πx, to 1e-23."""
     x = renormalised(x[0] - rint(x[0]), x[1])
     quarter = rint(4 * x[0])
     r = two_sum(x[0] - 0.25 * quarter, x[1])

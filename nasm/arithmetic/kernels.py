@@ -1,20 +1,20 @@
 """Compiled kernels, kept on disk: each is compiled once per machine, not once per process.
 
-`@kernel` is Numba's `njit(nogil=True)` with Numba's own cache on disk, and three promises more.
+`@kernel` is Numba's `njit(nogil=True)` with Numba's own cache on disk, and three more promises.
 
-- *Never stale.* Numba asks whether the file of a kernel has changed; but the code of other files is
-  compiled into it. Here the directory's name is a digest of all sources of this package and of the
-  version of rocket-fft; Numba keys by its own version, the processor and the types. So another
-  version has a directory of its own. A process whose sources have been edited or upgraded since it
-  imported them may hold code of both: it neither loads kernels nor keeps them.
-- *Many processes.* Of those that miss a kernel one compiles it, and the others wait and load it:
-  a lock is held from the miss until the kernel is kept. Where the file system has no locks, each
-  may compile it; files are replaced whole, so none is spoilt.
-- *No harm.* Where nothing can be written or read, on a full disk, or from a damaged file, a kernel
-  is compiled as if there were no cache; from a directory that cannot be written kernels are read.
-  Each file ends with a digest of its content: machine code with one bit changed would crash every
-  process that loads it. A kernel runs with the rights of who loads it: neither a directory nor a
-  file is used that belongs to somebody else than this user or root, or that others can write.
+- *Never stale.* Numba checks whether the file of a kernel has changed; but the code of other files
+  is compiled into it. Here the directory is named by a digest of all sources of this package and of
+  the version of rocket-fft; Numba keys by its own version, the processor and the types. So every
+  version has its own directory. A process whose sources have been edited or upgraded since it
+  imported them may contain code of both versions: it neither loads kernels nor keeps them.
+- *Many processes.* If several need a missing kernel, one compiles it, and the others wait and load
+  it: a lock is held until the kernel is kept. On a file system without locks each may compile it;
+  files are replaced atomically, so none is spoilt.
+- *No harm.* If nothing can be written or read, on a full disk, or from a damaged file, a kernel is
+  compiled as without a cache; from a directory that cannot be written kernels are read. Each file
+  ends with a digest of its content: machine code with one bit changed would crash every process
+  that loads it. A kernel runs with the rights of its user: directories and files that belong to
+  others than this user or root, or that others can write, are not used.
 
 The directory is in NUMBA_CACHE_DIR if that is set, else in the user's folder of caches. Only
 functions that Python calls are kernels; what they call is compiled into them (`njit` alone).
@@ -29,11 +29,13 @@ import stat
 import sys
 import time
 import warnings
+from collections.abc import Callable
 from contextlib import contextmanager, suppress
 from functools import cache, partial
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from numba import config, njit
 from numba.core.caching import (
@@ -48,12 +50,34 @@ from nasm import sources
 
 __all__ = ["are_missing", "begin_without_scipy", "directory", "kernel"]
 
-_UNUSED = 30 * 24 * 3600  # seconds after which the kernels of another version are deleted
-_PATIENCE = 60  # seconds to wait for another process that compiles the same kernel
+_EXPIRY_SECONDS = 30 * 24 * 3600
+"""Age at which the kernels of another version are deleted."""
+
+_LOCK_TIMEOUT = 60
+"""Seconds to wait for another process that compiles the same kernel."""
 
 
-def kernel(function=None, **options):
-    """Compile a function as `njit(nogil=True, **options)` does, and keep the result on disk."""
+def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """Compile a function as `njit(nogil=True, **options)` does, and keep the result on disk.
+
+    Parameters
+    ----------
+    function : callable
+        The function; None for a decorator with options.
+    **options
+        Those of `numba.njit`.
+
+    Returns
+    -------
+    Dispatcher
+        Numba's compiled function.
+
+    Examples
+    --------
+    >>> from nasm.arithmetic.kernels import kernel
+    >>> kernel(nogil=True)  # doctest: +ELLIPSIS
+    functools.partial(...)
+    """
     if function is None:
         return partial(kernel, **options)
     dispatcher = njit(nogil=True, **options)(function)
@@ -62,14 +86,14 @@ def kernel(function=None, **options):
     return dispatcher
 
 
-def begin_without_scipy():
+def begin_without_scipy() -> None:
     """Load what Numba loads with the first kernel, but not scipy.fft and scipy.linalg, half of it.
 
-    For programs, and no module calls it when it is imported: Numba compiles no np.cov and no
-    scipy.fft then, which no kernel here calls.
+    Call it in programs; no module calls it on import. Numba then compiles neither np.cov nor
+    scipy.fft, which no kernel of nasm calls.
     """
     if unused := {"scipy.fft", "scipy.linalg"} - sys.modules.keys():
-        sys.modules.update(dict.fromkeys(unused))  # None: not to be found
+        sys.modules.update(dict.fromkeys(unused))  # type: ignore[arg-type]  # None hides it
         import_module("numba.np.arraymath")
         import_module("rocket_fft")
 
@@ -78,18 +102,25 @@ def begin_without_scipy():
 
 
 @cache
-def directory():
-    """The directory of the kernels of these sources, made if need be; None if it cannot be, or if
-    others than this user can write it, which is said once."""
+def directory() -> Path | None:
+    """Return the directory of the kernels of these sources, and make it if necessary.
+
+    Returns
+    -------
+    Path or None
+        None if it cannot be made, or if others than this user can write it, of which a warning is
+        issued once.
+    """
     digest = sources.digest()
     digest.update(version("rocket-fft").encode())
-    root = Path(config.CACHE_DIR or AppDirs("nasm", appauthor=False).user_cache_dir)
+    folder = config.CACHE_DIR  # type: ignore[attr-defined]
+    root = Path(folder or AppDirs("nasm", appauthor=False).user_cache_dir)
     path = root / f"kernels-{digest.hexdigest()[:16]}"
     with suppress(OSError):
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         os.utime(path)
         for other in root.glob("kernels-" + "?" * 16):
-            if other.stat().st_mtime < time.time() - _UNUSED:
+            if other.stat().st_mtime < time.time() - _EXPIRY_SECONDS:
                 shutil.rmtree(other, ignore_errors=True)
     if not path.is_dir():
         return None
@@ -105,12 +136,12 @@ def directory():
 
 
 def _is_trusted(file):
-    """Whether the file or directory with this stat is written by nobody but this user or root."""
+    """Return True if only this user or root can write the file or directory of this stat."""
     return file.st_uid in (os.geteuid(), 0) and not file.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
-def are_missing():
-    """Whether kernels of these sources are still to be compiled and kept, once on this machine."""
+def are_missing() -> bool:
+    """Return True if kernels of these sources are still to be compiled, once on this machine."""
     path = directory()
     return path is not None and os.access(path, os.W_OK) and not any(path.glob("*.nbc"))
 
@@ -143,11 +174,11 @@ class _Locator(_CacheLocator):
         return directory().name
 
     def get_disambiguator(self):
-        # Numba looks at the last part alone of circles.newton and tori.newton.
+        # Numba uses only the last part of circles.newton and tori.newton.
         return f"{self._module}-{self._line}"
 
 
-class _Kept(CompileResultCacheImpl):
+class _CompileResults(CompileResultCacheImpl):
     _locator_classes = (_Locator,)  # type: ignore[assignment]
 
 
@@ -155,7 +186,7 @@ class _Files(IndexDataCacheFile):
     """Numba's files of a function: an index, and one for each of its types; OSError if damaged."""
 
     def _data_name(self, number):
-        # No number is given twice: two processes without a lock keep two types in two files.
+        # Random: two processes without a lock keep two types in two files.
         return super()._data_name(secrets.randbits(64))
 
     def _dump(self, obj):
@@ -179,8 +210,10 @@ class _Files(IndexDataCacheFile):
 
 
 def _check(path, start=0):
-    """OSError unless the file is this user's and, from `start` on, ends with the digest of what is
-    before it."""
+    """Raise OSError unless the file is this user's and undamaged.
+
+    From `start` on it ends with the digest of its content.
+    """
     with open(path, "rb") as file:
         if not _is_trusted(os.fstat(file.fileno())):
             raise OSError(f"others than this user can write {path}")
@@ -190,9 +223,9 @@ def _check(path, start=0):
 
 
 class _Cache(FunctionCache):
-    """Numba's cache of a function, which fails without a word."""
+    """Numba's cache of a function, which fails silently."""
 
-    _impl_class = _Kept
+    _impl_class = _CompileResults
 
     def __init__(self, function):
         super().__init__(function)
@@ -205,22 +238,22 @@ class _Cache(FunctionCache):
             _warn_of_changed_sources()
             return None
         with suppress(Exception):  # a damaged file may raise anything when it is unpickled
-            if (found := super().load_overload(sig, target_context)) is not None:
-                return found
+            if (overload := super().load_overload(sig, target_context)) is not None:
+                return overload
         from filelock import FileLock  # 0.1 s to import, and mostly not needed
 
         self._lock = self._lock or FileLock(f"{self._cache_file._index_path}.lock")
-        with suppress(Exception):  # without the lock others may compile it too, that is all
-            self._lock.acquire(timeout=_PATIENCE)
-        found = None
+        with suppress(Exception):  # without the lock others may compile it too
+            self._lock.acquire(timeout=_LOCK_TIMEOUT)
+        overload = None
         try:
-            found = super().load_overload(sig, target_context)
+            overload = super().load_overload(sig, target_context)
         except Exception:
             with suppress(OSError):
                 self.flush()
-        if found is not None:
+        if overload is not None:
             self._lock.release()
-        return found
+        return overload
 
     def save_overload(self, sig, data):
         if sources.are_unchanged():

@@ -13,14 +13,19 @@ __all__ = ["keep_freed_memory"]
 _GIGABYTE = 2**30
 
 
-def keep_freed_memory():
-    """Let the whole process keep memory that is freed, as programs should that compute circles.
+def keep_freed_memory() -> None:
+    """Let the whole process keep memory that is freed, as programs that compute circles should.
 
-    It is for programs, such as workers and commands, and no module calls it when it is imported. It
-    holds for threads that start later. With another C library than GNU's it does nothing.
+    Call it in programs, such as workers and commands; no module calls it on import. It applies to
+    threads that start later. With a C library other than GNU's it does nothing.
+
+    Examples
+    --------
+    >>> from nasm.arithmetic.memory import keep_freed_memory
+    >>> keep_freed_memory()  # doctest: +SKIP
     """
     with suppress(OSError, AttributeError):
-        tell = ctypes.CDLL(None).mallopt
-        tell(-3, _GIGABYTE)  # M_MMAP_THRESHOLD: smaller blocks come from the heap,
-        tell(-1, _GIGABYTE)  # M_TRIM_THRESHOLD: which keeps them,
-        tell(-8, 1)  # M_ARENA_MAX: and serves all threads
+        set_option = ctypes.CDLL(None).mallopt
+        set_option(-3, _GIGABYTE)  # M_MMAP_THRESHOLD: smaller blocks come from the heap,
+        set_option(-1, _GIGABYTE)  # M_TRIM_THRESHOLD: which keeps them,
+        set_option(-8, 1)  # M_ARENA_MAX: and serves all threads

@@ -2,24 +2,41 @@
 
 NumPy computes exp, log, powers and `geomspace` of arrays by other formulas where a processor has
 AVX-512, and BLAS adds the products of a matrix product in an order that suits the processor. The
-functions of `math`, which kernels call too, do neither. What cubes hold, and where they hold it, is
-computed without those functions of NumPy and without matrix products; proofs, whose results depend
-on the time that they may take, are not concerned. It holds for processors of x86-64 with AVX2 and
-FMA, and one version of the C library.
+functions of `math`, which kernels call too, do neither. The values and coordinates of cubes are
+computed without those functions of NumPy and without matrix products, except for proofs, whose
+results depend on time anyway. This holds for processors of x86-64 with AVX2 and FMA, and one
+version of the C library.
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from nasm.types import FloatArray
 
 __all__ = ["geometric", "powers"]
 
 
-def geometric(first, last, n):
-    """n numbers in equal ratios, from first to last, both positive: `np.geomspace`."""
+def geometric(first: float, last: float, n: int) -> FloatArray:
+    """Return n numbers in equal ratios, from first to last, both positive, like `np.geomspace`.
+
+    Examples
+    --------
+    >>> from nasm.arithmetic.reproducible import geometric
+    >>> geometric(1, 4, 3)
+    array([1., 2., 4.])
+    """
     first, last = float(first), float(last)
     between = [first * (last / first) ** (i / (n - 1)) for i in range(1, n - 1)]
     return np.array([first, *between, last][:n])
 
 
-def powers(values, exponent):
-    """The ndarray values**exponent, for a few numbers: it takes 0.1 µs for each."""
+def powers(values: ArrayLike, exponent: float) -> FloatArray:
+    """Compute values**exponent, for a few numbers: it takes 0.1 µs for each.
+
+    Examples
+    --------
+    >>> from nasm.arithmetic.reproducible import powers
+    >>> powers([1.0, 4.0], 0.5)
+    array([1., 2.])
+    """
     return np.array([value**exponent for value in np.asarray(values, float).tolist()])

@@ -1,30 +1,58 @@
 """Roots of functions of one number, by Chandrupatla's method (Adv. Eng. Software 28 (1997) 145).
 
-The root stays between two points at which the function has opposite signs. The next point is by
-inverse quadratic interpolation where the last three lie well for it, and halfway elsewhere. It asks
-for about as many values as Brent's method, whose home, scipy.optimize, takes 0.3 s to import.
+The root stays between two points at which the function has opposite signs. The next point is found
+by inverse quadratic interpolation if the last three are suited to it, and by bisection otherwise.
+It needs about as many values as Brent's method of scipy.optimize, which takes 0.3 s to import.
 """
+
+from collections.abc import Callable
 
 __all__ = ["root"]
 
-_SPACING = 4e-16  # of numbers, in parts of them
+_SPACING = 4e-16  # relative, of floats
 
 
-def root(f, a, b, tol=1e-12, most=100):
-    """Return x between a and b with f(x) = 0, to within tol, or the best of `most` + 2 values of f.
+def root(
+    f: Callable[[float], float], a: float, b: float, tol: float = 1e-12, max_steps: int = 100
+) -> float:
+    """Find x between a and b with f(x) = 0, to within tol.
 
-    ValueError if f has the same sign at a and b, or is NaN there.
+    Parameters
+    ----------
+    f : callable
+        A function of one float.
+    a, b : float
+        Points at which f has opposite signs.
+    tol : float
+        Absolute error.
+    max_steps : int
+        With max_steps + 2 values of f the best of them is returned.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        If f has the same sign at a and b, or is NaN there.
+
+    Examples
+    --------
+    >>> from nasm.arithmetic.roots import root
+    >>> round(root(lambda x: x**2 - 2, 0.0, 2.0), 10)
+    1.4142135624
     """
     at_a, at_b = f(a), f(b)
     if not min(at_a, at_b) <= 0 <= max(at_a, at_b):
         raise ValueError(f"f({a}) = {at_a} and f({b}) = {at_b} must have different signs")
-    c, at_c, part = a, at_a, 0.5
-    for _ in range(most):
-        best, least = (a, at_a) if abs(at_a) < abs(at_b) else (b, at_b)
-        near = (tol + _SPACING * abs(best)) / abs(b - a)
-        if least == 0 or near > 0.5:
+    c, at_c, fraction = a, at_a, 0.5
+    for _ in range(max_steps):
+        best, at_best = (a, at_a) if abs(at_a) < abs(at_b) else (b, at_b)
+        margin = (tol + _SPACING * abs(best)) / abs(b - a)
+        if at_best == 0 or margin > 0.5:
             break
-        x = a + min(max(part, near), 1 - near) * (b - a)
+        x = a + min(max(fraction, margin), 1 - margin) * (b - a)
         at_x = f(x)
         if (at_x > 0) == (at_a > 0):
             c, at_c = a, at_a
@@ -32,8 +60,8 @@ def root(f, a, b, tol=1e-12, most=100):
             b, at_b, c, at_c = a, at_a, b, at_b
         a, at_a = x, at_x
         xi, phi = (a - b) / (c - b), (at_a - at_b) / (at_c - at_b)
-        part = 0.5
+        fraction = 0.5
         if phi**2 < xi and (1 - phi) ** 2 < 1 - xi:
-            part = at_a / (at_b - at_a) * at_c / (at_b - at_c)
-            part += (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)
+            fraction = at_a / (at_b - at_a) * at_c / (at_b - at_c)
+            fraction += (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)
     return a if abs(at_a) < abs(at_b) else b

@@ -17,6 +17,8 @@ cos2pi even to the last bit, so that the map's reflection symmetry is not broken
 import numpy as np
 from numba.extending import register_jitable
 
+from nasm.types import FloatArray
+
 __all__ = ["COSINE", "SINE", "SINGLE_SINE", "cos2pi", "sin2pi"]
 
 SINE = (
@@ -50,14 +52,28 @@ def _sin2pi_quarter(u):
 
 
 @register_jitable
-def sin2pi(x):
-    """sin 2πx, x in turns; absolute error ≤ 4e-16 for |x| < 2⁵². Odd to the last bit."""
+def sin2pi(x: float | FloatArray) -> FloatArray:
+    """Compute sin 2πx, x in turns; absolute error ≤ 4e-16 for |x| < 2⁵². Odd to the last bit.
+
+    Examples
+    --------
+    >>> from nasm.arithmetic.sine import sin2pi
+    >>> print(sin2pi(0.5), sin2pi(10.0**6))
+    0.0 0.0
+    """
     r = x - np.rint(x)
     a = np.abs(r)
     return np.copysign(_sin2pi_quarter(np.minimum(a, 0.5 - a)), r)
 
 
 @register_jitable
-def cos2pi(x):
-    """cos 2πx, x in turns; absolute error ≤ 4e-16 for |x| < 2⁵². Even to the last bit."""
+def cos2pi(x: float | FloatArray) -> FloatArray:
+    """Compute cos 2πx, x in turns; absolute error ≤ 4e-16 for |x| < 2⁵². Even to the last bit.
+
+    Examples
+    --------
+    >>> from nasm.arithmetic.sine import cos2pi
+    >>> print(cos2pi(0.25), cos2pi(10.0**6 + 0.25))
+    0.0 0.0
+    """
     return _sin2pi_quarter(0.25 - np.abs(x - np.rint(x)))

@@ -15,22 +15,24 @@ u_j as h_j' w_j. The linearised equations times h_j' telescope, up to terms of t
     c_j (w_{j+1} - w_j) - c_{j-1} (w_j - w_{j-1}) = -h_j' E_j,        c_j = h_j' h_{j+1}'.
 
 Summed over a period this is an equation g(θ + ω) - g(θ) = f(θ) for the flux c_j (w_{j+1} - w_j).
-Its free constant is fixed by ⟨Σ_j (w_{j+1} - w_j)⟩ = 0, where the twist ⟨Σ_j 1/c_j⟩ is not 0, and
-a second such equation gives w_0. Everything is diagonal in θ or in Fourier space: O(n log n).
+Its free constant is fixed by ⟨Σ_j (w_{j+1} - w_j)⟩ = 0 if the twist ⟨Σ_j 1/c_j⟩ is not 0, and a
+second such equation yields w_0. Everything is diagonal in θ or in Fourier space: O(n log n).
 
-With too few modes Newton's method converges on "circles" far beyond the breakup. What is called a
-circle here has therefore converged again, with h' > 0, on a grid four times finer.
+With too few modes Newton's method converges on "circles" far beyond the breakup. Therefore a circle
+is certified only if the method converges again, with h' > 0, on a grid four times finer.
 
 Numba loads rocket-fft for np.fft inside kernels. Grids have up to 10⁶ points; see
 `nasm.arithmetic.memory` for programs that compute many circles.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from math import prod
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.sine import sin2pi
@@ -39,66 +41,133 @@ from nasm.circles import fourier
 from nasm.critical import Result, Status
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import RotationNumber, as_rotation_number
+from nasm.tables import html_table, omega_text
+from nasm.types import FloatArray, OmegaLike
 
 __all__ = ["InvariantCircle", "graph", "invariant_circle", "newton_step", "residual"]
 
-N_FIRST = 64  # points of the first grid
-N_LARGEST = 2**16
+MIN_POINTS, MAX_POINTS = 64, 2**16
+"""Points of the first grid, and of the finest."""
 
-_FINER = 4  # the certificate's grid
-_STEPS = 12  # of Newton's method, which needs 3 to 8 where there is a circle
-UPDATE = 1e-9  # converged: the last update of u was smaller
-TAIL = 3e-3  # resolved: the last 15% of the modes hold less than this part of the H³ norm
-_POLISHED = 1e-9  # of max |E_j| before a step, which leaves a tenth of it or less
-_ROUNDED = 1e-13  # of max |E_j|: less is rounding, and no step makes less of it
-_DIVISOR = 1e-5  # with smaller divisors, rounding errors of 1e-17 are larger than UPDATE in u
+_CERTIFICATE_RATIO = 4
+"""Ratio of the certificate's grid to that of the circle."""
+
+_NEWTON_STEPS = 12
+"""Steps of Newton's method, which needs 3 to 8 if the circle exists."""
+
+MAX_UPDATE = 1e-9
+"""Last update of u with which Newton's method has converged."""
+
+MAX_TAIL = 3e-3
+"""Share of the H³ norm in the last 15% of the modes, up to which the circle is resolved."""
+
+_POLISHED_RESIDUAL = 1e-9
+"""max |E_j| before a last step, which reduces it to a tenth or less."""
+
+_ROUNDING = 1e-13
+"""max |E_j| that is rounding."""
+
+_MIN_DIVISOR = 1e-5
+"""Smaller divisors turn rounding errors of 1e-17 into updates of u above `MAX_UPDATE`."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class InvariantCircle(Result):
-    """A circle of rotation number omega, or what Newton's method was left with.
+    """A circle of rotation number omega, or the last iterate of Newton's method.
 
-    omega : RotationNumber per period.
-    kappa : ndarray (P,), the forcing.
-    u : ndarray (P, n), the deviations u_j at θ = i/n; see the module.
-    error : largest |E_j| of u on its grid or a finer one; NaN if u never converged.
-    status : OK if certified; otherwise why not.
+    Attributes
+    ----------
+    omega : RotationNumber
+        Rotation number per period.
+    kappa : ndarray, shape (P,)
+        The forcing, first kick first.
+    u : ndarray, shape (P, n)
+        Deviations u_j at θ = i/n; see the module.
+    error : float
+        Largest |E_j| of u on its grid or a finer one; NaN if u never converged.
+    status : Status
+        OK if certified; otherwise the reason.
+
+    Notes
+    -----
+    Circles compare by their contents, NaN equal to NaN. They contain arrays and cannot be hashed.
     """
 
     omega: RotationNumber
-    kappa: np.ndarray
-    u: np.ndarray = field(repr=False)
+    kappa: FloatArray
+    u: FloatArray
     error: float
     status: Status
 
     @property
-    def certified(self):
+    def certified(self) -> bool:
+        """True if the status is OK."""
         return self.status is Status.OK
 
+    def __repr__(self) -> str:
+        state = "certified" if self.certified else f"not certified: {self.status.value}"
+        return f"<InvariantCircle of {self.omega} under {_forcing_text(self.kappa)}, {state}>"
 
-def invariant_circle(omega, kappa, n_max=4096, start=None):
-    """The circle of rotation number omega under the forcing kappa.
+    def _repr_html_(self) -> str:
+        rows = {
+            "rotation number": omega_text(self.omega, self.kappa.size),
+            "forcing": _forcing_text(self.kappa),
+            "status": "certified on a finer grid" if self.certified else self.status.value,
+            "grid": f"{self.u.shape[-1]} points",
+            "largest residual": f"{self.error:.1e}",
+        }
+        return html_table(rows, "Invariant circle")
+
+
+def _forcing_text(kappa: FloatArray) -> str:
+    return f"kappa = {np.array2string(kappa, separator=', ', threshold=8)}"
+
+
+def invariant_circle(
+    omega: OmegaLike, kappa: ArrayLike, n_max: int = 4096, start: ArrayLike | None = None
+) -> InvariantCircle:
+    """Compute the circle of rotation number omega under the forcing kappa.
 
     1. Newton's method from `start`, or continued from κ = 0 along s·kappa: steps in s double after
        a success and are halved after a failure.
     2. The number of modes doubles while the last of them carry more than 0.3% of the H³ norm.
     3. The certificate: Newton's method converges again on a grid four times finer, with h' > 0.
 
-    omega : RotationNumber or its text, irrational; e.g. "gamma".
-    kappa : sequence of P floats, first kick first.
-    n_max : int, the most grid points to use, 64 to 65536; the certificate uses 4 times as many.
-    start : ndarray (P, n), deviations near the circle, n a power of 2 from 16; default as above.
+    Parameters
+    ----------
+    omega : RotationNumber or str
+        Rotation number per period, irrational, e.g. "gamma".
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first.
+    n_max : int
+        Most grid points, 64 to 65536; the certificate uses 4 times as many.
+    start : array_like, shape (P, n), optional
+        Deviations near the circle, n a power of 2 from 16.
 
-    Returns InvariantCircle, with a status that says why if it is not certified. A circle that
-    exists may be missed (too few modes, an unlucky start); `barriers.last_circle` finds the one
-    next to a known breakup, with 10⁵ modes and more. A certified circle exists to within
-    floating-point arithmetic and 4n points; this is not a proof, and resonances of ω beyond those
-    modes, as of a rational ω of large denominator, are not seen.
+    Returns
+    -------
+    InvariantCircle
+        If it is not certified, its status says why.
+
+    Notes
+    -----
+    An existing circle may be missed, with too few modes or a bad start; `barriers.last_circle`
+    finds the one next to a known breakup, with 10⁵ modes and more. A certified circle exists to
+    within floating-point arithmetic and 4n points. This is not a proof, and resonances of ω beyond
+    those modes are not detected, as for a rational ω of large denominator.
+
+    Examples
+    --------
+    >>> from nasm.circles import invariant_circle
+    >>> invariant_circle("2gamma", (0.3, 0.4))
+    <InvariantCircle of [1;(4)] under kappa = [0.3, 0.4], certified>
+    >>> invariant_circle("2gamma", (3.0, 3.0)).certified
+    False
     """
     omega, kappa = as_rotation_number(omega), forcing(kappa)
-    n_max = count("n_max", n_max, N_FIRST, N_LARGEST)
+    n_max = count("n_max", n_max, MIN_POINTS, MAX_POINTS)
     if start is not None:
-        u, status = settle(omega, kappa, _deviations(start, kappa.size).copy(), n_max)
+        u, status = solve(omega, kappa, _deviations(start, kappa.size).copy(), n_max)
     else:
         u, status = _continue_from_rotation(omega, kappa, n_max)
     if status is not Status.OK:
@@ -106,10 +175,24 @@ def invariant_circle(omega, kappa, n_max=4096, start=None):
     return certified(omega, kappa, u)
 
 
-def settle(omega, kappa, u, n_max):
-    """Newton's method from u (overwritten), with as many modes as it asks for.
+def solve(
+    omega: OmegaLike, kappa: FloatArray, u: FloatArray, n_max: int
+) -> tuple[FloatArray, Status]:
+    """Solve for a circle by Newton's method from u, with as many modes as it needs.
 
-    Returns u on the grid where it converged, and OK; or what was left, and the reason.
+    Parameters
+    ----------
+    omega, kappa, n_max
+        As for `invariant_circle`.
+    u : ndarray, shape (P, n)
+        Deviations, which are overwritten.
+
+    Returns
+    -------
+    u : ndarray, shape (P, m)
+        Deviations on the grid where it converged; the last iterate if it did not.
+    status : Status
+        OK, or the reason.
     """
     if as_rotation_number(omega).is_rational:
         return u, Status.RATIONAL
@@ -121,36 +204,46 @@ def settle(omega, kappa, u, n_max):
         u = fourier.resample(u, 2 * n)
 
 
-def certified(omega, kappa, u):
-    """The InvariantCircle of deviations, with what `certify` says of them."""
+def certified(omega: RotationNumber, kappa: FloatArray, u: FloatArray) -> InvariantCircle:
+    """Return the InvariantCircle of deviations, with the error and status by `certify`."""
     return InvariantCircle(omega, kappa, u, *certify(omega, kappa, u))
 
 
-def certify(omega, kappa, u):
-    """Whether u is a circle also for the modes that it does not have.
+def certify(omega: OmegaLike, kappa: FloatArray, u: FloatArray) -> tuple[float, Status]:
+    """Certify a circle on a grid four times finer.
 
-    Returns the largest |E_j| of u on a grid four times finer, and OK if Newton's method converges
-    from it on that grid with h_j' > 0, without asking for more modes still.
+    Returns
+    -------
+    error : float
+        Largest |E_j| of u on that grid.
+    status : Status
+        OK if Newton's method converges from u on that grid with h_j' > 0, and without needing more
+        modes; NEARLY_RATIONAL or NOT_CERTIFIED otherwise.
     """
-    fine = fourier.resample(u, _FINER * u.shape[-1])
+    fine = fourier.resample(u, _CERTIFICATE_RATIO * u.shape[-1])
     status, error = _newton(omega, kappa, fine)
     return error, status if status in (Status.OK, Status.NEARLY_RATIONAL) else Status.NOT_CERTIFIED
 
 
-def polish(omega, kappa, u):
-    """Newton's method from u (overwritten) until max |E_j| < 10⁻⁹ before a step, or below 10⁻⁸ it
-    shrinks no more; whether it got there, with h' > 0.
+def polish(omega: OmegaLike, kappa: FloatArray, u: FloatArray) -> bool:
+    """Iterate Newton's method from u, in place, until max |E_j| < 10⁻⁹ before a step.
 
-    For 10⁵ modes and more, whose small divisors let rounding into the updates of u.
+    It also ends when max |E_j| is below 10⁻⁸ and decreases no more. For 10⁵ modes and more, whose
+    small divisors let rounding into the updates of u.
+
+    Returns
+    -------
+    bool
+        True if it converged, with h' > 0.
     """
     constants, workspace = _constants(omega, *u.shape), _workspace(*u.shape)
     best, least = u.copy(), np.inf
-    for _ in range(_STEPS):
+    for _ in range(_NEWTON_STEPS):
         before = u.copy()
         error, change, slope, twist, _ = _chain_step(kappa, *constants, u, workspace)
         if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):
             break
-        if error < _POLISHED:
+        if error < _POLISHED_RESIDUAL:
             return True
         if least < 1e-8 and error > 0.5 * least:
             break
@@ -160,11 +253,16 @@ def polish(omega, kappa, u):
     return least < 1e-8
 
 
-def polished_is_circle(omega, kappa, u):
-    """`certify` for what `polish` has made, on a grid with the modes up to the next resonance.
+def polished_is_circle(omega: OmegaLike, kappa: FloatArray, u: FloatArray) -> bool:
+    """Certify the result of `polish` on a grid with the modes up to the next resonance.
 
-    There max |E_j| is below 10⁻⁸ still, and the first Newton step or the second brings it to a
-    tenth or less, and below 10⁻¹⁰, or it is rounding. Beyond the breakup it does not shrink.
+    There max |E_j| is still below 10⁻⁸, and the first Newton step or the second reduces it to a
+    tenth or less, and below 10⁻¹⁰, or to rounding. Beyond the breakup it does not decrease.
+
+    Returns
+    -------
+    bool
+        True if it is a circle.
     """
     fine = fourier.resample(u, fourier.grid(omega, 1.5 * fourier.cut(omega, u.shape[-1])))
     constants, workspace = _constants(omega, *fine.shape), _workspace(*fine.shape)
@@ -173,21 +271,55 @@ def polished_is_circle(omega, kappa, u):
         if not (before < 1e-8 and slope > 0 and twist > 0.5 and change < 1e-3):
             return False
         after = np.abs(residual(omega, kappa, fine)).max()
-        if after < max(min(0.1 * before, 1e-10), _ROUNDED):
+        if after < max(min(0.1 * before, 1e-10), _ROUNDING):
             return True
     return False
 
 
-def newton_step(omega, kappa, u):
-    """One step of the chain form. Returns the new u, ndarray (P, n), and max |E_j| before it."""
+def newton_step(omega: OmegaLike, kappa: ArrayLike, u: ArrayLike) -> tuple[FloatArray, float]:
+    """Take one Newton step in chain form.
+
+    Parameters
+    ----------
+    omega, kappa
+        As for `invariant_circle`.
+    u : array_like, shape (P, n)
+        Deviations; n is a power of 2 from 16.
+
+    Returns
+    -------
+    u : ndarray, shape (P, n)
+        Deviations after the step.
+    error : float
+        max |E_j| before it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.circles import newton_step
+    >>> u, first = newton_step("gamma", 0.3, np.zeros((1, 64)))
+    >>> u, second = newton_step("gamma", 0.3, u)
+    >>> second < first / 10
+    True
+    """
     kappa = forcing(kappa)
     u = _deviations(u, kappa.size).copy()
     error = _chain_step(kappa, *_constants(omega, *u.shape), u, _workspace(*u.shape))[0]
     return u, error
 
 
-def residual(omega, kappa, u):
-    """E_j on the grid of u, shape (P, n): zero on a circle."""
+def residual(omega: OmegaLike, kappa: ArrayLike, u: ArrayLike) -> FloatArray:
+    """Compute E_j on the grid of u, shape (P, n): zero on a circle.
+
+    Parameters are those of `newton_step`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.circles import residual
+    >>> bool(abs(residual("gamma", 0.0, np.zeros((1, 64)))).max() < 1e-15)
+    True
+    """
     kappa, u = forcing(kappa), floats("u", u)
     n_sites, n = u.shape
     turn = fourier.turns(omega, n // 2 + 1)
@@ -197,8 +329,21 @@ def residual(omega, kappa, u):
     return sites[2:] - 2 * u + sites[:-2] - kappa[:, None] / TWO_PI * sin2pi(h)
 
 
-def graph(circle):
-    """x, y of the circle at the start of a period, at θ = i/n: two ndarrays (n,), x on the lift."""
+def graph(circle: InvariantCircle) -> tuple[FloatArray, FloatArray]:
+    """Return x and y of the circle at the start of a period, at θ = i/n.
+
+    Returns
+    -------
+    x, y : ndarrays, shape (n,)
+        In turns, x on the lift.
+
+    Examples
+    --------
+    >>> from nasm.circles import graph, invariant_circle
+    >>> x, y = graph(invariant_circle("gamma", 0.0))
+    >>> y[:2].round(6)
+    array([0.618034, 0.618034])
+    """
     n_sites, n = circle.u.shape
     before = fourier.rotate(circle.u[-1], fourier.turns(circle.omega, n // 2 + 1).conj())
     x = np.arange(n) / n + circle.u[0]
@@ -207,10 +352,10 @@ def graph(circle):
 
 def _continue_from_rotation(omega, kappa, n_max):
     at, step = 0.0, 1.0
-    path = [(0.0, np.zeros((kappa.size, N_FIRST)))]
+    path = [(0.0, np.zeros((kappa.size, MIN_POINTS)))]
     while at < 1.0:
         target = min(at + step, 1.0)
-        u, status = settle(omega, target * kappa, extrapolate(path, target), n_max)
+        u, status = solve(omega, target * kappa, extrapolate(path, target), n_max)
         if status is Status.OK:
             path.append((target, u))
             at = target
@@ -222,12 +367,23 @@ def _continue_from_rotation(omega, kappa, n_max):
     return u, Status.OK
 
 
-def extrapolate(path, target, n=0):
-    """Deviations at the scale `target`, by Lagrange's formula through the last circles of a path.
+def extrapolate(path: Sequence[tuple[float, FloatArray]], target: float, n: int = 0) -> FloatArray:
+    """Extrapolate deviations to the scale `target`, by Lagrange's formula.
 
-    path : list of at least one (scale, u), with grids that do not shrink. At most three are used;
-    three give a Newton step less than two near the breakup.
-    n : points of the result's grid, if they are more than those of the last circle.
+    Parameters
+    ----------
+    path : sequence of (float, ndarray)
+        Scales and deviations of at least one circle, with grids that do not shrink. The last three
+        are used, which save a Newton step near the breakup.
+    target : float
+        Scale of the result.
+    n : int
+        Points of its grid, if more than those of the last circle.
+
+    Returns
+    -------
+    ndarray, shape (P, max(n, …))
+        Deviations.
     """
     path = path[-3:]
     n = max(n, path[-1][1].shape[-1])
@@ -240,8 +396,8 @@ def extrapolate(path, target, n=0):
     return np.fft.irfft(total, n)
 
 
-def lagrange(nodes, at):
-    """The weights of values at the nodes, all different, in Lagrange's formula for that at `at`."""
+def lagrange(nodes: Sequence[float], at: float) -> list[float]:
+    """Return Lagrange's weights of values at distinct nodes, for the value at `at`."""
     return [prod((at - other) / (x - other) for other in nodes if other != x) for x in nodes]
 
 
@@ -270,9 +426,9 @@ _OUTCOMES = (Status.OK, Status.TOO_FEW_MODES, Status.NO_CIRCLE)
 
 
 def _newton(omega, kappa, u):
-    """Newton's method on the grid of u, in place: a Status, and the error before the first step."""
+    """Iterate Newton's method on the grid of u, in place; return a Status and the first error."""
     angles, turn, kept = _constants(omega, *u.shape)
-    if np.abs(turn[1:kept] - 1).min() < _DIVISOR:
+    if np.abs(turn[1:kept] - 1).min() < _MIN_DIVISOR:
         return Status.NEARLY_RATIONAL, np.nan
     outcome, error = _iterate(kappa, angles, turn, kept, u)
     return _OUTCOMES[outcome], error
@@ -280,37 +436,37 @@ def _newton(omega, kappa, u):
 
 @kernel(error_model="numpy")
 def _iterate(kappa, angles, turn, kept, u):
-    """Newton steps until they tell: an index into _OUTCOMES, and the error before the first."""
+    """Take Newton steps until they decide; return an index into _OUTCOMES, and the first error."""
     workspace = _workspace(*u.shape)
-    first = last_error = last = 1.0
-    for step in range(_STEPS):
+    first = last_error = last_change = 1.0
+    for step in range(_NEWTON_STEPS):
         error, change, slope, twist, tail = _chain_step(kappa, angles, turn, kept, u, workspace)
         first = error if step == 0 else first
-        outcome = step_outcome(error, change, slope, twist, tail, last_error, last)
+        outcome = step_outcome(error, change, slope, twist, tail, last_error, last_change)
         if outcome < 3:
             return outcome, first
-        last_error, last = error, change
+        last_error, last_change = error, change
     return 2, first
 
 
 @njit(nogil=True, error_model="numpy")
-def step_outcome(error, change, slope, twist, tail, last_error, last):
-    """What a Newton step tells: 0, converged, 1, too few modes, 2, lost, or 3, go on.
+def step_outcome(error, change, slope, twist, tail, last_error, last_change):
+    """Judge a Newton step: 0 for converged, 1 for too few modes, 2 for diverged, 3 for go on.
 
-    The update squares each time, so the last one need not be made.
+    Each update is the square of the one before, so the last one need not be made.
     """
-    lost = not (error < 1 and slope > 0 and twist > 0.5 and change < 1)  # NaN ends it too
-    if lost or error > max(2 * last_error, 1e-9):
+    diverged = not (error < 1 and slope > 0 and twist > 0.5 and change < 1)  # NaN ends it too
+    if diverged or error > max(2 * last_error, 1e-9):
         return 2
-    if tail > TAIL and change < 1e-3:
+    if tail > MAX_TAIL and change < 1e-3:
         return 1
-    next_change = change * (change / last) ** 2
-    return 0 if change < UPDATE or (change < 1e-6 and next_change < 1e-2 * UPDATE) else 3
+    next_change = change * (change / last_change) ** 2
+    return 0 if change < MAX_UPDATE or (change < 1e-6 and next_change < 1e-2 * MAX_UPDATE) else 3
 
 
 @kernel(error_model="numpy")
 def _workspace(n_sites, n):
-    """Arrays for `_chain_step`. Above n = 4096 to allocate them anew takes as long as the step."""
+    """Allocate arrays for `_chain_step`, which above n = 4096 takes as long as the step."""
     return (
         np.empty((n_sites, n // 2 + 1), np.complex128),
         np.zeros((2 * n_sites + 3, n // 2 + 1), np.complex128),
@@ -321,10 +477,10 @@ def _workspace(n_sites, n):
 
 @kernel(error_model="numpy")
 def _chain_step(kappa, angles, turn, kept, u, workspace):
-    """One Newton step, in place: see the module.
+    """Take one Newton step, in place: see the module.
 
-    Returns max |E|, the largest update, min h', the twist, and the tail: all but the update of u as
-    it was before the step.
+    Returns max |E|, the largest update, min h', the twist, and the tail; all but the update are
+    those of u before the step.
     """
     n_sites, n = u.shape
     own, modes, values, line = workspace
@@ -341,7 +497,7 @@ def _chain_step(kappa, angles, turn, kept, u, workspace):
             total[i] -= slopes[j, i] * residual[j, i]
             flux[j, i] = total[i]
             u[j, i] = x[j + 1, i]
-        for i in range(n):  # apart from the loop above, which is then one of vectors
+        for i in range(n):  # apart from the loop above, which is vectorized then
             error = max(error, abs(residual[j, i]))
             slope = min(slope, slopes[j, i])
     _solve_cohomology(total, turn, kept, line, w)  # the flux into site 0
@@ -378,7 +534,7 @@ def _chain_step(kappa, angles, turn, kept, u, workspace):
 def _sites(u, turn, kept, own, modes, values):
     """Fill values with u_{-1}, …, u_P and h_0', …, h_P', of the modes below `kept`, with ⟨u_0⟩ = 0.
 
-    Returns the part of the H³ norm in the last 15% of these modes.
+    Returns the share of the H³ norm in the last 15% of these modes.
     """
     n_sites, n = u.shape
     np.fft.rfft(u, out=own)
@@ -404,7 +560,7 @@ def _sites(u, turn, kept, own, modes, values):
 
 @njit(nogil=True, error_model="numpy")
 def _solve_cohomology(f, turn, kept, modes, g):
-    """`fourier.solve_cohomology` into g."""
+    """Write `fourier.solve_cohomology` to g."""
     np.fft.rfft(f, out=modes)
     modes[0] = 0.0
     for k in range(1, kept):

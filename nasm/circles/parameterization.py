@@ -2,7 +2,7 @@
 
     T ∘ K(θ) = K(θ + ω),     K(θ) = (θ + u_0(θ), ω/P + …),                        (42)
 
-arXiv:1606.04824, Sec. VI; equations have that paper's numbers. Written to be read beside it;
+arXiv:1606.04824, Sec. VI; equations have that paper's numbers. It follows the paper line by line;
 `circles.newton_step` is the same step in chain form, and faster.
 
 Functions of θ are arrays whose last axis is the grid θ = i/n; vectors have shape (2, n), matrices
@@ -10,23 +10,43 @@ Functions of θ are arrays whose last axis is the grid θ = i/n; vectors have sh
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nasm.circles import fourier
 from nasm.maps import forcing, kick, step, step_tangent
 from nasm.numbers import as_rotation_number
+from nasm.types import FloatArray, OmegaLike
 
 __all__ = ["newton_step", "symplectic_frame", "twist"]
 
 
-def newton_step(omega, kappa, u):
-    """One step of Algorithm 1, for any forcing.
+def newton_step(omega: OmegaLike, kappa: ArrayLike, u: FloatArray) -> tuple[FloatArray, float]:
+    """Take one step of Algorithm 1, for any forcing.
 
-    omega : RotationNumber per period, e.g. `numbers.parse("gamma")`.
-    kappa : sequence of P floats, first kick first.
-    u : ndarray (P, n), the deviations u_j of the circle's sites from the rotation; see `circles`.
+    Parameters
+    ----------
+    omega : RotationNumber or str
+        Rotation number per period, e.g. "gamma".
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first.
+    u : ndarray, shape (P, n)
+        Deviations u_j of the circle's sites from the rotation; see `circles`.
 
-    Returns u : ndarray (P, n), after the step, with ⟨u_0⟩ = 0.
-    error : float, largest component of |e_0| = |T∘K(θ) - K(θ + ω)| before it.
+    Returns
+    -------
+    u : ndarray, shape (P, n)
+        Deviations after the step, with ⟨u_0⟩ = 0.
+    error : float
+        Largest component of |e_0| = |T∘K(θ) - K(θ + ω)| before it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.circles.parameterization import newton_step
+    >>> u, first = newton_step("gamma", 0.3, np.zeros((1, 64)))
+    >>> u, second = newton_step("gamma", 0.3, u)
+    >>> bool(second < first / 10)
+    True
     """
     kappa = forcing(kappa)
     n = u.shape[-1]
@@ -65,16 +85,52 @@ def newton_step(omega, kappa, u):
     return np.fft.irfft(modes, n), np.abs(e).max()
 
 
-def symplectic_frame(tangent):
-    """M = [DK | J⁻¹ DK N], N = 1/|DK|², from DK of shape (2, n): (2, 2, n), det M = 1. Eq. (44)"""
+def symplectic_frame(tangent: FloatArray) -> FloatArray:
+    """Compute the frame M = [DK | J⁻¹ DK N], N = 1/|DK|², Eq. (44); its determinant is 1.
+
+    Parameters
+    ----------
+    tangent : ndarray, shape (2, n)
+        DK.
+
+    Returns
+    -------
+    ndarray, shape (2, 2, n)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.circles.parameterization import symplectic_frame
+    >>> symplectic_frame(np.array([[2.0], [0.0]]))[..., 0]
+    array([[ 2. , -0. ],
+           [ 0. ,  0.5]])
+    """
     normal = np.stack([-tangent[1], tangent[0]]) / np.sum(tangent**2, axis=0)
     return np.stack([tangent, normal], axis=1)
 
 
-def twist(map_tangent, frame, frame_after):
-    """S(θ) in DT(K) M(θ) = M(θ + ω) [[1, S], [0, 1]], Eq. (45): shape (n,).
+def twist(map_tangent: FloatArray, frame: FloatArray, frame_after: FloatArray) -> FloatArray:
+    """Compute S(θ) in DT(K) M(θ) = M(θ + ω) [[1, S], [0, 1]], Eq. (45).
 
-    S = N(θ+ω) DK(θ+ω)ᵀ DT(K) J⁻¹ DK N. The paper's formula for it has no J⁻¹.
+    S = N(θ+ω) DK(θ+ω)ᵀ DT(K) J⁻¹ DK N. The paper's formula for it lacks J⁻¹.
+
+    Parameters
+    ----------
+    map_tangent, frame, frame_after : ndarrays, shape (2, 2, n)
+        DT(K), M(θ) and M(θ + ω).
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.circles.parameterization import symplectic_frame, twist
+    >>> from nasm.maps import step_tangent
+    >>> frame = symplectic_frame(np.array([[1.0], [0.0]]))
+    >>> twist(step_tangent(0.0, [0.1], [0.2]), frame, frame)
+    array([1.])
     """
     tangent_after = frame_after[:, 0]
     pushed = np.einsum("ab...,b...->a...", map_tangent, frame[:, 1])

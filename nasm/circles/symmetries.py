@@ -18,15 +18,23 @@ import numpy as np
 from nasm import symmetries
 from nasm.checks import count
 from nasm.circles import fourier
-from nasm.circles.newton import certified
+from nasm.circles.newton import InvariantCircle, certified
 from nasm.maps import MAX_PERIOD, TWO_PI
 from nasm.numbers import moebius
 
 __all__ = ["alternate", "interleave", "negate", "repeat", "shift"]
 
 
-def repeat(circle, times):
-    """The circle of the same map with its forcing written out `times` times; ω → times·ω."""
+def repeat(circle: InvariantCircle, times: int) -> InvariantCircle:
+    """Return the circle of the same map with its forcing written out `times` times; ω → times·ω.
+
+    Examples
+    --------
+    >>> from nasm.circles import invariant_circle
+    >>> from nasm.circles.symmetries import repeat
+    >>> repeat(invariant_circle("gamma", 0.3), 2)
+    <InvariantCircle of [1;(4)] under kappa = [0.3, 0.3], certified>
+    """
     times = count("times", times, 1, MAX_PERIOD)
     turn = fourier.turns(circle.omega, circle.u.shape[-1] // 2 + 1)
     u = [fourier.rotate(circle.u, turn**m) for m in range(times)]
@@ -34,20 +42,44 @@ def repeat(circle, times):
     return certified(omega, np.tile(circle.kappa, times), np.concatenate(u))
 
 
-def negate(circle):
-    """κ → -κ; ω unchanged."""
+def negate(circle: InvariantCircle) -> InvariantCircle:
+    """Return the circle under κ → -κ; ω is unchanged.
+
+    Examples
+    --------
+    >>> from nasm.circles import invariant_circle
+    >>> from nasm.circles.symmetries import negate
+    >>> negate(invariant_circle("gamma", 0.3))
+    <InvariantCircle of [0;(1)] under kappa = [-0.3], certified>
+    """
     n = circle.u.shape[-1]
     return certified(circle.omega, -circle.kappa, np.roll(circle.u, n // 2, axis=-1))
 
 
-def alternate(circle):
-    """κ_j → (-1)^j κ_j for even P; ω → ω + P/2."""
+def alternate(circle: InvariantCircle) -> InvariantCircle:
+    """Return the circle under κ_j → (-1)^j κ_j, for even P; ω → ω + P/2.
+
+    Examples
+    --------
+    >>> from nasm.circles import invariant_circle
+    >>> from nasm.circles.symmetries import alternate
+    >>> alternate(invariant_circle("2gamma", (0.3, 0.3)))
+    <InvariantCircle of [2;(4)] under kappa = [ 0.3, -0.3], certified>
+    """
     kappa, _, _ = symmetries.alternate(circle.kappa, 0.0, 0.0)
     return certified(moebius(circle.omega, 1, kappa.size // 2), kappa, circle.u)
 
 
-def interleave(circle):
-    """(κ_0, …, κ_{P-1}) → (κ_0/2, 0, κ_1/2, 0, …): idle kicks between half as strong ones."""
+def interleave(circle: InvariantCircle) -> InvariantCircle:
+    """Return the circle under (κ_0/2, 0, κ_1/2, 0, …): idle kicks between halved ones.
+
+    Examples
+    --------
+    >>> from nasm.circles import invariant_circle
+    >>> from nasm.circles.symmetries import interleave
+    >>> interleave(invariant_circle("gamma", 0.6))
+    <InvariantCircle of [0;(1)] under kappa = [0.3, 0. ], certified>
+    """
     turn = fourier.turns(circle.omega, circle.u.shape[-1] // 2 + 1)
     after = np.vstack([circle.u[1:], fourier.rotate(circle.u[:1], turn)])
     n_sites, n = circle.u.shape
@@ -56,14 +88,22 @@ def interleave(circle):
     return certified(circle.omega, kappa, u)
 
 
-def shift(circle):
-    """(κ_0, …, κ_{P-1}) → (κ_1, …, κ_{P-1}, κ_0), the swap for P = 2; ω unchanged."""
+def shift(circle: InvariantCircle) -> InvariantCircle:
+    """Return the circle under (κ_1, …, κ_{P-1}, κ_0), the swap for P = 2; ω is unchanged.
+
+    Examples
+    --------
+    >>> from nasm.circles import invariant_circle
+    >>> from nasm.circles.symmetries import shift
+    >>> shift(invariant_circle("2gamma", (0.3, 0.4)))
+    <InvariantCircle of [1;(4)] under kappa = [0.4, 0.3], certified>
+    """
     n_sites, n = circle.u.shape
     turn = fourier.turns(circle.omega, n // 2 + 1)
     site_turn = fourier.turns(moebius(circle.omega, 1, 0, 0, n_sites), n // 2 + 1)
     u = np.vstack([circle.u[1:], fourier.rotate(circle.u[:1], turn)])
     u = fourier.rotate(u, site_turn.conj())
-    # θ counts from ⟨u_0⟩ = 0: not the case by itself without a symmetry centre.
+    # θ must count from ⟨u_0⟩ = 0, which needs a shift without a symmetry centre.
     mean = u[0].mean()
     u = fourier.rotate(u, np.exp(-1j * TWO_PI * mean * np.arange(n // 2 + 1))) - mean
     return certified(circle.omega, np.roll(circle.kappa, -1), u)

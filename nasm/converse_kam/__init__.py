@@ -1,7 +1,7 @@
 """Converse KAM: orbits through which no circle passes.
 
 `symmetry_line` takes its starts from the dominant symmetry line, `transversal` from a curve that
-every circle crosses, for forcings without such a line; `sequence` is for kicks that do not recur.
+every circle crosses, for forcings without such a line; `aperiodic` is for aperiodic forcing.
 """
 
 import lazy_loader

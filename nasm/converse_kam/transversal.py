@@ -16,29 +16,27 @@ the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). Likewise backwards, and ξ_1 + ξ_{-1}
 
 Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. If all starts on one are
 eliminated, no circle is left. Orbits that minimize the action are never eliminated. The curve must
-pass through the gaps that they leave, for every ω, and a *minimax* orbit of p/q is in the middle of
-one: among the orbits of p/q that minimize the action for a given x_0, it has the largest. So the
-*transversal* is a chain of straight pieces through the places of minimax orbits before the kick of
-one site, in the order of their ω. Where all minimax orbits are on one symmetry line, it is that
-line.
+pass through the gaps between them, for every ω, and a *minimax* orbit of p/q is in the middle of
+one: among the orbits of p/q that minimize the action for a fixed x_0, it has the largest. So the
+*transversal* is a chain of straight pieces through minimax orbits before the kick of one site, in
+the order of their ω. If all minimax orbits are on one symmetry line, it is that line.
 
 1. Start with the orbits of ω = 0, 1, … and P/2 per period. The symmetries y → y + 1 and
    (x, y) → (-x, -y) continue this curve to all ω.
-2. The start that lives longest is on a piece between two orbits, p/q and p'/q'. Bend the piece by
-   the minimax orbit of (p + p')/(q + q'), where it is nearest to the piece, over the width of the
-   gap.
-3. Repeat this as long as the start survives and its life can tell the difference. It leads down the
-   Farey tree, to minimizing orbits that were in the way, and to the circle that breaks last.
+2. The longest-lived start is on a piece between two orbits, p/q and p'/q'. Bend the piece by the
+   minimax orbit of (p + p')/(q + q'), at its point nearest to the piece in units of the gap.
+3. Repeat this as long as the start survives and its lifetime resolves the change. It leads down the
+   Farey tree, to minimizing orbits on the curve, and to the circle that breaks last.
 
-Beyond the last circle's breakup, at the scale s_c of a ray, the longest life there is T, and s/s_c
-- 1 ≈ C/T as on a symmetry line, with C in EXCESS. This is sampled, in floating point:
-strong evidence, not a proof. The choice matters: 0.5% beyond the breakup of the standard map lives
-last 130 steps there, and on 15 of 20 other lines x = a starts survive 3000.
+Beyond the last circle's breakup, at the scale s_c of a ray, the longest lifetime there is T, and
+s/s_c - 1 ≈ C/T as on a symmetry line, with C in EXCESS_BOUNDS. This is sampled, in floating point:
+strong evidence, not a proof. The choice matters: 0.5% beyond the breakup of the standard map
+lifetimes are up to 130 steps there, while on 15 of 20 other lines x = a starts survive 3000.
 """
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, partial
@@ -46,46 +44,91 @@ from math import log
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
 from nasm.action import LostError, ordered_orbits
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import FEW, load_state, minimum, own_frame, store_state
 from nasm.arithmetic.sine import SINE, cos2pi
-from nasm.checks import count, points
-from nasm.converse_kam.symmetry_line import Survivor, beam_search, longest_found, tangent_kick
+from nasm.checks import count, points, real
+from nasm.converse_kam.symmetry_line import LongestLived, beam_search, search_grids, tangent_kick
 from nasm.maps import MAX_PERIOD, forcing, kick, segment
+from nasm.types import FloatArray
 
-__all__ = ["Transversal", "curves", "elimination", "located", "longest_lived", "longest_period"]
+__all__ = [
+    "Transversal",
+    "eliminated_transversals",
+    "elimination",
+    "longest_lived",
+    "longest_period",
+    "upper_scale",
+]
 
 MAX_STEPS = 10**6
-EXCESS = 0.6, 0.95  # steps: C of the law, least and largest
-_EXCESS = 0.7  # mostly
+EXCESS_BOUNDS = 0.6, 0.95
+"""Least and largest C of the law, in steps."""
 
-_BLOCK = 32  # kicks, about, between two looks at the starts
-_GRIDS = ((1024, 0.5), (797, 0.382))  # as of `symmetry_line`
-_KEPT = 16  # starts for each kick of a period, of which the search goes on
-_AT_FIRST = 8  # times fewer, that are tried first
-_WIDE, _OPEN = 0.5, 1e-6  # of the widest gap before the kick of a site: where corners of searches
-# for survivors are, and those of polygons for proofs
-_SITES = 8  # at most, whose transversals are tried
-_LONGEST = 4  # times √n_max: period of the minimax orbits up to which pieces are bent
-_SHORT = 100  # kicks: of shorter lives the shortest is sought, on the transversals of all sites
-_NARROW = 0.2  # over the steps: bracket, in parts of the scale, to which it is narrowed
-_AHEAD, _FARTHEST = 0.1, 40  # change of the largest strength in a step from a start, and steps
+_TYPICAL_EXCESS = 0.7
+"""C in most cases."""
+
+_BLOCK_KICKS = 32
+"""Kicks, roughly, between two tests of the starts."""
+
+_GRIDS = ((1024, 0.5), (797, 0.382))
+"""As those of `symmetry_line`."""
+
+_BEAM_WIDTH = 16
+"""Starts for each kick of a period from which the search goes on."""
+
+_FIRST_RATIO = 8
+"""Ratio of the beam width to that of the first search."""
+
+_SEARCH_GAP, _PROOF_GAP = 0.5, 1e-6
+"""Least gap, over the widest one before the kick of a site, in which a corner is placed: in
+searches for survivors, and in polygons for proofs."""
+
+_MAX_SITES = 8
+"""Sites whose transversals are tried."""
+
+_PERIOD_FACTOR = 4
+"""Period over √n_max of the minimax orbits up to which pieces are bent."""
+
+_SHORT_LIFETIME = 100
+"""Kicks: among shorter lifetimes the least of the transversals of all sites is sought."""
+
+_BRACKET_WIDTH = 0.2
+"""Width of the bracket, over the scale and times the steps, at which bisection ends."""
+
+_SCAN_STEP, _SCAN_STEPS = 0.1, 40
+"""Change of the largest strength in a step from a start, and number of steps."""
 
 
-def longest_lived(kappa, n_max):
-    """The start that takes longest to be eliminated, on the transversals of the module.
+def longest_lived(kappa: ArrayLike, n_max: int) -> LongestLived:
+    """Find the start that takes longest to be eliminated, on the transversals of the module.
 
-    kappa : sequence of P floats, the forcing, first kick first.
-    n_max : int, 1 to 10⁶, steps in either direction.
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first.
+    n_max : int
+        Steps (periods of the forcing) in either direction, 1 to 10⁶.
 
-    Returns Survivor, on the transversal before the kick of the largest |κ|; where a start survives
-    there, on that of the next largest, and so on. Its kicks are inf if on each one a start
-    survives.
+    Returns
+    -------
+    LongestLived
+        On the transversal before the kick of the largest |κ|; if a start survives there, on that of
+        the next largest, and so on. Its kicks are inf if a start survives on each one.
 
+    Notes
+    -----
     The beam search of `symmetry_line.longest_lived`, on two unrelated grids: it may miss a
     survivor.
+
+    Examples
+    --------
+    >>> from nasm.converse_kam.transversal import longest_lived
+    >>> longest_lived((0.9, 0.7, 0.8), 100).kicks < 300
+    True
     """
     strengths = forcing(kappa)
     n_max = count("n_max", n_max, 1, MAX_STEPS)
@@ -96,46 +139,80 @@ def longest_lived(kappa, n_max):
 class Transversal:
     """A transversal before the kick of one site; `bend` changes it.
 
-    site : int. kappa : ndarray of P floats, the forcing from that site on. orbits : list of (ω,
-    sites), minimax orbits from there on, in the order of ω. minimax : function of ω and x, sites of
-    the minimax orbit near x.
+    Attributes
+    ----------
+    site : int
+        The kick, from 0.
+    kappa : ndarray, shape (P,)
+        The forcing from that site on.
+    orbits : list of (Fraction, ndarray)
+        ω and sites of minimax orbits from there on, in the order of ω.
+    minimax : callable
+        From ω and x to the sites of the minimax orbit near x.
     """
 
     site: int
-    kappa: np.ndarray
-    orbits: list
-    minimax: Callable
+    kappa: FloatArray
+    orbits: list[tuple[Fraction, FloatArray]]
+    minimax: Callable[[Fraction, float], FloatArray]
 
     @property
-    def corners(self):
-        """ndarray of shape (m, 2): x and y of the orbits before the kick of the site."""
+    def corners(self) -> FloatArray:
+        """x and y of the orbits before the kick of the site: shape (m, 2)."""
         return np.array([_place(*orbit) for orbit in self.orbits])
 
-    def bend(self, piece, most):
-        """Put between corners piece and piece + 1 that of their mediant p/q; whether q ≤ most."""
+    def bend(self, piece: int, max_period: float) -> bool:
+        """Insert the corner of their mediant p/q between corners piece and piece + 1.
+
+        Returns
+        -------
+        bool
+            False if q exceeds max_period.
+        """
         (before, x), (after, x_after) = self.orbits[piece : piece + 2]
         p, q = before.numerator + after.numerator, before.denominator + after.denominator
-        if q > most:
+        if q > max_period:
             return False
         near = x[0] + (x_after[0] - x[0]) * after.denominator / q
         self.orbits.insert(piece + 1, (Fraction(p, q), self.minimax(Fraction(p, q), near)))
         return True
 
 
-def curves(kappa, n_max, until=math.inf):
-    """Transversals on which all starts were found to be eliminated, those of short lives first.
+def eliminated_transversals(
+    kappa: ArrayLike, n_max: int, until: float = math.inf
+) -> Iterator[tuple[Transversal, float]]:
+    """Yield transversals on which all starts were found to be eliminated, short lifetimes first.
 
-    kappa : sequence of P floats, the forcing, first kick first. n_max : int, steps in either
-    direction. until : float, the `time.thread_time` at which the search ends, within a bend or two.
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first.
+    n_max : int
+        Steps (periods of the forcing) in either direction.
+    until : float
+        The `time.thread_time` at which the search ends, within a bend or two.
 
-    Yields (Transversal, kicks), at most one for each site; kicks is the longest life.
+    Yields
+    ------
+    transversal : Transversal
+        At most one for each site.
+    kicks : float
+        The longest lifetime.
+
+    Examples
+    --------
+    >>> from nasm.converse_kam.transversal import eliminated_transversals
+    >>> transversal, kicks = next(eliminated_transversals((0.9, 0.7, 0.8), 300))
+    >>> kicks < 300
+    True
     """
     kappa, n_max = forcing(kappa), count("n_max", n_max, 1, MAX_STEPS)
+    until = real("until", until)
     sites, n_steps = _by_strength(kappa), 256
     while n_steps <= n_max:
-        for transversal in _transversals(kappa, list(sites), _OPEN):
-            # Who asks will try all starts: one grid is enough.
-            _, kicks = _bent(transversal, n_steps, _GRIDS[:1], _KEPT, until)
+        for transversal in _transversals(kappa, list(sites), _PROOF_GAP):
+            # The caller tests every start, so one grid suffices.
+            _, kicks = _bend_while_surviving(transversal, n_steps, _GRIDS[:1], _BEAM_WIDTH, until)
             if time.thread_time() > until:
                 return
             if kicks < np.inf:
@@ -144,103 +221,141 @@ def curves(kappa, n_max, until=math.inf):
         n_steps *= 4
 
 
-def located(profile, n_max, start=None, n_sites=_SITES):
-    """A scale on κ = start + s·profile at which no start was found to survive n_max steps, just
-    above the last breakup; and the Survivor that lives longest there, T steps.
+def upper_scale(
+    profile: ArrayLike, n_max: int, start: ArrayLike | None = None, n_sites: int = _MAX_SITES
+) -> tuple[float, LongestLived | None]:
+    """Find a scale just above the last breakup on κ = start + s·profile.
 
-    Lower the scale until a start survives 30 steps or so, halve the bracket until it is narrow, go
-    on with four times the steps, and so on to n_max. On a ray from zero the breakup is lower by
-    some 0.7/T of the scale.
+    Lower the scale until a start survives 30 steps or so, bisect until the bracket is narrow,
+    continue with four times the steps, and so on to n_max. On a ray from zero the breakup is lower
+    by a relative distance of about 0.7/T.
 
-    profile : sequence of P floats, not all 0.
-    n_max : int, 30 to 10⁶, steps.
-    start : sequence of P floats, default 0. From another one the scale is just above the first
-        breakup, s ≥ 0, that steps of 0.1 of the largest strength meet; 0 if no start survives
-        there, inf if one does up to 40 steps; and None.
-    n_sites : int, 1 to 8, on the transversals of how many sites it is sought. With two it takes
-        half the time, and the scale may be some per cent higher.
+    Parameters
+    ----------
+    profile : array_like, shape (P,)
+        Direction of the segment, not zero; P ≤ 64.
+    n_max : int
+        Steps (periods of the forcing), 30 to 10⁶.
+    start : array_like, shape (P,), optional
+        Start of the segment; default 0. From another one the scale is just above the first breakup,
+        s ≥ 0, found in steps of 0.1 of the largest strength.
+    n_sites : int
+        Number of sites, 1 to 8, on whose transversals survivors are sought. With two it takes half
+        the time, and the scale may be some per cent higher.
 
-    ValueError if profile is zero or tiny, or longer than 64 kicks, or start of another length, or
-    n_max or n_sites out of range.
+    Returns
+    -------
+    scale : float
+        No start was found to survive n_max steps there. From another start 0 if no start survives
+        at s = 0, inf if one does up to 40 steps.
+    longest : LongestLived or None
+        The longest-lived start there; T is its lifetime in steps. None if scale is 0 or inf.
+
+    Raises
+    ------
+    ValueError
+        If profile is zero, tiny or too long, start differs from it in length, or n_max or n_sites
+        is out of range.
+
+    Examples
+    --------
+    >>> from nasm.converse_kam.transversal import upper_scale
+    >>> scale, longest = upper_scale((0.9, 0.7, 0.8), 30)
+    >>> bool(0.3 < scale < 2)
+    True
     """
     start, profile = segment(start, profile)
     n_max = count("n_max", n_max, 30, MAX_STEPS)
-    sites = _by_strength(profile)[: count("n_sites", n_sites, 1, _SITES)]
+    sites = _by_strength(profile)[: count("n_sites", n_sites, 1, _MAX_SITES)]
     size = np.abs(profile).max()
     # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
-    upper, found, share = 2 / size, None, 0.15
+    upper, longest, step_ratio = 2 / size, None, 0.15
 
-    def lived(scale, n_steps):
+    def longest_at(scale, n_steps):
         return _longest_lived(start + scale * profile, n_steps, sites)
 
     if start.any():
-        scales = (_AHEAD * n / size for n in range(_FARTHEST + 1))
-        upper = next((scale for scale in scales if lived(scale, n_max).kicks < np.inf), np.inf)
+        scales = (_SCAN_STEP * n / size for n in range(_SCAN_STEPS + 1))
+        upper = next((scale for scale in scales if longest_at(scale, n_max).kicks < np.inf), np.inf)
         if not 0 < upper < np.inf:
             return upper, None
     unit = np.abs(start + upper * profile).max() / size
-    for left in range(int(log(n_max / 30, 4)), -1, -1):
-        n_steps, survived = n_max // 4**left, None
-        while survived is None or upper - survived > _NARROW / n_steps * unit:
-            scale = max(upper - share * unit, 0) if survived is None else (upper + survived) / 2
-            longest = lived(scale, n_steps)
-            if np.isinf(longest.kicks):
+    for level in range(int(log(n_max / 30, 4)), -1, -1):
+        n_steps, survived = n_max // 4**level, None
+        while survived is None or upper - survived > _BRACKET_WIDTH / n_steps * unit:
+            scale = (
+                max(upper - step_ratio * unit, 0) if survived is None else (upper + survived) / 2
+            )
+            trial = longest_at(scale, n_steps)
+            if np.isinf(trial.kicks):
                 survived = scale
             elif scale == 0:
                 return 0.0, None
             else:
-                upper, found = scale, longest
+                upper, longest = scale, trial
                 unit = np.abs(start + upper * profile).max() / size
-                share = min(1.5 * share, 0.3)
-        if found is None:  # of fewer steps than the search before
-            found = lived(upper, 16 * n_max)
-        share = _EXCESS / found.kicks * profile.size  # by the law, the breakup is that far below
-    return upper, found
+                step_ratio = min(1.5 * step_ratio, 0.3)
+        if longest is None:  # of fewer steps than the search before
+            longest = longest_at(upper, 16 * n_max)
+        step_ratio = (
+            _TYPICAL_EXCESS / longest.kicks * profile.size
+        )  # by the law, the breakup is that far below
+    return upper, longest
 
 
 def _by_strength(kappa):
-    """The sites of the largest |κ|, in descending order."""
+    """Return the sites of the largest |κ|, in descending order."""
     if kappa.size > MAX_PERIOD:
         raise ValueError(
             f"a forcing with P={kappa.size} kicks is too long: P is at most {MAX_PERIOD}, "
             "unless it repeats after one or two kicks"
         )
-    return np.argsort(-np.abs(kappa), kind="stable").tolist()[:_SITES]
+    return np.argsort(-np.abs(kappa), kind="stable").tolist()[:_MAX_SITES]
 
 
 def _longest_lived(kappa, n_steps, sites):
-    """The Survivor of the transversal where the longest life is the shortest.
+    """Return the LongestLived of the transversal whose longest lifetime is the shortest.
 
-    Of transversals on which no start survives and one lives long, the first is as good as any.
-    The last site that was better is put first among `sites`.
+    Of transversals without survivors and with a long lifetime, the first is taken. The last site
+    that was better is moved to the front of `sites`.
     """
     best = None
-    kept = _KEPT * max(2, kappa.size)  # all ω up to P/2 are there
-    for transversal in _transversals(kappa, list(sites), _WIDE):
-        site, ((x, y), kicks) = transversal.site, _bent(transversal, n_steps, _GRIDS, kept)
+    width = _BEAM_WIDTH * max(2, kappa.size)  # all ω up to P/2 are there
+    for transversal in _transversals(kappa, list(sites), _SEARCH_GAP):
+        site, ((x, y), kicks) = (
+            transversal.site,
+            _bend_while_surviving(transversal, n_steps, _GRIDS, width),
+        )
         if best is None or kicks < best.kicks:
-            best = Survivor(site, float(x), float(y), kicks)
+            best = LongestLived(site, float(x), float(y), kicks)
             sites.remove(site)
             sites.insert(0, site)
-        if _SHORT < best.kicks < np.inf:
+        if _SHORT_LIFETIME < best.kicks < np.inf:
             break
     return best
 
 
-def _transversals(kappa, sites, wide):
-    """The transversal of each site, through its first orbits. Its corners are in gaps that are
-    wider than the share `wide` of the widest."""
-    # All ask for the same orbits.
-    climbed = {}
-    ordered = cache(lambda omega: ordered_orbits(kappa, *omega.as_integer_ratio(), climbed))
+def _transversals(kappa, sites, min_gap):
+    """Yield the transversal of each site, through its first orbits.
+
+    Its corners are in gaps wider than min_gap times the widest.
+    """
+    # All need the same orbits.
+    minimizers = {}
+    ordered = cache(lambda omega: ordered_orbits(kappa, *omega.as_integer_ratio(), minimizers))
     for site in sites:
-        ahead, minimax = np.roll(kappa, -site), partial(_minimax, ordered, kappa.size, site, wide)
+        ahead, minimax = (
+            np.roll(kappa, -site),
+            partial(_minimax, ordered, kappa.size, site, min_gap),
+        )
         yield Transversal(site, ahead, _first_orbits(ahead, minimax), minimax)
 
 
-def _bent(transversal, n_steps, grids, kept, until=math.inf):
-    """Bend a transversal as long as a start survives, and there is time: (x, y) of the start that
-    lives longest on it, and its life in kicks."""
+def _bend_while_surviving(transversal, n_steps, grids, width, until=math.inf):
+    """Bend a transversal as long as a start survives, and time remains.
+
+    Returns (x, y) of the longest-lived start on it, and its lifetime in kicks.
+    """
     kappa = transversal.kappa
     while True:
         at = np.array([float(omega) for omega, _ in transversal.orbits])
@@ -252,32 +367,43 @@ def _bent(transversal, n_steps, grids, kept, until=math.inf):
         def lifetimes(place, points_at=points_at):
             return elimination(kappa, *points_at(place), n_steps * kappa.size, True)[0]
 
-        # Few starts find a survivor mostly, if there is one.
-        place, kicks = beam_search(lifetimes, *grids[0], kept // _AT_FIRST, kept // _AT_FIRST)
+        # A few starts usually find a survivor, if one exists.
+        place, kicks = beam_search(
+            lifetimes, *grids[0], width // _FIRST_RATIO, width // _FIRST_RATIO
+        )
         if kicks < np.inf:
-            place, kicks = longest_found(lifetimes, grids, kept, kept)
+            place, kicks = search_grids(lifetimes, grids, width, width)
         piece = int(np.clip(np.searchsorted(at, place), 1, at.size - 1)) - 1
         done = np.isfinite(kicks) or time.thread_time() > until
         if done or not transversal.bend(piece, longest_period(n_steps)):
             return points_at(place), kicks
 
 
-def longest_period(n_steps):
-    """Of the minimax orbits up to which pieces are bent, of starts that live so long: float."""
-    return _LONGEST * n_steps**0.5
+def longest_period(n_steps: float) -> float:
+    """Return the period of the minimax orbits up to which pieces are bent, for such lifetimes.
+
+    Examples
+    --------
+    >>> from nasm.converse_kam.transversal import longest_period
+    >>> longest_period(100)
+    40.0
+    """
+    return _PERIOD_FACTOR * n_steps**0.5
 
 
 def _first_orbits(kappa, minimax):
-    """(ω, sites) of the minimax orbits of ω = 0, 1, … and P/2; and if one end is not its own image
-    under (x, y) → (-x, -y), those up to ω = P."""
+    """Return (ω, sites) of the minimax orbits of ω = 0, 1, … and P/2.
+
+    They go up to ω = P if one end is not its own image under (x, y) → (-x, -y).
+    """
     period = kappa.size
     omegas = sorted({*map(Fraction, range(period // 2 + 1)), Fraction(period, 2)})
-    # Where orbits are lost, far beyond the breakup, this stands for them: on the other side of the
-    # kick they would be minimizing, and survive.
-    orbits, before = [], 0.5 if kappa[0] > 0 else 0.0
+    # This replaces orbits that are lost, far beyond the breakup: on the other side of the kick they
+    # would be minimizing, and survive.
+    orbits, x_before = [], 0.5 if kappa[0] > 0 else 0.0
     for omega in omegas:
-        orbits.append((omega, minimax(omega, before)))
-        before = orbits[-1][1][0]
+        orbits.append((omega, minimax(omega, x_before)))
+        x_before = orbits[-1][1][0]
     ends = (orbits[0], 0.0), (orbits[-1], 1.0)
     if any(
         max(abs(2 * x - np.rint(2 * x)), abs(2 * y - twice)) > 1e-6
@@ -291,40 +417,69 @@ def _first_orbits(kappa, minimax):
 
 
 def _place(omega, sites):
-    """(x, y) of an orbit before site 0."""
+    """Return (x, y) of an orbit before site 0."""
     return sites[0], sites[0] - sites[-1] + omega.numerator
 
 
-def _minimax(ordered, period, site, wide, omega, near):
-    """Sites of the minimax orbit of p/q before the kick of `site`, from one on that is nearest to
-    x = near, over the width of its gap. ordered : `ordered_orbits` of ω. wide : as above."""
+def _minimax(ordered, period, site, min_gap, omega, target):
+    """Return the sites of the minimax orbit of p/q before the kick of `site`.
+
+    They start with the one nearest to x = target, over the width of its gap. ordered :
+    `ordered_orbits` of ω. min_gap : as for `_transversals`.
+    """
     p, q = omega.numerator, omega.denominator
     rotation = np.arange(period * q) * (p / (period * q))
     try:
         minimizing, minimax = ordered(omega)
     except LostError:
-        return rotation + near
+        return rotation + target
     chain, starts = minimax.chain, np.arange((site - minimax.site) % period, period * q, period)
     gaps = (chain.right(minimizing.u) - minimizing.u)[starts]
-    kept = gaps > wide * gaps.max()
-    away = near - minimax.sites()[starts[kept]]
-    far = np.abs(away - np.rint(away)) / gaps[kept]
-    sites = rotation + chain.rolled(minimax.u, starts[kept][far.argmin()])
-    return sites + np.rint(near - sites[0])
+    is_wide = gaps > min_gap * gaps.max()
+    displacement = target - minimax.sites()[starts[is_wide]]
+    distances = np.abs(displacement - np.rint(displacement)) / gaps[is_wide]
+    sites = rotation + chain.rolled(minimax.u, starts[is_wide][distances.argmin()])
+    return sites + np.rint(target - sites[0])
 
 
-def elimination(kappa, x, y, n_kicks, one_is_enough=False):
-    """Kicks in either direction until each start before kick 0 is eliminated, inf if more than
-    n_kicks; if one is enough, 0 of those that are not known before the first survivor.
+def elimination(
+    kappa: ArrayLike, x: ArrayLike, y: ArrayLike, n_kicks: int, one_is_enough: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Compute when each start before kick 0 is eliminated, and its slope γ.
 
-    And γ of each start, 0 of survivors: with V_0 = 1, V_{-1} = 1 - γ the solution V of the
-    linearised chain is ≤ 0 in both directions by then, or soon: the sums of the module are
-    ≥ 1 + κ_0 cos 2πx_0 + γ and ≥ 1 - γ, or v or u has turned negative.
+    With V_0 = 1, V_{-1} = 1 - γ the solution V of the linearised chain is ≤ 0 in both directions by
+    then, or soon: the sums of the module are ≥ 1 + κ_0 cos 2πx_0 + γ and ≥ 1 - γ, or v or u has
+    become negative.
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first.
+    x, y : array_like
+        Starts, in turns.
+    n_kicks : int
+        Most kicks.
+    one_is_enough : bool
+        End with the first survivor; the times of starts that are undecided then are 0.
+
+    Returns
+    -------
+    times : ndarray, shape (n,)
+        Kicks in either direction; inf if more than n_kicks.
+    slopes : ndarray, shape (n,)
+        γ; 0 for survivors.
+
+    Examples
+    --------
+    >>> from nasm.converse_kam.transversal import elimination
+    >>> times, slopes = elimination(1.5, [0.5, 0.5], [0.0, 0.3], 100)
+    >>> times
+    array([2., 2.])
     """
     kappa, (x, y) = forcing(kappa), points(x, y)
     n_kicks = count("n_kicks", n_kicks, 1, 10**12)
     times, slopes = np.zeros((2, x.size))
-    length = kappa.size * -(-_BLOCK // kappa.size)
+    length = kappa.size * -(-_BLOCK_KICKS // kappa.size)
     ahead = np.resize(np.roll(kappa, -1), length)[:, None] * -np.array(SINE)
     behind = np.resize(kappa[::-1], length)[:, None] * -np.array(SINE)
     _eliminate(
@@ -335,7 +490,7 @@ def elimination(kappa, x, y, n_kicks, one_is_enough=False):
 
 @njit(nogil=True)
 def _advance(ahead, behind, state):
-    """A block of kicks in both directions, of 16 starts, in place."""
+    """Advance 16 starts by a block of kicks in both directions, in place."""
     own_frame()
     x, y, v, w, p, q, u, z, total_v, total_u, _ = load_state(state, 0, 11, FEW)
     least = minimum(v, u)
@@ -351,7 +506,7 @@ def _advance(ahead, behind, state):
 
 @njit(nogil=True)
 def _replay(ahead, behind, state, lane, bound):
-    """The kick of the block, counted from 1, that eliminates the start: the definition. And γ."""
+    """Return the kick of the block, counted from 1, that eliminates the start; and γ."""
     x, y, v, w, p, q, u, z, total_v, total_u = load_state(state, lane, 10, 1)
     for n in range(ahead.shape[0]):
         v_before, u_before = v, u
@@ -366,14 +521,18 @@ def _replay(ahead, behind, state, lane, bound):
 
 @kernel
 def _eliminate(strength, ahead, behind, x, y, n_kicks, one_is_enough, times, slopes):
-    """`elimination`; a lane whose start is done takes the next one."""
+    """Run `elimination`; a lane whose start is done takes the next one."""
     state, before = np.full((11, FEW), np.nan), np.empty((11, FEW))
-    start, age, bound = np.full(FEW, -1), np.zeros(FEW, np.int64), np.zeros(FEW)
-    following, at_work = 0, 0
+    start, age, bound = (
+        np.full(FEW, -1),
+        np.zeros(FEW, np.int64),
+        np.zeros(FEW),
+    )
+    next_start, n_active = 0, 0
     while True:
         for lane in range(FEW):
-            while start[lane] < 0 and following < x.size:
-                i, following = following, following + 1
+            while start[lane] < 0 and next_start < x.size:
+                i, next_start = next_start, next_start + 1
                 bound[lane] = 2 + strength * cos2pi(x[i])
                 if bound[lane] <= 0:
                     times[i], slopes[i] = 1.0, 1 - bound[lane] / 2
@@ -383,8 +542,8 @@ def _eliminate(strength, ahead, behind, x, y, n_kicks, one_is_enough, times, slo
                 state[:4, lane] = (x_ahead - 0.25, y_ahead, 1.0, 1.0)
                 state[4:10, lane] = (before_x, -y[i], 1.0, 1.0, 0.0, 0.0)
                 start[lane], age[lane] = i, 1
-                at_work += 1
-        if at_work == 0:
+                n_active += 1
+        if n_active == 0:
             return
         before[:] = state
         _advance(ahead, behind, state)
@@ -404,4 +563,4 @@ def _eliminate(strength, ahead, behind, x, y, n_kicks, one_is_enough, times, slo
                     return
                 start[lane] = -1
                 state[2, lane] = state[6, lane] = np.nan
-                at_work -= 1
+                n_active -= 1

@@ -222,7 +222,7 @@ def _on_polygon(kappa, given, strengths, budget):
     """
     _compile_search()
     polygon, end = None, time.thread_time() + budget
-    for curve, kicks in transversal.curves(kappa, _LOOK, end):
+    for curve, kicks in transversal.eliminated_transversals(kappa, _LOOK, end):
         longest, bent = transversal.longest_period(kicks / kappa.size), True
         while bent:
             points, pieces = _closed(curve.corners)
@@ -242,7 +242,7 @@ def _on_polygon(kappa, given, strengths, budget):
 @cache
 def _compile_search():
     """Search once where it takes no time, so that compiling its kernels does not count."""
-    next(transversal.curves((1.9, 1.8, 1.7), 256), None)
+    next(transversal.eliminated_transversals((1.9, 1.8, 1.7), 256), None)
 
 
 def _closed(corners):

@@ -1,6 +1,6 @@
 from . import last_torus as last_torus
 from . import newton as newton
-from .last_torus import of_irrational as of_irrational
+from .last_torus import last_critical_scale as last_critical_scale
 from .last_torus import upper_scale as upper_scale
 from .newton import InvariantTorus as InvariantTorus
 from .newton import critical_scale as critical_scale

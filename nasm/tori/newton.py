@@ -1,7 +1,7 @@
-"""Invariant tori of the rotating standard map, for an Ω that is irrational.
+"""Invariant tori of the rotating standard map, for an irrational Ω.
 
-The forcing κ_n = κ̄ + Δκ cos 2πφ_n, φ_n = φ0 + nΩ, never repeats itself. What circles are for
-periodic ones are tori here, two-dimensional graphs over (θ, φ):
+The forcing κ_n = κ̄ + Δκ cos 2πφ_n, φ_n = φ0 + nΩ, never repeats itself. The analogues of circles
+under a periodic forcing are tori, two-dimensional graphs over (θ, φ):
 
     x_n = h(θ_n, φ_n) = θ_n + u(θ_n, φ_n),     θ_{n+1} = θ_n + ω,   φ_{n+1} = φ_n + Ω,
     E = u(θ + ω, φ + Ω) - 2u + u(θ - ω, φ - Ω) - (κ(φ)/2π) sin 2πh = 0.
@@ -9,25 +9,26 @@ periodic ones are tori here, two-dimensional graphs over (θ, φ):
 The unknown is u on a grid of m × n points, an array of shape (m, n), φ first. It is unique up to
 θ → θ + constant, which ⟨u⟩ = 0 fixes. A torus serves all phases φ0.
 
-Newton's step is that of `nasm.circles` with one site, (θ, φ) in place of θ. Write the correction as
-h_θ w, and f⁺ for f(θ + ω, φ + Ω); up to terms of the size of E²
+Newton's step is that of `nasm.circles` with one site, and (θ, φ) in place of θ. Write the
+correction as h_θ w, and f⁺ for f(θ + ω, φ + Ω); up to terms of the size of E²
 
     c (w⁺ - w) - [c (w⁺ - w)]⁻ = -h_θ E,     c = h_θ h_θ⁺.
 
 That is solved twice in Fourier space by the divisors e^{2πi(k₁ω + k₂Ω)} - 1, in the modes of an
-ellipse that takes 36% of each axis. A vector with a divisor below 10⁻⁶ among the modes in use is
-refused as resonant. Near the rim of the ellipse resonant modes are left out, the more the nearer:
-the modes that they drive are missing, and Newton's method would push them away. What they would be
-counts as unresolved. The axes are refined apart.
+ellipse whose half axes are 36% of the points of each axis. A vector with a divisor below 10⁻⁶ among
+the modes in use is refused as resonant. Resonant modes are left out near the rim of the ellipse,
+the more the nearer: the modes that they drive are missing, and would make Newton's method diverge.
+Their estimated size counts as unresolved. The two axes are refined separately.
 
-With too few modes Newton's method converges on "tori" beyond the breakup. What is called a torus
-here has therefore converged again, with h_θ > 0, on a grid twice as fine along both axes.
+With too few modes Newton's method converges on "tori" beyond the breakup. Therefore a torus is
+certified only if the method converges again, with h_θ > 0, on a grid twice as fine along both axes.
 
-For the breakup of tori no renormalisation predicts exponents, and norms grow by leaps. More regular
-is max (h⁻¹)' = 1/min h_θ; from it `critical_scale` takes the breakup, and fits the exponent.
+No renormalisation theory predicts exponents for the breakup of tori, and norms grow irregularly.
+max (h⁻¹)' = 1/min h_θ is more regular; `critical_scale` fits the breakup and the exponent to it.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
@@ -35,6 +36,7 @@ from math import inf, isfinite, log, nan
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.roots import root
@@ -44,54 +46,114 @@ from nasm.circles.newton import lagrange, step_outcome
 from nasm.critical import CriticalScale, Result, Status
 from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
+from nasm.tables import html_table
+from nasm.types import FloatArray
 
 __all__ = ["InvariantTorus", "critical_scale", "graph", "invariant_torus", "residual"]
 
 _METHOD = "continuation of tori"
-FIRST = 64, 128  # points of the first grid, along φ and θ
-N_LARGEST = 2**22
+FIRST_GRID = 64, 128
+"""Points of the first grid, along φ and θ."""
 
-N_MAX = 2**20  # points of a grid, on the way to a breakup and of the torus that is certified
+MAX_POINTS = 2**20
+"""Points of a grid, on the way to a breakup and of the torus that is certified."""
 
-_KEPT = 0.36  # of the points of an axis: the half axis of the ellipse of modes
-_INNER = 0.5  # up to here, in parts of the ellipse's equation, all modes are used,
-_HOLE = 0.2  # and further out those with a divisor above this, times how far out, squared
-_OUTER = 0.72  # from here on, modes are outer ones
-_DIVISOR = 1e-6
-_STEPS = 12  # of Newton's method
-_HALVINGS = 12  # of a step, before Newton's failures are final
-_REFUSALS = 3  # halvings, before too few modes are final
-_MOST_TORI = 60  # on a ray: 10 to 25 are met
-_WAYS = 2  # the error, in parts of the way from the last torus: 172 of 177 had enough of that
-_PART = 0.35  # of the way to the breakup, as it is estimated: the next step
+_MAX_POINTS_ALLOWED = 2**22
+"""Largest `n_max`."""
+
+_MODE_RATIO = 0.36
+"""Half axis of the ellipse of modes, over the points of an axis."""
+
+_INNER_RADIUS = 0.5
+"""Squared relative radius in the ellipse up to which all modes are used."""
+
+_HOLE_DIVISOR = 0.2
+"""Divisor of modes that are left out at the rim; quadratic in the distance from `_INNER_RADIUS`."""
+
+_OUTER_RADIUS = 0.72
+"""Squared relative radius from which modes count as outer ones."""
+
+_MIN_DIVISOR = 1e-6
+"""Least divisor of the modes in use."""
+
+_NEWTON_STEPS = 12
+_MAX_HALVINGS = 12
+"""Halvings of a step until a failure of Newton's method is final."""
+
+_MAX_REFUSALS = 3
+"""Halvings until a lack of modes is final."""
+
+_MAX_TORI = 60
+"""Tori on a ray, which needs 10 to 25."""
+
+_ERROR_FACTOR = 2
+"""Error over the distance of the last torus from the breakup: enough in 172 of 177 cases."""
+
+_STEP_RATIO = 0.35
+"""Next step over the estimated distance from the breakup."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class InvariantTorus(Result):
-    """A torus of rotation vector (omega, frequency), or what Newton's method was left with.
+    """A torus of rotation vector (omega, frequency), or the last iterate of Newton's method.
 
-    omega, frequency : floats, turns of θ and φ per kick.
-    mean, amplitude : floats, κ̄ and Δκ.
-    u : ndarray (m, n), the deviations at φ = j/m and θ = i/n; see the module.
-    error : largest |E| of u on a finer grid; NaN if u never converged.
-    status : OK if certified; otherwise why not.
+    Attributes
+    ----------
+    omega, frequency : float
+        Turns of θ and φ per kick.
+    mean, amplitude : float
+        κ̄ and Δκ.
+    u : ndarray, shape (m, n)
+        Deviations at φ = j/m and θ = i/n; see the module.
+    error : float
+        Largest |E| of u on a finer grid; NaN if u never converged.
+    status : Status
+        OK if certified; otherwise the reason.
+
+    Notes
+    -----
+    Tori compare by their contents, NaN equal to NaN. They contain arrays and cannot be hashed.
     """
 
     omega: float
     frequency: float
     mean: float
     amplitude: float
-    u: np.ndarray = field(repr=False)
+    u: FloatArray
     error: float
     status: Status
 
     @property
-    def certified(self):
+    def certified(self) -> bool:
+        """True if the status is OK."""
         return self.status is Status.OK
 
+    def __repr__(self) -> str:
+        state = "certified" if self.certified else f"not certified: {self.status.value}"
+        return (
+            f"<InvariantTorus of ({self.omega:.12g}, {self.frequency:.12g}) under "
+            f"{self.mean:g} + {self.amplitude:g} cos 2πφ, {state}>"
+        )
 
-def invariant_torus(omega, frequency, mean, amplitude, n_max=2**18):
-    """The torus of rotation vector (omega, frequency) under κ(φ) = mean + amplitude·cos 2πφ.
+    def _repr_html_(self) -> str:
+        rows = {
+            "rotation vector": f"({self.omega:.15g}, {self.frequency:.15g}) per kick",
+            "forcing": f"{self.mean:g} + {self.amplitude:g} cos 2πφ",
+            "status": "certified on a finer grid" if self.certified else self.status.value,
+            "grid": "{} × {} points".format(*self.u.shape),
+            "largest residual": f"{self.error:.1e}",
+        }
+        return html_table(rows, "Invariant torus")
+
+
+def invariant_torus(
+    omega: float | RotationNumber,
+    frequency: float | RotationNumber,
+    mean: float,
+    amplitude: float,
+    n_max: int = 2**18,
+) -> InvariantTorus:
+    """Compute the torus of (omega, frequency) under κ(φ) = mean + amplitude·cos 2πφ.
 
     1. Newton's method, continued from κ = 0: steps double after a success and are halved after a
        failure.
@@ -100,82 +162,144 @@ def invariant_torus(omega, frequency, mean, amplitude, n_max=2**18):
     3. The certificate: Newton's method converges again on a grid twice as fine along both axes,
        with h_θ > 0.
 
-    omega, frequency : floats, turns of θ and φ per kick; or RotationNumbers.
-    mean, amplitude : floats, κ̄ and Δκ.
-    n_max : int, the most grid points m·n to use, 8192 to 2²²; the certificate uses 4 times as many.
+    Parameters
+    ----------
+    omega, frequency : float or RotationNumber
+        Turns of θ and φ per kick.
+    mean, amplitude : float
+        κ̄ and Δκ.
+    n_max : int
+        Most grid points m·n, 8192 to 2²²; the certificate uses 4 times as many.
 
-    Returns InvariantTorus, with a status that says why if it is not certified. A torus that exists
-    may be missed, by too few modes. A certified one exists to within floating point and 4 m·n
-    points; resonances beyond those modes are not seen: for an Ω that is a fraction of large
-    denominator the circles of all phases are certified.
+    Returns
+    -------
+    InvariantTorus
+        If it is not certified, its status says why.
 
-    ValueError if an argument is not a finite number, or n_max is out of range.
+    Raises
+    ------
+    ValueError
+        If an argument is not a finite number, or n_max is out of range.
+
+    Notes
+    -----
+    An existing torus may be missed, with too few modes. A certified one exists to within floating
+    point and 4 m·n points. Resonances beyond those modes are not detected: for an Ω that is a
+    fraction of large denominator the circles of all phases are certified.
+
+    Examples
+    --------
+    >>> from nasm.numbers import parse
+    >>> from nasm.tori import invariant_torus
+    >>> invariant_torus(parse("gamma"), 0.4142135623730951, 0.1, 0.05)
+    <InvariantTorus of (0.61803398875, 0.414213562373) under 0.1 + 0.05 cos 2πφ, certified>
     """
     vector, kappa = _vector(omega, frequency), forcing(_pair(mean, amplitude))
-    n_max = count("n_max", n_max, FIRST[0] * FIRST[1], N_LARGEST)
-    step, path, status = 1.0, [(0.0, np.zeros(FIRST))], Status.OK
+    n_max = count("n_max", n_max, FIRST_GRID[0] * FIRST_GRID[1], _MAX_POINTS_ALLOWED)
+    step, path, status = 1.0, [(0.0, np.zeros(FIRST_GRID))], Status.OK
     while path[-1][0] < 1.0 and status is Status.OK:
-        at, u, status = _next_torus(vector, kappa, path, min(step, 1 - path[-1][0]), n_max)
-        step = 2 * (at - path[-1][0])
-        path.append((at, u))
+        reached, u, status = _next_torus(vector, kappa, path, min(step, 1 - path[-1][0]), n_max)
+        step = 2 * (reached - path[-1][0])
+        path.append((reached, u))
+    pair = float(kappa[0]), float(kappa[1])
     if status is not Status.OK:
-        return InvariantTorus(*vector, *map(float, kappa), u, nan, status)
-    error, status = certify(*vector, *kappa, u)
-    return InvariantTorus(*vector, *map(float, kappa), u, error, status)
+        return InvariantTorus(*vector, *pair, u, nan, status)
+    error, status = certify(*vector, *pair, u)
+    return InvariantTorus(*vector, *pair, u, error, status)
 
 
-def critical_scale(omega, frequency, mean, amplitude, tol=1e-3):
-    """The scale at which the torus breaks on the ray (κ̄, Δκ) = s·(mean, amplitude).
+def critical_scale(
+    omega: float | RotationNumber,
+    frequency: float | RotationNumber,
+    mean: float,
+    amplitude: float,
+    tol: float = 1e-3,
+) -> CriticalScale:
+    """Compute the scale at which the torus breaks on the ray (κ̄, Δκ) = s·(mean, amplitude).
 
-    1. Continue the torus from s = 0, each time a fixed part of the way to the breakup as it is then
-       estimated: min h_θ falls like (s_c - s)^p, and three tori give s_c and p.
+    1. Continue the torus from s = 0, each time by a fixed fraction of the estimated distance to the
+       breakup: min h_θ falls like (s_c - s)^p, and three tori determine s_c and p.
     2. Stop when `error` is below tol, or the modes are used up.
-    3. Certify the last torus that can be, of ten.
+    3. Certify the last torus that can be certified, of ten.
 
-    omega, frequency : floats, turns of θ and φ per kick; or RotationNumbers.
-    mean, amplitude : floats, the direction (κ̄, Δκ), not both 0.
-    tol : float, the error to aim at.
+    Parameters
+    ----------
+    omega, frequency : float or RotationNumber
+        Turns of θ and φ per kick.
+    mean, amplitude : float
+        The direction (κ̄, Δκ), not zero.
+    tol : float
+        Absolute error to aim at.
 
-    Returns CriticalScale. lower : the scale of the certified torus, NaN without one. upper : NaN.
-    error : twice the way from the last torus, or the change of the last estimate, if that is more:
-    with p unknown no less is known. omega : None, a pair of numbers has no RotationNumber. Without
-    an estimate value and error are NaN, and the status says why; lower is what was certified all
-    the same.
+    Returns
+    -------
+    CriticalScale
+        lower : the scale of the certified torus, NaN without one. upper : NaN. error : twice the
+        distance from the last torus, or the change of the last estimate if that is larger, because
+        p is unknown. omega : None, as a pair of numbers is not a RotationNumber. Without an
+        estimate value and error are NaN, and the status says why; lower remains.
 
-    ValueError if the direction is zero or tiny, an argument is not finite or tol not positive.
+    Raises
+    ------
+    ValueError
+        If the direction is zero or tiny, an argument is not finite or tol not positive.
+
+    Examples
+    --------
+    >>> from nasm.numbers import parse
+    >>> from nasm.tori import critical_scale
+    >>> scale = critical_scale(parse("gamma"), 0.4142135623730951, 1.0, 0.5, tol=0.2)
+    >>> scale.lower < scale.value
+    True
     """
     vector, profile = _vector(omega, frequency), direction(_pair(mean, amplitude))
     tol = positive("tol", tol, "the error to aim at, e.g. tol=1e-3")
-    path, value, error, status = _walk(vector, profile, tol)
-    shown = (
-        s for s, u in reversed(path[1:]) if certify(*vector, *(s * profile), u)[1] is Status.OK
+    path, value, error, status = _continue(vector, profile, tol)
+    certified_scales = (
+        s
+        for s, u in reversed(path[1:])
+        if certify(*vector, s * profile[0], s * profile[1], u)[1] is Status.OK
     )
-    lower = next(shown, nan)
-    if not error < value:  # which would say nothing
+    lower = next(certified_scales, nan)
+    if not error < value:
         status = Status.NOT_CONVERGED if status is Status.OK else status
         return CriticalScale(nan, nan, lower, nan, None, status, _METHOD)
     return CriticalScale(value, error, lower, nan, None, Status.OK, _METHOD)
 
 
-def settle(omega, frequency, mean, amplitude, u, n_max):
-    """Newton's method from u, ndarray (m, n), on as fine a grid of at most n_max points as it asks.
+def solve(
+    omega: float, frequency: float, mean: float, amplitude: float, u: FloatArray, n_max: int
+) -> tuple[FloatArray, Status]:
+    """Solve for a torus by Newton's method from u, on as fine a grid as it needs.
 
-    Returns u on the grid where it converged, and OK; or what was left, and the reason.
+    Returns
+    -------
+    u : ndarray
+        Deviations on the grid where it converged; the last iterate if it did not.
+    status : Status
+        OK, or the reason.
     """
     while True:
         u, outcome, _ = _newton(omega, frequency, mean, amplitude, u)
         m, n = u.shape
-        if outcome not in _FINER or 2 * m * n > n_max:
+        if outcome not in _REFINEMENTS or 2 * m * n > n_max:
             return u, _OUTCOMES[outcome]
-        by_phi, by_theta = _FINER[outcome]
+        by_phi, by_theta = _REFINEMENTS[outcome]
         u = resample(u, by_phi * m, by_theta * n)
 
 
-def certify(omega, frequency, mean, amplitude, u):
-    """Whether u is a torus also for the modes that it does not have.
+def certify(
+    omega: float, frequency: float, mean: float, amplitude: float, u: FloatArray
+) -> tuple[float, Status]:
+    """Certify a torus on a grid twice as fine along both axes.
 
-    Returns the largest |E| of u on a grid twice as fine along both axes, and OK if Newton's method
-    converges from it on that grid with h_θ > 0, without asking for more modes still.
+    Returns
+    -------
+    error : float
+        Largest |E| of u on that grid.
+    status : Status
+        OK if Newton's method converges from u on that grid with h_θ > 0, and without needing more
+        modes; NEARLY_RATIONAL or NOT_CERTIFIED otherwise.
     """
     m, n = u.shape
     _, outcome, error = _newton(omega, frequency, mean, amplitude, resample(u, 2 * m, 2 * n))
@@ -183,8 +307,22 @@ def certify(omega, frequency, mean, amplitude, u):
     return error, status if status in (Status.OK, Status.NEARLY_RATIONAL) else Status.NOT_CERTIFIED
 
 
-def residual(omega, frequency, mean, amplitude, u):
-    """E on the grid of u, shape (m, n): zero on a torus."""
+def residual(
+    omega: float | RotationNumber,
+    frequency: float | RotationNumber,
+    mean: float,
+    amplitude: float,
+    u: ArrayLike,
+) -> FloatArray:
+    """Compute E on the grid of u, shape (m, n): zero on a torus.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.tori import residual
+    >>> residual(0.618, 0.54, 0.0, 0.0, np.zeros((16, 16))).any()
+    np.False_
+    """
     (omega, frequency), (mean, amplitude) = _vector(omega, frequency), _pair(mean, amplitude)
     m, n = (u := floats("u", u)).shape
     kappa = mean + amplitude * cos2pi(np.arange(m) / m)[:, None]
@@ -192,29 +330,41 @@ def residual(omega, frequency, mean, amplitude, u):
     return ahead - 2 * u + behind - kappa / TWO_PI * sin2pi(np.arange(n) / n + u)
 
 
-def shifted(u, theta, phi):
-    """u(θ + theta, φ + phi) on the grid of u."""
+def shifted(u: FloatArray, theta: float, phi: float) -> FloatArray:
+    """Compute u(θ + theta, φ + phi) on the grid of u."""
     m, n = u.shape
     turn = _turns(phi, _wave_numbers(m))[:, None] * _turns(theta, np.arange(n // 2 + 1))
     return np.fft.irfft2(np.fft.rfft2(u) * turn, u.shape)
 
 
-def graph(torus):
-    """x, y of the torus just before a kick of phase φ = j/m, at θ = i/n: two ndarrays (m, n), x on
-    the lift."""
+def graph(torus: InvariantTorus) -> tuple[FloatArray, FloatArray]:
+    """Return x and y of the torus just before a kick of phase φ = j/m, at θ = i/n.
+
+    Returns
+    -------
+    x, y : ndarrays, shape (m, n)
+        In turns, x on the lift.
+
+    Examples
+    --------
+    >>> from nasm.tori import graph, invariant_torus
+    >>> x, y = graph(invariant_torus(0.618, 0.54, 0.0, 0.0))
+    >>> y[0, :2].round(6)
+    array([0.618, 0.618])
+    """
     behind = shifted(torus.u, -torus.omega, -torus.frequency)
     theta = np.arange(torus.u.shape[1]) / torus.u.shape[1]
     return theta + torus.u, torus.omega + torus.u - behind
 
 
-def least_slope(u):
-    """min h_θ on the grid: positive on a torus, 0 at its breakup."""
+def least_slope(u: FloatArray) -> float:
+    """Compute min h_θ on the grid: positive on a torus, 0 at its breakup."""
     modes = np.fft.rfft(u)
     return 1 + np.fft.irfft(modes * 2j * np.pi * np.arange(modes.shape[1]), u.shape[1]).min()
 
 
-def resample(u, m, n):
-    """The same function on a grid of m × n points."""
+def resample(u: FloatArray, m: int, n: int) -> FloatArray:
+    """Interpolate u on a grid of m × n points."""
     modes, (old_m, old_n) = np.fft.rfft2(u), u.shape
     finer = np.zeros((m, n // 2 + 1), complex)
     rows, columns = min(m, old_m) // 2, min(n, old_n) // 2
@@ -223,50 +373,61 @@ def resample(u, m, n):
     return np.fft.irfft2(finer * (m * n / u.size), (m, n))
 
 
-def extrapolate(path, target):
-    """Deviations at the scale `target`, through the last three of a path; see `circles.newton`."""
+def extrapolate(path: Sequence[tuple[float, FloatArray]], target: float) -> FloatArray:
+    """Extrapolate deviations to the scale `target`, from the last three tori of a path."""
     scales, tori = zip(*path[-3:], strict=True)
     weights = lagrange(scales, target)
     shape = tori[-1].shape
-    return sum(weight * resample(u, *shape) for weight, u in zip(weights, tori, strict=True))
+    terms = (weight * resample(u, *shape) for weight, u in zip(weights, tori, strict=True))
+    return sum(terms, np.zeros(shape))
 
 
 def _next_torus(vector, profile, path, step, n_max):
-    """Scale, deviations and Status of a torus `step` beyond the last of the path, or nearer.
+    """Return scale, deviations and Status of a torus `step` beyond the last of the path, or nearer.
 
-    At every second failure the grid is doubled along one axis too: a resonance just beyond the
-    modes of the last torus looks like the end.
+    At every second failure the grid is also doubled along one axis: a resonance just beyond the
+    modes of the last torus looks like the breakup.
     """
-    for failures in range(_HALVINGS):
+    for failures in range(_MAX_HALVINGS):
         target, doublings = path[-1][0] + step, failures // 2
         u = extrapolate(path, target)
         while u.size * 2**doublings > n_max and doublings > 0:
             doublings -= 1
         u = resample(u, u.shape[0] << doublings // 2, u.shape[1] << (doublings + 1) // 2)
-        u, status = settle(*vector, *(target * profile), u, n_max)
+        u, status = solve(*vector, *(target * profile), u, n_max)
         if status in (Status.OK, Status.NEARLY_RATIONAL):
             break
-        if status is Status.TOO_FEW_MODES and failures >= _REFUSALS:
+        if status is Status.TOO_FEW_MODES and failures >= _MAX_REFUSALS:
             break
         step /= 2
     return target, u, status
 
 
-def _walk(vector, profile, tol):
-    """The last tori on the way to the breakup, the estimate of it, its error, inf without one, and
-    OK, or why there is no further torus."""
-    path, slopes = [(0.0, np.zeros(FIRST))], [(0.0, 1.0)]
+def _continue(vector, profile, tol):
+    """Continue the torus towards its breakup.
+
+    Returns the last tori, the estimate of the breakup, its error, inf without one, and OK, or why
+    the path ends.
+    """
+    path, slopes = [(0.0, np.zeros(FIRST_GRID))], [(0.0, 1.0)]
     value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
-    while error > tol and len(slopes) < _MOST_TORI and step > 1e-6 * path[-1][0]:
-        at, u, status = _next_torus(vector, profile, path, step, N_MAX)
+    while error > tol and len(slopes) < _MAX_TORI and step > 1e-6 * path[-1][0]:
+        scale, u, status = _next_torus(vector, profile, path, step, MAX_POINTS)
         if status is not Status.OK:
             break
-        step = 2 * (at - path[-1][0])
-        path = [*path[-9:], (at, u)]
-        slopes.append((at, least_slope(u)))
-        last, value = value, _breakup(*zip(*slopes[-3:], strict=True)) if len(slopes) > 3 else nan
-        error = max(_WAYS * (value - at), abs(value - last)) if isfinite(value - last) else inf
-        step = min(step, _PART * (value - at)) if isfinite(value) else step
+        step = 2 * (scale - path[-1][0])
+        path = [*path[-9:], (scale, u)]
+        slopes.append((scale, least_slope(u)))
+        last_value, value = (
+            value,
+            _breakup(*zip(*slopes[-3:], strict=True)) if len(slopes) > 3 else nan,
+        )
+        error = (
+            max(_ERROR_FACTOR * (value - scale), abs(value - last_value))
+            if isfinite(value - last_value)
+            else inf
+        )
+        step = min(step, _STEP_RATIO * (value - scale)) if isfinite(value) else step
     return path, value, error, status
 
 
@@ -287,18 +448,21 @@ def _breakup(scales, slopes):
     return root(excess, near, far)
 
 
-def _vector(omega, frequency):
-    """Both as floats; ValueError if one is not a finite number."""
+def _vector(
+    omega: float | RotationNumber, frequency: float | RotationNumber
+) -> tuple[float, float]:
+    """Return both as floats; ValueError if one is not a finite number."""
     numbers = []
     for name, value in (("omega", omega), ("frequency", frequency)):
         number = float(value) if isinstance(value, RotationNumber) else real(name, value)
         if not isfinite(number):
             raise ValueError(f"{name}={value!r} must be finite; it counts turns per kick")
         numbers.append(number)
-    return tuple(numbers)
+    first, second = numbers
+    return first, second
 
 
-def _pair(mean, amplitude):
+def _pair(mean: float, amplitude: float) -> tuple[float, float]:
     return real("mean", mean), real("amplitude", amplitude)
 
 
@@ -308,25 +472,28 @@ def _wave_numbers(m):
 
 
 def _turns(number, k):
-    """e^{2πik·number} for whole numbers k; the phases are exact, as integers modulo 2⁶⁴."""
+    """Compute e^{2πik·number} for integers k; the phases are exact, as integers modulo 2⁶⁴."""
     unit = np.uint64(int(Fraction(number) % 1 * 2**64))
     return np.exp(1j * TWO_PI * ((k.astype(np.uint64) * unit).astype(np.int64) / 2.0**64))
 
 
 @lru_cache(maxsize=8)  # of arrays as large as the grid
 def _constants(omega, frequency, m, n):
-    """e^{2πi(k₂Ω + k₁ω)} of all modes; what becomes of each, 0 if it is not in use, 1 if it is, 2
-    and 3 if it is an outer one, on the side of θ or φ, and 4 and 5 if it is a hole there; and the
-    smallest divisor in use. A hole is a resonant mode near the rim.
+    """Return e^{2πi(k₂Ω + k₁ω)} of all modes, their kinds, and the smallest divisor in use.
+
+    The kind is 0 for a mode that is not in use, 1 if it is, 2 and 3 for an outer one on the side of
+    θ or φ, and 4 and 5 for a hole there: a resonant mode near the rim.
     """
     k2, k1 = _wave_numbers(m)[:, None], np.arange(n // 2 + 1)
     turn = _turns(frequency, k2) * _turns(omega, k1)
-    across, along = (k2 / (_KEPT * m)) ** 2, (k1 / (_KEPT * n)) ** 2
-    place, divisor = across + along, np.abs(turn - 1)
-    hole = (place > _INNER) & (divisor < _HOLE * ((place - _INNER) / (1 - _INNER)) ** 2)
-    kind = np.where(hole, 4, np.where(place > _OUTER, 2, 1)).astype(np.int8)
+    across, along = (k2 / (_MODE_RATIO * m)) ** 2, (k1 / (_MODE_RATIO * n)) ** 2
+    radius, divisor = across + along, np.abs(turn - 1)
+    hole = (radius > _INNER_RADIUS) & (
+        divisor < _HOLE_DIVISOR * ((radius - _INNER_RADIUS) / (1 - _INNER_RADIUS)) ** 2
+    )
+    kind = np.where(hole, 4, np.where(radius > _OUTER_RADIUS, 2, 1)).astype(np.int8)
     kind += (kind > 1) & (along <= across)
-    kind[k1 >= np.floor(_KEPT * n * np.sqrt(np.maximum(1 - across, 0)))] = 0
+    kind[k1 >= np.floor(_MODE_RATIO * n * np.sqrt(np.maximum(1 - across, 0)))] = 0
     kind[0, 0] = 0
     return turn, kind, divisor[(kind > 0) & (kind < 4)].min()
 
@@ -338,14 +505,16 @@ _OUTCOMES = (
     Status.NO_CIRCLE,
     Status.NEARLY_RATIONAL,
 )
-_FINER = {1: (1, 2), 2: (2, 1)}  # more modes along θ, or along φ
+_REFINEMENTS = {1: (1, 2), 2: (2, 1)}  # more modes along θ, or along φ
 
 
-def _newton(omega, frequency, mean, amplitude, u, steps=_STEPS):
-    """Newton's method on the grid of u: the new u, an index into _OUTCOMES, and the error before
-    the first step."""
+def _newton(omega, frequency, mean, amplitude, u, steps=_NEWTON_STEPS):
+    """Iterate Newton's method on the grid of u.
+
+    Returns the new u, an index into _OUTCOMES, and the error before the first step.
+    """
     turn, kind, divisor = _constants(omega, frequency, *u.shape)
-    if divisor < _DIVISOR:
+    if divisor < _MIN_DIVISOR:
         return u, 4, nan
     modes = np.fft.rfft2(u)
     outcome, error = _iterate(float(mean), float(amplitude), turn, kind, modes, steps)
@@ -354,32 +523,32 @@ def _newton(omega, frequency, mean, amplitude, u, steps=_STEPS):
 
 @kernel(error_model="numpy")
 def _iterate(mean, amplitude, turn, kind, modes, steps):
-    """Newton steps until they tell: an index into _OUTCOMES, and the error before the first step.
+    """Take Newton steps until they decide; return an index into _OUTCOMES, and the first error.
 
-    As in `circles`, save that there are two axes along which modes may be missing.
+    As in `circles`, but modes may be missing along either axis.
     """
-    first = last_error = last = 1.0
+    first = last_error = last_change = 1.0
     for step in range(steps):
         error, change, slope, twist, tails = _step(mean, amplitude, turn, kind, modes)
         first = error if step == 0 else first
-        outcome = step_outcome(error, change, slope, twist, tails.max(), last_error, last)
+        outcome = step_outcome(error, change, slope, twist, tails.max(), last_error, last_change)
         if outcome == 0 or (outcome == 1 and tails[0] > tails[1]):
             return outcome, first
         if outcome == 1:
             return 2, first
-        # By rounding, or pushed away by modes that lack.
-        if outcome == 2 or (step > 3 and change > 0.5 * last):
+        # It diverges, or stalls by rounding or for want of modes.
+        if outcome == 2 or (step > 3 and change > 0.5 * last_change):
             return 3, first
-        last_error, last = error, change
+        last_error, last_change = error, change
     return 3, first
 
 
 @njit(nogil=True, error_model="numpy")
 def _step(mean, amplitude, turn, kind, modes):
-    """One Newton step for the modes of u, in place: see the module.
+    """Take one Newton step for the modes of u, in place: see the module.
 
     Returns max |E|, the largest update, min h_θ, the twist, and the tails along θ and φ: all but
-    the update of u as it was before the step.
+    the update are those of u before the step.
     """
     m, n = modes.shape[0], 2 * (modes.shape[1] - 1)
     mass, edge = np.zeros(2), np.zeros(2)
@@ -393,7 +562,7 @@ def _step(mean, amplitude, turn, kind, modes):
             bend[j, i] -= strength * sin2pi(i / n + u[j, i])
             flux[j, i] = -bend[j, i] * slopes[j, i]
             inverse[j, i] = 1 / (slopes[j, i] * inverse[j, i])
-        for i in range(n):  # apart from the loop above, which is then one of vectors
+        for i in range(n):  # apart from the loop above, which is vectorized then
             error = max(error, abs(bend[j, i]))
             slope = min(slope, slopes[j, i])
             sum_inverse += inverse[j, i]
@@ -419,13 +588,13 @@ def _step(mean, amplitude, turn, kind, modes):
             change = max(change, abs(w[j, i]))
     modes += np.fft.rfft2(w)
     modes[0, 0] = 0.0
-    least = max(1e-16 * mass.max(), 1e-300)  # a tail of rounding does not count
-    return error, change, slope, sum_inverse / (m * n), np.sqrt(edge / np.maximum(mass, least))
+    min_mass = max(1e-16 * mass.max(), 1e-300)  # a tail of rounding does not count
+    return error, change, slope, sum_inverse / (m * n), np.sqrt(edge / np.maximum(mass, min_mass))
 
 
 @njit(nogil=True, error_model="numpy")
 def _fields(turn, kind, modes, mass, edge):
-    """The modes of u, u⁺ - 2u + u⁻, h_θ and h_θ⁺, of those in use.
+    """Return the modes in use of u, u⁺ - 2u + u⁻, h_θ and h_θ⁺.
 
     Adds the squared second derivatives along θ and φ to mass, and those of the outer modes on the
     side of that axis to edge.
@@ -455,9 +624,9 @@ def _fields(turn, kind, modes, mass, edge):
 
 @njit(nogil=True, error_model="numpy")
 def _solve_cohomology(f, turn, kind, behind, edge):
-    """g with g - g⁻ = f if `behind`, else g⁺ - g = f; of the modes in use, and ⟨g⟩ = 0.
+    """Solve g - g⁻ = f if `behind`, else g⁺ - g = f, in the modes in use, with ⟨g⟩ = 0.
 
-    The first of the two adds to edge what the modes left out would be, f̂/d²: they are not in u.
+    The first of the two adds to edge an estimate of the modes left out, f̂/d², which are not in u.
     """
     m, n = f.shape
     modes = np.fft.rfft2(f)

@@ -238,7 +238,11 @@ def degenerate_circle(plane: Plane, circle: str, angle: float, scale: float) -> 
         Scale of the breakup.
     """
     start, profile = plane.ray(angle)
-    return str(barriers.tied(parse(circle), start + scale * profile) or "") if circle else ""
+    return (
+        str(barriers.degenerate_partner(parse(circle), start + scale * profile) or "")
+        if circle
+        else ""
+    )
 
 
 def _compute(coords: Coords, settings: Settings) -> Arrays:

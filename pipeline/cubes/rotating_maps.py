@@ -201,7 +201,7 @@ def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr
     deviations, slopes = np.full((len(sizes), m, n), np.nan), np.full(len(sizes), np.nan)
     for i, scale in enumerate(sizes):
         mean, amplitude = scale * ray(angle)
-        torus = tori.invariant_torus(*vector, mean, amplitude, tori.newton.N_MAX)
+        torus = tori.invariant_torus(*vector, mean, amplitude, tori.newton.MAX_POINTS)
         if torus.certified:
             rows, columns = map(max, torus.u.shape, _PICTURE_SHAPE)
             u = tori.newton.resample(torus.u, rows, columns)
@@ -228,7 +228,7 @@ def _load_tori(vector: RotationVector) -> None:
 def _load_last_barriers() -> None:
     """Compile the kernels of last barriers, for Ω of both kinds."""
     load_searches()
-    last_torus.of_irrational(2**0.5 - 1, 1.0, 0.0, 400)
+    last_torus.last_critical_scale(2**0.5 - 1, 1.0, 0.0, 400)
     tori.invariant_torus(0.618, 2**0.5 - 1, 0.05, 0.05)
 
 
@@ -238,7 +238,9 @@ def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
     def last(name: str, profile: FloatArray) -> tuple[CriticalScale, float]:
         (frequency, _, phase), (mean, amplitude) = name.partition(","), profile
         if not phase:
-            return last_torus.of_irrational(float(frequency), mean, amplitude, settings["kicks"])
+            return last_torus.last_critical_scale(
+                float(frequency), mean, amplitude, settings["kicks"]
+            )
         forcing = rotating_forcing(mean, amplitude, frequency, float(Fraction(phase)))
         bracket = barriers.critical_scale(forcing, settings["tol"])
         turns = np.nan if bracket.omega is None else float(bracket.omega) / forcing.size

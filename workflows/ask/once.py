@@ -3,7 +3,7 @@
 import numpy as np
 
 from nasm import escape
-from nasm.converse_kam import sequence
+from nasm.converse_kam import aperiodic
 from pipeline.sweep.progress import plural
 
 _ORBITS, _STARTS = 256, 2000
@@ -11,12 +11,12 @@ _ORBITS, _STARTS = 256, 2000
 
 def asked_once(kappa):
     """Return what converse KAM and orbits tell of the kicks, in words, and what draws it."""
-    survivor = sequence.last_survivor(kappa)
+    survivor = aperiodic.last_survivor(kappa)
     lo, hi = escape.PAPER_WINDOW
-    first = sequence.escape_time(kappa, 0.0, *escape.ensemble(_ORBITS), (lo, hi)).min()
+    first = aperiodic.escape_time(kappa, 0.0, *escape.ensemble(_ORBITS), (lo, hi)).min()
     y = (np.arange(_STARTS) + 0.5) / _STARTS
     x = np.full(_STARTS, survivor.x)
-    lives = sequence.elimination_time(kappa, 0.0, survivor.site, x, y)
+    lives = aperiodic.elimination_time(kappa, 0.0, survivor.site, x, y)
 
     def draw():
         from workflows.figures.ask import draw_once  # loading it takes longer than the answer
@@ -32,7 +32,7 @@ def _sentences(kappa, survivor, first):
     strengths = f"of strengths from {kappa.min():.6g} to {kappa.max():.6g}"
     kicks = f"these {plural(size, 'kick')}, {strengths}"
     place = f"(x, y) = ({survivor.x:.6g}, {survivor.y:.9g}) before kick {kick}"
-    if survivor.kicks <= sequence.HORIZON:
+    if survivor.kicks <= aperiodic.HORIZON:
         ends = max(1, kick - int(survivor.kicks)), min(size, survivor.site + int(survivor.kicks))
         yield (
             f"NO BARRIER survives {kicks}: no curve around the cylinder is the graph of a "
@@ -49,7 +49,7 @@ def _sentences(kappa, survivor, first):
     elif survivor.kicks < np.inf:
         yield (
             f"UNDECIDED for {kicks}: all starts that were found are eliminated, the last, {place}, "
-            f"by {lives}. Beyond {sequence.HORIZON} kicks a search may miss starts that live "
+            f"by {lives}. Beyond {aperiodic.HORIZON} kicks a search may miss starts that live "
             "longer."
         )
     else:

@@ -42,7 +42,9 @@ def drawn(kappa, point, verdict, escaping):
 
     longest, name = None, name_of(kappa, point)
     if verdict.answer is Answer.TRANSPORT:
-        x, y, steps = barriers.remnant(kappa, int(min(max(1000, 2 * verdict.steps), _STEPS)))
+        x, y, steps = barriers.longest_lived_start(
+            kappa, int(min(max(1000, 2 * verdict.steps), _STEPS))
+        )
         lifetime = lifetime_of(kappa, steps)
         longest = (lifetime, *orbits.orbit(kappa, x, y, int(min(steps, _TRACED))))
     return draw_verdict(kappa, point, name, verdict, portrait(kappa), longest, escaping)

@@ -291,7 +291,7 @@ def _decisive(kappa, found):
         name = f"Certified circle, ω = {found.boundary.omega}"
         return {"circle": _curve((x, fourier.resample(y, more)))}, {"last circle": name}
     if found.answer is Answer.TRANSPORT:
-        x, y, steps = barriers.remnant(kappa, max(1000, int(2 * found.steps)))
+        x, y, steps = barriers.longest_lived_start(kappa, max(1000, int(2 * found.steps)))
         traced = orbits.orbit(kappa, x, y, int(min(steps, _MOST_STEPS)))
         lifetime = lifetime_of(kappa, steps)
         name = f"Not a barrier: the longest-lived start, eliminated after {lifetime} (dots)"

@@ -106,8 +106,8 @@ def _mark(axes, forcing, breakup, size):
 def draw_once(kappa, survivor, y, lives):
     """Draw a sequence of kicks, those that eliminate the last survivor, and lives on its line.
 
-    survivor : `converse_kam.sequence.Survivor`. y, lives : of starts on its line; inf for those
-    that survive.
+    survivor : `converse_kam.symmetry_line.LongestLived`. y, lives : of starts on its line; inf
+    for those that survive.
     """
     figure, (kicks, line) = style.panels(1, 2, 11, 4)
     kicks.plot(np.arange(1, kappa.size + 1), kappa, ".-", color="0.6", ms=3, lw=0.5)

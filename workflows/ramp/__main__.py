@@ -1,7 +1,7 @@
 """How fast may the kicks grow, and how regular must they be, for a barrier to last?
 
 While circles exist, the barriers are families of invariant graphs, one before each kick. Converse
-KAM for sequences (`nasm.converse_kam.sequence`) excludes them: in a ramp κ_n = κ_G + r·n through
+KAM for sequences (`nasm.converse_kam.aperiodic`) excludes them: in a ramp κ_n = κ_G + r·n through
 the breakup, and under forcings of less and less smoothness, down to random ones. It does not
 exclude curves that fold; orbits that escape across them do. The exponent of slow ramps is below the
 predicted one, as the area under the golden circle falls by 0.0073 per unit of κ meanwhile: where

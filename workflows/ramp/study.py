@@ -4,8 +4,8 @@ import numpy as np
 
 from nasm import escape
 from nasm.barriers import critical_scale
-from nasm.circles.continuation import UNSTABLE
-from nasm.converse_kam import sequence
+from nasm.circles.continuation import UNSTABLE_EIGENVALUES
+from nasm.converse_kam import aperiodic
 from nasm.numbers import parse
 from pipeline.cubes.cube import text
 from workflows.shared import power_law
@@ -13,7 +13,7 @@ from workflows.shared.rules import finding, span
 from workflows.shared.tables import dataset
 
 _GOLDEN = float(parse("gamma"))
-EXPONENT = np.log(_GOLDEN) / (np.log(_GOLDEN) - np.log(UNSTABLE[1,]))
+EXPONENT = np.log(_GOLDEN) / (np.log(_GOLDEN) - np.log(UNSTABLE_EIGENVALUES[1,]))
 """Of the kicks ~ r^-0.497: times grow by 1/γ for each factor δ of κ - κ_G, r by δ/γ."""
 
 ESCAPES = power_law.FLUX / (1 + power_law.FLUX)
@@ -48,14 +48,14 @@ def lost(critical, rate):
     n = np.arange(-int(5 * unit), int(5 * unit) + 1)
 
     def life(site):
-        return sequence.longest_lived(critical + rate * (n + site), 0.0, n.size // 2)[2]
+        return aperiodic.longest_lived(critical + rate * (n + site), 0.0, n.size // 2)[2]
 
     return min(site + life(site) for site in np.unique(np.rint(_PLACES * unit).astype(int)))
 
 
 def _escape(kappa):
     # Starts have y from 0 to 0.3: an escape is past all circles.
-    return sequence.escape_time(kappa, 0.0, *escape.ensemble(64), (-1.0, 1.3)).min()
+    return aperiodic.escape_time(kappa, 0.0, *escape.ensemble(64), (-1.0, 1.3)).min()
 
 
 def irregular(ripples, kicks):
@@ -69,7 +69,7 @@ def irregular(ripples, kicks):
 
     def life(kappa):
         sites = kicks // 2 + 7 * np.arange(8)
-        return min(sequence.longest_lived(kappa[:kicks], 0.0, site)[2] for site in sites)
+        return min(aperiodic.longest_lived(kappa[:kicks], 0.0, site)[2] for site in sites)
 
     lives, crossed = ([list(map(found, row)) for row in kappas] for found in (life, _escape))
     dims, graphs = ("kind", "ripple"), "kicks on either side until no family of graphs is left"

@@ -9,7 +9,7 @@ from scipy.signal import welch
 
 from nasm import circles, escape
 from nasm.circles import fourier
-from nasm.converse_kam import sequence
+from nasm.converse_kam import aperiodic
 from nasm.maps import TWO_PI, kick, rotating_forcing
 from nasm.numbers import parse
 from nasm.self_consistent import evolve, momentum
@@ -56,7 +56,7 @@ def fields(couplings, n_particles, n_max):
     kappa = np.array([run.kappa for run in runs])
     theta = np.unwrap([run.theta for run in runs], period=1)
     frequency, spectra = welch(kappa[:, n_max // 2 :], nperseg=_SEGMENT, scaling="spectrum")
-    escapes = [sequence.escape_time(run.kappa, run.theta, *shown) for run in runs]
+    escapes = [aperiodic.escape_time(run.kappa, run.theta, *shown) for run in runs]
     change = [
         momentum(run.y, weight, run.kappa[-1]) - momentum(y, weight, AMPLITUDE)
         for run, weight in zip(runs, weights, strict=True)
@@ -106,22 +106,22 @@ def verdicts(fields):
         periodic = rotating_forcing(kappa.mean(), modulation, rotation)
         # A line on which minimizing orbits are shows nothing: try one for each kick of a period.
         sites = half // 2 + np.arange(periodic.size)
-        lives = [sequence.longest_lived(kappa, theta, int(site))[2] for site in sites]
+        lives = [aperiodic.longest_lived(kappa, theta, int(site))[2] for site in sites]
         best = sites[np.argsort(lives, kind="stable")[:_BEST]].tolist()
-        asked = {site: sequence.longest_lived(kappa, theta, site, _EFFORT) for site in best}
+        asked = {site: aperiodic.longest_lived(kappa, theta, site, _EFFORT) for site in best}
         site = min(asked, key=lambda site: asked[site][2])
         orbit = _orbit(kappa, theta, site, *asked[site], drift)
         orbits.append(np.full((2, _ORBIT), np.nan))
         orbits[-1][:, : orbit.shape[1]] = orbit[:, :_ORBIT]
         repeated = periodic[(np.arange(half) - half // 2) % periodic.size]
-        fitted = sequence.longest_lived(repeated, 0.0, half // 2, _EFFORT)[2]
+        fitted = aperiodic.longest_lived(repeated, 0.0, half // 2, _EFFORT)[2]
         row = kappa.mean(), kappa.std(), drift, float(rotation), modulation, asked[site][2]
         rows.append([*row, fitted, orbit[1].mean() % 1, float(here.escape)])
     variables = columns("coupling", _VERDICTS, zip(*rows, strict=True))
     for name, values in zip("xy", np.stack(orbits, axis=1) % 1, strict=True):
         words = f"{name} of the longest-lived start's orbit, from the wave's"
         variables[name] = ("coupling", "step"), values, words
-    asked = {"asked": half // 2, "horizon": sequence.HORIZON}
+    asked = {"asked": half // 2, "horizon": aperiodic.HORIZON}
     coords = {"coupling": fields.coupling}
     return dataset("Barriers in the recorded field", coords, variables, asked)
 
@@ -147,11 +147,11 @@ def settling():
     x, y = circles.graph(circles.invariant_circle(parse("gamma"), (LIMIT,)))
     x = angle + fourier.resample(x - np.arange(x.size) / x.size, POINTS)
     y = fourier.resample(y, POINTS)
-    curves = [sequence.asymptotic(kappa[n:], 0.0, LIMIT, x, y) for n in (0, ASKED)]
-    denied = np.isfinite(sequence.elimination_time(kappa, 0.0, 0, *curves[0]))
+    curves = [aperiodic.asymptotic(kappa[n:], 0.0, LIMIT, x, y) for n in (0, ASKED)]
+    denied = np.isfinite(aperiodic.elimination_time(kappa, 0.0, 0, *curves[0]))
     xs, ys = np.stack([*curves, (x, y)], axis=1)
     slopes = 1 + fourier.derivative(xs - angle)
-    dims, life = ("curve", "point"), sequence.longest_lived(kappa, 0.0, ASKED)[2]
+    dims, life = ("curve", "point"), aperiodic.longest_lived(kappa, 0.0, ASKED)[2]
     variables = {
         "x": (dims, xs, "x on the lift"),
         "y": (dims, ys, "y"),

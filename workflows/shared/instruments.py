@@ -71,11 +71,11 @@ def residues(start, profile, omega):
     start, profile : of the forcings start + s·profile, s from 0 to 1. Minimax orbits; NaN
     where one is not found.
     """
-    ladder = action.Ladder(start, profile, distinct_convergents(omega, _MOST_Q))
-    at, names = np.linspace(0, 1, PLACES + 1), [f"{one.p}/{one.q}" for one in ladder.chains]
+    orbits = action.ConvergentOrbits(start, profile, distinct_convergents(omega, _MOST_Q))
+    at, names = np.linspace(0, 1, PLACES + 1), [f"{one.p}/{one.q}" for one in orbits.chains]
     first = max(0, len(names) - _N_RESIDUES)
     found = np.full((len(names) - first, at.size), np.nan)
     for n, i in np.ndindex(found.shape):
         with suppress(action.LostError):
-            found[n, i] = ladder.at(first + n, at[i], -1).residue
+            found[n, i] = orbits.at(first + n, at[i], -1).residue
     return {"at": [at.tolist()] * len(found), "residue": found.tolist(), "orbit": names[first:]}

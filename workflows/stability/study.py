@@ -213,18 +213,18 @@ def disordered_orbits(quick):
         kappa = scale * np.array([1.0, 0.5])
         _, orbit = action.ordered_orbits(kappa, p, q)
         theta, hop, work = orbit.chain.frame
-        least = action.total(orbit.kappa, theta, orbit.u)
+        least = action.total_action(orbit.kappa, theta, orbit.u)
         for i, noise in enumerate(noises):
             for _ in range(trials):
                 u = orbit.u[0] + noise * random.standard_normal(theta.size)
-                search = action.relax(orbit.kappa, theta, u, orbit.kind, 0.1 / q, 60, work)
+                search = action.newton_solve(orbit.kappa, theta, u, orbit.kind, 0.1 / q, 60, work)
                 change, curvature, *_, bad = search
                 if not change < 1e-7 or bad or curvature >= 0:
                     outcome = 0
                 elif not action.is_ordered(u, hop, 1 / q):
                     outcome = 2
                 else:  # the right one, at any of its times, has its action
-                    same = abs(action.total(orbit.kappa, theta, u) - least) < 1e-12
+                    same = abs(action.total_action(orbit.kappa, theta, u) - least) < 1e-12
                     outcome = 1 if same else 3
                 counts[outcome, i, j] += 1
     coords = {

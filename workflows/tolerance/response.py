@@ -21,10 +21,10 @@ from scipy.sparse.linalg import splu
 
 from nasm import periodic
 from nasm.action import ordered_orbits
-from nasm.circles.continuation import UNSTABLE
+from nasm.circles.continuation import UNSTABLE_EIGENVALUES
 from nasm.numbers import moebius, parse
 
-DELTA = UNSTABLE[1,]
+DELTA = UNSTABLE_EIGENVALUES[1,]
 _LONGEST = 25  # n of F_n = 75 025: rounding hides R of longer periods
 
 

@@ -65,8 +65,8 @@ def converse_kam(ray, n_max):
     """Answer by converse KAM where no start survives n_max steps, and extrapolated."""
     if symmetry_line.has_dominant_line(np.array(ray.profile)):
         return _bound_and_value(symmetry_line.critical_scale(ray.profile, n_max))
-    upper, found = transversal.located(ray.profile, n_max)
-    excess = np.array(transversal.EXCESS[::-1]) * len(ray.profile) / found.kicks
+    upper, found = transversal.upper_scale(ray.profile, n_max)
+    excess = np.array(transversal.EXCESS_BOUNDS[::-1]) * len(ray.profile) / found.kicks
     least, most = upper * (1 - excess)
     return (upper, upper - least), ((least + most) / 2, (most - least) / 2)
 

@@ -1,0 +1,425 @@
+"""Aperiodic forcing, N kicks with phases: orbits that escape, graphs that do not persist.
+
+    y_{n+1} = y_n + (κ_n/2π) sin 2π(x_n - θ_n),     x_{n+1} = x_n + y_{n+1},     n = 0, …, N - 1
+
+The recorded field of `nasm.self_consistent` is such a sequence. A phase that is the same in all
+kicks is a shift of x, and θ_n = nΩ is the standard map in x - nΩ, y - Ω. In X_n = x_n - θ_n
+
+    X_{n+1} - 2X_n + X_{n-1} = (κ_n/2π) sin 2πX_n - (θ_{n+1} - 2θ_n + θ_{n-1}):
+
+only changes of the phase's speed matter.
+
+The map does not recur, so there are no invariant circles. A barrier is a rotational curve and its
+images, one before each kick. If all N + 1 of them are graphs of Lipschitz functions of x, the
+distances of neighbours on an orbit form a solution ξ_n > 0 of the linearised chain (see
+`nasm.converse_kam.symmetry_line`). The criterion of `nasm.converse_kam.transversal`, applied along
+a start before the kick of a site, then shows that no such family of graphs passes through the
+start,
+
+    v_{n+1} = (2 + κ_n cos 2π(x_n - θ_n)) v_n - v_{n-1} ≤ 0,   v_site = 0,  v_{site+1} = 1,
+
+and likewise backwards, or by the sum there. All graphs cross the line x = a before a kick: if all
+its starts are eliminated, y from 0 to 1 by the symmetry y → y + 1, no family of graphs exists.
+
+This does not show that orbits cross. For aperiodic forcing no theorem like Birkhoff's says that
+barriers are graphs: `asymptotic` computes curves that are as good as circles from some kick on, and
+that fold before. So apply it to kicks among which the forcing has settled, and search for orbits
+that escape: they alone show transport. And N kicks say nothing about later ones.
+
+For κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), θ_n = 0, one line without survivors therefore shows, to within
+sampling:
+
+- Ω = p/q: no rotational circle under this φ0. By the theorem for products of twist maps each is a
+  graph before every kick. Other φ0 are other forcings, and may have circles.
+- Ω irrational: no invariant torus y = g(x, φ) that is Lipschitz in x. It would be a family of
+  graphs for every φ0, so one φ0 is enough, and the line with the shortest lifetimes. Tori that fold
+  are not excluded: their absence is only measured, by their continuation and by escapes.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from nasm.arithmetic.kernels import kernel
+from nasm.arithmetic.sine import cos2pi
+from nasm.checks import count, floats, points, real
+from nasm.converse_kam.symmetry_line import BEAM_WIDTH, GRIDS, LongestLived, search_grids
+from nasm.critical import CriticalScale, Status, no_answer
+from nasm.maps import MAX_STRENGTH, direction, forcing, kick, unkick
+from nasm.types import FloatArray
+
+__all__ = ["asymptotic", "critical_scale", "elimination_time", "escape_time", "last_survivor"]
+
+_METHOD = "converse KAM"
+HORIZON = 200
+"""Largest lifetime, in kicks, that is accepted as evidence that no graph persists.
+
+If kicks grow beyond the breakup, a minimizing orbit is lost in rounding: before the kick of κ_G in
+κ_G + 0.003·n the longest lifetime found is 233 kicks, and a segment found by Newton's method
+survives 279. On lines before later kicks lifetimes agree with a search of segments, or are up to 6%
+longer (29 lines in ramps from 10⁻² to 10⁻⁷)."""
+
+_MAX_LINES = 8
+"""Lines that `last_survivor` searches."""
+
+_MIDDLE_KICKS = 32
+"""Kicks on either side of the middle from which these lines are chosen."""
+
+_LOWER_RATIOS = np.array([0.85, 0.88, 0.91, 0.94, 0.96, 0.98])
+"""Ratios to a scale without survivors at which lower ones are sought."""
+
+
+def escape_time(
+    kappa: ArrayLike, theta: ArrayLike, x: ArrayLike, y: ArrayLike, window: ArrayLike
+) -> FloatArray:
+    """Compute the kick after which each orbit is outside the window for the first time.
+
+    Parameters
+    ----------
+    kappa : array_like, shape (N,)
+        Strengths of the kicks.
+    theta : float or array_like, shape (N,)
+        Their phases, in turns.
+    x, y : array_like
+        Starts before the first kick, in turns. Their shapes broadcast.
+    window : (lo, hi)
+        y is inside while lo ≤ y ≤ hi.
+
+    Returns
+    -------
+    ndarray, shape of x
+        Kicks, counted from 1; 0 for a start outside, inf for no escape in N kicks.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not finite, empty, or out of range; the message names it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.converse_kam.aperiodic import escape_time
+    >>> escape_time(np.full(20, 6.0), 0.0, 0.25, [0.0, 2.0], (-1, 1))
+    array([2., 0.])
+    """
+    kappa, theta = aperiodic_forcing(kappa, theta)
+    x, y = points(x, y)
+    ends = floats("window", window)
+    if ends.shape != (2,) or not ends[0] < ends[1]:
+        raise ValueError(f"window={window!r} must be (lo, hi) with lo < hi")
+    return _escape_times(kappa, theta, x.ravel(), y.ravel(), *ends.tolist()).reshape(x.shape)
+
+
+def elimination_time(
+    kappa: ArrayLike, theta: ArrayLike, site: int, x: ArrayLike, y: ArrayLike
+) -> FloatArray:
+    """Compute when each start (x, y) before the kick of `site` is eliminated, see the module.
+
+    Parameters
+    ----------
+    kappa, theta, x, y
+        As for `escape_time`.
+    site : int
+        0 to N - 1.
+
+    Returns
+    -------
+    ndarray, shape of x
+        Kicks in either direction; inf for a start that survives all N. A finite time shows that no
+        family of graphs passes through the start.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.converse_kam.aperiodic import elimination_time
+    >>> elimination_time(np.full(41, 1.5), 0.0, 20, 0.5, [0.0, 0.3])
+    array([2., 2.])
+    """
+    kappa, theta = aperiodic_forcing(kappa, theta)
+    x, y = points(x, y)
+    site = count("site", site, 0, kappa.size - 1)
+    times = _elimination_times(kappa, theta, site, x.ravel(), y.ravel(), False)
+    return times.reshape(x.shape)
+
+
+def longest_lived(
+    kappa: ArrayLike, theta: ArrayLike, site: int, effort: int = 1
+) -> tuple[float, float, float]:
+    """Find the start on a line x = a before the kick of `site` that takes longest to be eliminated.
+
+    a is where the kick reverses orbits: θ + 1/2 if κ > 0, θ otherwise.
+
+    Parameters
+    ----------
+    kappa, theta, site
+        As for `elimination_time`.
+    effort : int
+        Factor of the starts of the first grids, 1 to 100.
+
+    Returns
+    -------
+    x, y : float
+        The start, y in [0, 1].
+    time : float
+        Kicks in either direction; inf for a start that survives all N, which need not be the last
+        one.
+
+    Notes
+    -----
+    The beam search of `symmetry_line.longest_lived` may miss the longest: on 18 lines in fields of
+    4096 particles, with lifetimes of 50 to 1750, an effort of 64 found lifetimes up to 1.7 times
+    those of effort 1, and up to 1.3 times those of effort 8, and one survivor of 2048 kicks where
+    an effort of 1 had found 1963.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.converse_kam.aperiodic import longest_lived
+    >>> x, y, time = longest_lived(np.full(201, 1.2), 0.0, 100)
+    >>> x, time < 100
+    (0.5, True)
+    """
+    kappa, theta = aperiodic_forcing(kappa, theta)
+    site = count("site", site, 0, kappa.size - 1)
+    effort = count("effort", effort, 1, 100)
+    x = theta[site] + (0.5 if kappa[site] > 0 else 0.0)
+
+    def lifetimes(half):  # the search knows y from 0 to 1/2
+        return _elimination_times(kappa, theta, site, np.full(half.size, x), 2 * half, True)
+
+    grids = [(effort * starts, offset) for starts, offset in GRIDS]
+    # No orbit recurs: lifetimes still differ for starts that the shear of a map would not separate.
+    half, time = search_grids(lifetimes, grids, effort * BEAM_WIDTH, resolution=0.0)
+    return float(x), 2 * half, time
+
+
+def last_survivor(kappa: ArrayLike, theta: ArrayLike = 0.0, effort: int = 8) -> LongestLived:
+    """Find the longest-lived start of the first line on which all starts are eliminated.
+
+    Up to eight lines are searched: before the strongest kick, and before the strongest of the 64 in
+    the middle.
+
+    Parameters
+    ----------
+    kappa, theta
+        As for `escape_time`.
+    effort : int
+        As for `longest_lived`.
+
+    Returns
+    -------
+    LongestLived
+        If a start survives all N kicks on each line, the first of these: a family of graphs may
+        exist, or not.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.converse_kam.aperiodic import last_survivor
+    >>> last_survivor(np.full(201, 1.2)).kicks < 100
+    True
+    """
+    (kappa, theta), effort = aperiodic_forcing(kappa, theta), count("effort", effort, 1, 100)
+    from_middle, survivors = np.abs(np.arange(kappa.size) - kappa.size // 2), []
+    for site in _sites_of_lines(np.abs(kappa), from_middle):
+        for effort_on_line in sorted({1, effort}):  # little effort usually finds a survivor
+            longest = LongestLived(site, *longest_lived(kappa, theta, site, effort_on_line))
+            if longest.kicks == np.inf:
+                break
+        else:
+            return longest
+        survivors.append(longest)
+    return survivors[0]
+
+
+def _sites_of_lines(size, from_middle):
+    """Return the site of the largest |κ|, and in the middle those of the largest distinct |κ|."""
+    order = np.lexsort((from_middle, -size))
+    inner = order[from_middle[order] < _MIDDLE_KICKS]
+    _, distinct = np.unique(size[inner].round(12), return_index=True)
+    return list(dict.fromkeys([order[0].item(), *inner[np.sort(distinct)].tolist()]))[:_MAX_LINES]
+
+
+def critical_scale(profile: ArrayLike, tol: float = 1e-3) -> CriticalScale:
+    """Compute the lowest scale at which no family of graphs survives the N kicks κ = s·profile.
+
+    1. Bisect between a scale with survivors of the middle quarter of the kicks and one without: a
+       survivor that a search misses may live longer than the longest-lived start found, but seldom
+       four times.
+    2. Starts next to orbits that minimize the action outlive others, so that scales with survivors
+       are not an interval: search up to 15% lower, and begin again from the lowest without.
+    3. At the end search for survivors of all kicks, with an effort of 8.
+
+    Parameters
+    ----------
+    profile : array_like, shape (N,)
+        Direction of the ray, not zero; N ≥ 64.
+    tol : float
+        Relative width of the bracket, 10⁻⁶ to 10⁻¹.
+
+    Returns
+    -------
+    CriticalScale
+        upper : no start survives there on one of the lines of `last_survivor`. value is the middle
+        of the bracket, and error half of its width. lower is NaN and omega None: survivors do not
+        show a barrier. More kicks have a smaller scale. Status NO_BREAKUP if a start survives kicks
+        of strength 2, and UNDECIDED if the search at the end finds one.
+
+    Raises
+    ------
+    ValueError
+        If profile is shorter, zero or tiny, or tol is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.converse_kam.aperiodic import critical_scale
+    >>> scale = critical_scale(np.ones(201), 0.05)
+    >>> 0.97 < scale.upper < 1.1
+    True
+    """
+    profile, tol = direction(profile), real("tol", tol, 1e-6, 0.1)
+    if profile.size < 2 * _MIDDLE_KICKS:
+        raise ValueError(
+            f"profile has {profile.size} kicks; it must have {2 * _MIDDLE_KICKS} or more"
+        )
+    reach = profile.size // 8
+    inner = profile[profile.size // 2 - reach : profile.size // 2 + reach + 1]
+
+    def eliminated(scale):
+        return last_survivor(scale * inner, 0.0, 1).kicks < np.inf
+
+    survived, upper = 0.0, 2 / np.abs(inner).max()
+    if not eliminated(upper):
+        return no_answer(None, Status.NO_BREAKUP, _METHOD)
+    while True:
+        while upper - survived > tol * upper:
+            scale = (survived + upper) / 2
+            survived, upper = (survived, scale) if eliminated(scale) else (scale, upper)
+        value, error, survived = (survived + upper) / 2, (upper - survived) / 2, 0.0
+        for below in upper * _LOWER_RATIOS:
+            if eliminated(below):
+                upper = below
+                break
+            survived = below
+        else:
+            break
+    if last_survivor(upper * profile).kicks == np.inf:
+        return no_answer(None, Status.UNDECIDED, _METHOD)
+    return CriticalScale(value, error, np.nan, upper, None, Status.OK, _METHOD)
+
+
+def asymptotic(
+    kappa: ArrayLike, theta: ArrayLike, limit: float, x: ArrayLike, y: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Compute starts whose orbits converge to the orbits of (x, y) under the limit map,
+
+        K_0 = S_{κ_0}⁻¹ ∘ … ∘ S_{κ_{N-1}}⁻¹ ∘ S_limit^N (x, y).
+
+    For points of an invariant circle of S_limit, K(ϑ), the last factor is K(ϑ + Nω), and K_0 is the
+    asymptotic circle of Canadell & de la Llave (Physica D 310 (2015) 104), if kappa → limit and
+    theta → 0 fast enough: it converges as N grows, and is not invariant, but its images converge to
+    an invariant circle. It bounds the same area as that one. It may fold; see the module.
+
+    Parameters
+    ----------
+    kappa, theta, x, y
+        As for `escape_time`.
+    limit : float
+        Strength of the limit map.
+
+    Returns
+    -------
+    x, y : ndarrays
+        On the lift.
+
+    Examples
+    --------
+    >>> from nasm.converse_kam.aperiodic import asymptotic
+    >>> x, y = asymptotic([0.5, 0.5], 0.0, 0.5, 0.1, 0.3)  # the limit map itself
+    >>> print(x.round(12), y.round(12))
+    0.1 0.3
+    """
+    kappa, theta = aperiodic_forcing(kappa, theta)
+    x, y = points(x, y)
+    (limit,) = forcing([limit], "limit")
+    for _ in kappa:
+        x, y = kick(limit, x, y)
+    for strength, phase in zip(kappa[::-1], theta[::-1], strict=True):
+        x, y = unkick(strength, x, y, phase)
+    return x, y
+
+
+def aperiodic_forcing(kappa: ArrayLike, theta: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Check strengths and phases, and return them as arrays of shape (N,).
+
+    Raises
+    ------
+    ValueError
+        If they are not such vectors.
+
+    Examples
+    --------
+    >>> from nasm.converse_kam.aperiodic import aperiodic_forcing
+    >>> aperiodic_forcing([0.3, 0.4], 0.5)[1]
+    array([0.5, 0.5])
+    """
+    kappa = forcing(kappa)
+    theta = floats("theta", theta)
+    if theta.shape not in ((), kappa.shape) or not (np.abs(theta) <= MAX_STRENGTH).all():
+        raise ValueError(
+            f"theta={theta!r} must be one phase, or one for each of the {kappa.size} kicks, from "
+            f"-{MAX_STRENGTH:g} to {MAX_STRENGTH:g} turns"
+        )
+    return kappa, np.ascontiguousarray(np.broadcast_to(theta, kappa.shape))
+
+
+@kernel
+def _escape_times(kappa, theta, x, y, lo, hi):
+    times = np.empty(x.size)
+    for i in range(x.size):
+        xt, yt, n = x[i], y[i], 0
+        while n < kappa.size and lo <= yt <= hi:
+            xt, yt = kick(kappa[n], xt, yt, theta[n])
+            n += 1
+        times[i] = np.inf if lo <= yt <= hi else n
+    return times
+
+
+@kernel
+def _elimination_times(kappa, theta, site, x, y, one_is_enough):
+    times = np.zeros(x.size)
+    for i in range(x.size):
+        times[i] = _elimination_time(kappa, theta, site, x[i], y[i])
+        if one_is_enough and np.isinf(times[i]):
+            break
+    return times
+
+
+@njit(nogil=True)
+def _elimination_time(kappa, theta, site, x, y):
+    # Only between two of the graphs before kicks 0 to N does 2 + κ cos … bound the sum.
+    bound = 2 + kappa[site] * cos2pi(x - theta[site]) if site > 0 else np.inf
+    if bound <= 0:
+        return 1.0
+    # The backward chain has the kicks in reverse order.
+    ahead, p = kick(kappa[site], x, y, theta[site])
+    behind, q = x - y, -y
+    v_before, v, u_before, u, total = 0.0, 1.0, 0.0, 1.0, 0.0
+    for n in range(1, max(kappa.size - site, site)):
+        i, j = site + n, site - n
+        if i < kappa.size:
+            v_before, v = v, (2 + kappa[i] * cos2pi(ahead - theta[i])) * v - v_before
+            if v <= 0:
+                return n + 1.0
+            total += 1 / (v_before * v)
+            ahead, p = kick(kappa[i], ahead, p, theta[i])
+        if j > 0:
+            u_before, u = u, (2 + kappa[j] * cos2pi(behind - theta[j])) * u - u_before
+            if u <= 0:
+                return n + 1.0
+            total += 1 / (u_before * u)
+            behind, q = kick(kappa[j], behind, q, theta[j])
+        if total >= bound:
+            return n + 1.0
+    return np.inf
