@@ -16,12 +16,12 @@ from workflows.figures.flux import flux_caption
 from workflows.figures.proved_map import proved_map_caption
 from workflows.figures.tori import breakups_caption
 from workflows.flux import study as flux
-from workflows.shared.boundary_words import boundary_found, direct_found
-from workflows.shared.direct import exponent
+from workflows.shared.boundary_words import describe_boundary, describe_direct_iteration
+from workflows.shared.direct_iteration import exponent
 
 
 @pytest.mark.parametrize(
-    ("away", "said"), [(0.02, "within 1."), (0.1, "within 10"), (9, "Nothing")]
+    ("away", "said"), [(0.02, "within 1."), (0.1, "within 10"), (9, "No cell is open")]
 )
 def test_the_proved_map_says_how_near_open_cells_are_in_plain_percents(away, said):
     angles = np.array([0.0, 45.0])
@@ -65,8 +65,8 @@ def test_tori_and_boundaries_without_an_answer_have_no_error_in_percent():
     assert "rays; none found" in caption
     found = boundary([0.0, 45.0], 0.1, two_kicks())
     nothing = found.assign({name: found[name] * np.nan for name in ("lower", "upper")})
-    assert "no bracket was found" in boundary_found(nothing)
-    assert "nan" not in caption + boundary_found(nothing)
+    assert "no bracket was found" in describe_boundary(nothing)
+    assert "nan" not in caption + describe_boundary(nothing)
 
 
 def test_biases_that_are_too_few_or_do_not_fall_have_no_power_law():
@@ -86,6 +86,6 @@ def test_a_plane_without_transport_has_a_caption_without_boundary_cells():
     dims = {"n": [100], "angle": [0.0, 45.0]}
     scale = xr.DataArray(np.full((1, 2), np.nan), dims, ("n", "angle"))
     barrier = xr.Dataset({"critical_scale": ("angle", [0.486, 1.374])}, {"angle": dims["angle"]})
-    said = direct_found(scale.to_dataset(name="critical_scale"), barrier, 10)
-    assert "nowhere in this plane" in said
+    said = describe_direct_iteration(scale.to_dataset(name="critical_scale"), barrier, 10)
+    assert "no transport in this plane" in said
     assert "nan" not in said

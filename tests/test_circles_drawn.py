@@ -79,10 +79,10 @@ def test_a_circle_and_its_image_do_not_look_alike(cubes):
 
 
 def test_the_caption_states_the_worst_error_drawn_and_what_is_left_out(cubes):
-    said = circle_boundaries.circles_found(cubes["circles"])
+    said = circle_boundaries.describe_circles(cubes["circles"])
     assert "25 points by continuation to an error of 0.0001" in said
     assert "largest error drawn is 0.1% of the scale" in said
-    assert "above 2%: 1 of 26" in said
+    assert "above 2%): 1 of 26" in said
 
 
 def computed(plane, circles, angles, job=breakdown.by_continuation, effort=1e-4):

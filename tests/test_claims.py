@@ -17,8 +17,8 @@ from workflows.claims.page import write
 from workflows.claims.rules import Erratum
 from workflows.claims.study import judgement, recorded
 from workflows.shared.cli import main_of
+from workflows.shared.judgement import Verdict, grade
 from workflows.shared.page import formula
-from workflows.shared.rules import Verdict, graded
 from workflows.shared.run import Run, place_of
 
 TESTS = Path(__file__).parent
@@ -34,10 +34,10 @@ TESTS = Path(__file__).parent
         (rules.agrees(0.97163540705, 1e-11, *rules.printed("0.971635406")), Verdict.FAILS),
         (rules.agrees(np.nan, 1e-11, 0.971635406), Verdict.UNDECIDED),
         (rules.agrees(0.97, np.nan, 0.971635406), Verdict.UNDECIDED),
-        (graded("", True), Verdict.HOLDS),
-        (graded("", False, True), Verdict.CAVEAT),
-        (graded("", False, False), Verdict.FAILS),
-        (graded("", True, True, known=False), Verdict.UNDECIDED),
+        (grade("", True), Verdict.HOLDS),
+        (grade("", False, True), Verdict.CAVEAT),
+        (grade("", False, False), Verdict.FAILS),
+        (grade("", True, True, known=False), Verdict.UNDECIDED),
     ],
 )
 def test_the_rules(value, verdict):

@@ -84,7 +84,7 @@ def test_a_foreign_package_of_our_name_is_one_sentence(tmp_path):
     told = subprocess.run(command, capture_output=True, text=True, env=paths, cwd=tmp_path)
     assert told.returncode == 1
     (line,) = told.stderr.splitlines()
-    assert f"hidden by another one of that name, {tmp_path}/pipeline/__init__.py; install" in line
+    assert f"hidden by another package pipeline, {tmp_path}/pipeline/__init__.py; install" in line
 
 
 def test_full_changes_defaults_and_what_is_given_stays():
@@ -204,11 +204,11 @@ def test_numbers_of_the_command_line_may_be_negative():
         ),
         ("frequencies", "--frequency 3/5", "must be a frequency from 0 to 1/2"),
         ("frequencies", "--frequency 20/99", "must have a denominator up to 64"),
-        ("frequencies", "--frequency 0.4", "must not be next to a fraction like 2/5"),
+        ("frequencies", "--frequency 0.4", "is too close to the fraction 2/5"),
         ("ask", "", "give one to 64 strengths, e.g. ask 0.3 0.5"),
         ("ask", "0,3 0,5", "'0,3' is not a number; write one like 0.3 or -1e-2"),
         ("ask", "0.3 --out=", "it is empty"),
-        ("ask", "0.3 --out=~nobody-here/x", "no such home directory is known"),
+        ("ask", "0.3 --out=~nobody-here/x", "no such home directory; write"),
         ("ask", "0.3 --out=s3://bucket/x", "a directory is needed"),
         ("last_barrier", "--store=", "it is empty"),
         ("ask", "1e7 0", "not finite or too large"),
@@ -218,7 +218,7 @@ def test_numbers_of_the_command_line_may_be_negative():
         ("ask", "--once pyproject.toml", "is not a number; write one like 0.3"),
         ("ask", "--once {}/commas.txt", "-0,3 may be one number or two; write one like 0.3"),
         ("ask", "--once {}/bytes.json", "bytes.json: not a text in UTF-8"),
-        ("ask", "--once {}/kicks.txt --prove", "needs kicks that repeat"),
+        ("ask", "--once {}/kicks.txt --prove", "needs a periodic forcing"),
         ("last_barrier", "--scheduler tcp://127.0.0.1:9 --workers 1", "leave --workers out"),
         ("last_barrier", "--scheduler {}/nowhere.json", "nowhere.json': no such file"),
         ("last_barrier", "--scheduler {}/a.json", "must be tcp://HOST:PORT"),

@@ -9,14 +9,16 @@ from commands import succeed
 
 from nasm import barriers, escape, planes
 from workflows.convergence import study as convergence
-from workflows.shared import direct
+from workflows.shared import direct_iteration
 
 
 def test_the_exponent_of_a_power_law_is_found_with_its_error():
     n = np.geomspace(100, 1e6, 30)
-    assert direct.exponent(n, 3 * n ** (-1 / 3.012)) == pytest.approx((3.012, 0), abs=1e-9)
+    assert direct_iteration.exponent(n, 3 * n ** (-1 / 3.012)) == pytest.approx(
+        (3.012, 0), abs=1e-9
+    )
     noise = np.exp(0.1 * np.random.default_rng(0).standard_normal(30))
-    eta, deviation = direct.exponent(n, 3 * n ** (-1 / 3.012) * noise)
+    eta, deviation = direct_iteration.exponent(n, 3 * n ** (-1 / 3.012) * noise)
     assert 0.01 < deviation < 0.2
     assert abs(eta - 3.012) < 3 * deviation
 
@@ -29,12 +31,12 @@ def test_the_bias_is_where_transport_begins_for_good():
         {"n_max": 1000},
     )
     steps = [40, 100, 250, 1000]
-    bias = direct.direct_bias(cube, steps).isel(ensemble=0)
+    bias = direct_iteration.direct_bias(cube, steps).isel(ensemble=0)
     np.testing.assert_array_equal(bias, [np.nan, 0.6, 0.5, 0.4])
     outer = cube.assign(escape_time=cube.escape_time.where(cube.excess > 0.25))
-    np.testing.assert_array_equal(direct.direct_bias(outer, steps)[0], bias)
+    np.testing.assert_array_equal(direct_iteration.direct_bias(outer, steps)[0], bias)
     everything = cube.assign(escape_time=xr.zeros_like(cube.escape_time))
-    assert np.isnan(direct.direct_bias(everything, steps)).all()
+    assert np.isnan(direct_iteration.direct_bias(everything, steps)).all()
 
 
 def test_the_diagonal_has_an_exponent_for_each_half_of_n():

@@ -8,7 +8,7 @@ from commands import succeed, table
 from nasm import escape
 from nasm.planes import two_kicks
 from nasm.symmetries import ray
-from workflows.shared.direct import foreseen
+from workflows.shared.direct_iteration import estimate_tiles
 
 DIRECT = ["--n-rays", "5", "--n-cusp-rays", "0", "--n-orbits", "64", "--n-max", "400,4000"]
 
@@ -54,7 +54,7 @@ def test_direct_iteration_computes_about_the_tiles_that_it_predicts(direct):
     cube = xr.open_zarr(direct / "direct_boundary.zarr")
     n = int(cube.escape_time.notnull().sum())
     assert f"direct_boundary: {n} of {n} tiles\n" in succeed("status", direct)
-    job, wanted = foreseen(two_kicks(), [0.0, 45.0, 90.0, 135.0, 180.0], 4000, 64)
+    job, wanted = estimate_tiles(two_kicks(), [0.0, 45.0, 90.0, 135.0, 180.0], 4000, 64)
     assert job.cube.template.sizes["angle"] == 5
     assert 0.8 * n < len(wanted) < 1.2 * n
     times = cube.escape_time.isel(ensemble=0)

@@ -35,8 +35,8 @@ from workflows.explore.rays import Breakup, Rays
 from workflows.explore.state import State
 from workflows.explore.work import Work
 from workflows.figures.style import circle_style
-from workflows.shared import instruments, phase_space
-from workflows.shared.orbit_words import orbit_words
+from workflows.shared import on_demand, phase_space
+from workflows.shared.orbit_words import describe_orbit
 from workflows.shared.run import place_of
 
 
@@ -218,7 +218,7 @@ def test_rays_of_a_zoomed_view_are_few_but_where_the_last_circle_changes(change,
     ],
 )
 def test_an_orbit_is_a_circle_periodic_on_islands_or_chaotic(start, said):
-    assert said in orbit_words(np.array([0.5, 0.4]), *start)
+    assert said in describe_orbit(np.array([0.5, 0.4]), *start)
 
 
 @pytest.mark.parametrize("text", ["0.618", "0.5", "1.25", "-0.38", "0.3819660113"])
@@ -230,12 +230,12 @@ def test_of_a_decimal_number_a_noble_one_is_followed_that_rounds_to_it(text):
 
 
 def test_an_ensemble_started_in_a_box_has_the_diffusion_of_the_cell(monkeypatch):
-    monkeypatch.setattr(instruments, "_LOOK", 0)
-    monkeypatch.setattr(instruments, "_SIDE", 24)
+    monkeypatch.setattr(on_demand, "_FRAME_SECONDS", 0)
+    monkeypatch.setattr(on_demand, "_SIDE_STARTS", 24)
     kappa, found = np.array([4.0, 3.5]), None
-    for found in filter(None, instruments.spreading(kappa, (0.0, 0.0, 0.5, 0.5))):
+    for found in filter(None, on_demand.spreading(kappa, (0.0, 0.0, 0.5, 0.5))):
         assert found[0]["x"].size == 24**2
-    rate, error = map(float, re.search(r"D = (\S+) ± (\S+) a period", found[2]).groups())
+    rate, error = map(float, re.search(r"D = (\S+) ± (\S+) per period", found[2]).groups())
     whole = diffusion.diffusion(kappa, n_max=2**15)
     assert rate == pytest.approx(whole.value, abs=4 * np.hypot(error, whole.error))
     assert error < 0.1 * rate
@@ -709,7 +709,7 @@ def test_orbits_that_are_not_found_are_named_and_short_ones_are_drawn(monkeypatc
     found, missing = phase_space.periodic_orbits((1.0,), [fraction])
     assert [family for _, family, *_ in found] == ["minimizing", "minimax"]
     assert missing == []
-    curves, words = instruments.resonance((1.0,), fraction, (0.0, -0.5, 1.0, 1.0))
+    curves, words = on_demand.resonance((1.0,), fraction, (0.0, -0.5, 1.0, 1.0))
     assert words.startswith("Turnstiles of 1/6: ")
     assert len(curves["lobes"]["x"]) == 4
 
@@ -724,5 +724,5 @@ def test_orbits_that_are_not_found_are_named_and_short_ones_are_drawn(monkeypatc
 
 
 def test_a_resonance_without_lobes_says_why():
-    _, words = instruments.resonance((0.0, 0.0), Fraction(1, 2), (0.0, -0.5, 1.0, 1.0))
+    _, words = on_demand.resonance((0.0, 0.0), Fraction(1, 2), (0.0, -0.5, 1.0, 1.0))
     assert "No turnstile at its upper edge: the minimizing orbit of 1/2 is not hyperbolic" in words

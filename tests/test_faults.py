@@ -39,7 +39,7 @@ def test_a_study_on_a_full_disk_is_one_message_and_can_be_completed(
             patch.setitem(run._CODE, "studied_by", "other code")
             with driven(tmp_path) as one:
                 one.kept(untiled("toy"), Study())
-    told = r"File too large.*What is committed stays; run the same command again"
+    told = r"File too large.*Finished tiles are kept; run the same command again"
     with (
         files_of_at_most(n_bytes),
         pytest.raises(click.ClickException, match=told) as failure,

@@ -218,7 +218,7 @@ def test_a_figure_that_cannot_be_drawn_costs_no_result_and_no_other_figure(tmp_p
     assert (
         "Error: figure period_one_primary could not be drawn: no layout for this\n" in ended.output
     )
-    first, second = (ended.output.index(words) for words in ("Strengths of", "cubes:"))
+    first, second = (ended.output.index(words) for words in ("Strengths for", "cubes:"))
     assert first < second < ended.output.index("figures:") < ended.output.index("Error:")
     assert {path.name for path in tmp_path.glob("*.png")} == {"period_one_secondary.png"}
 

@@ -19,7 +19,7 @@ from workflows.gallery import __main__ as gallery
 from workflows.gallery import exhibits
 from workflows.gallery.exhibits import Exhibit
 from workflows.shared.cli import main_of
-from workflows.shared.rules import Verdict
+from workflows.shared.judgement import Verdict
 
 
 @pytest.mark.parametrize(

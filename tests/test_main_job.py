@@ -201,7 +201,7 @@ def test_unusual_planes_end_with_a_figure(tmp_path, finished, workers, plane):
     options = [*MAIN, *plane.split(), "--levels", "2"]
     output = succeed("critical_boundary", tmp_path / "out", *options, *workers)
     assert (tmp_path / "out/critical_boundary.png").exists()
-    assert ("no ray passes into transport" in output) == ("-1.1:0:8" not in plane)
+    assert ("no orbit escapes within" in output) == ("-1.1:0:8" not in plane)
 
 
 EXAMPLES = Path(__file__).parents[1] / "workflows" / "examples"

@@ -15,13 +15,13 @@ def said_of(*scale):
     pairs = [(study.PAIRS, 1 / q, study.pair(1, q)) for q in apart]
     cube = xr.Dataset({"critical_scale": ("forcing", np.divide(scale, apart))}, labels(pairs, ""))
     cube = cube.assign(lower=0.999 * cube.critical_scale, upper=1.001 * cube.critical_scale)
-    return study.found(cube)
+    return study.findings(cube)
 
 
 def test_findings_on_patterns_are_judged_by_the_numbers():
-    assert " holds: " in said_of(1.9, 0.9, 1.95)
-    assert "does not hold: " in said_of(1.9, 2.0, 1.95)
-    assert "not decided" in said_of(1.9, np.nan, 1.95)
+    assert "Supported: " in said_of(1.9, 0.9, 1.95)
+    assert "Not supported: " in said_of(1.9, 2.0, 1.95)
+    assert "Not decided" in said_of(1.9, np.nan, 1.95)
 
 
 @pytest.mark.parametrize("q", [2, 3, 4, 5])

@@ -37,9 +37,9 @@ def test_shapes_are_what_their_names_say():
 @pytest.mark.parametrize(
     ("exponents", "jumps", "smooth", "said"),
     [
-        ((0.497, 0.751), 90.0, np.inf, [" holds: "] * 3),
-        ((0.45, 0.7), 90.0, 900.0, ["caveat:"] * 2 + ["does not hold:"]),
-        ((0.33, 0.9), np.inf, np.inf, ["does not hold:"] * 3),
+        ((0.497, 0.751), 90.0, np.inf, ["Supported: "] * 3),
+        ((0.45, 0.7), 90.0, 900.0, ["caveat:"] * 2 + ["Not supported:"]),
+        ((0.33, 0.9), np.inf, np.inf, ["Not supported:"] * 3),
     ],
 )
 def test_the_rules_can_say_no(exponents, jumps, smooth, said):

@@ -17,7 +17,7 @@ from nasm.arithmetic.reproducible import geometric, powers
 from nasm.planes import two_kicks
 from pipeline.cubes import breakdown
 from pipeline.sweep.grid import tile_coords
-from workflows.shared import direct
+from workflows.shared import direct_iteration
 from workflows.shared.rays import PAPER_CIRCLES
 
 JOBS = JOBS | {
@@ -50,7 +50,7 @@ def values(name):
 def tell(*names):
     """Print digests of what the jobs compute, and of what NumPy itself does, as JSON."""
     x = np.linspace(0.1, 3, 1001)
-    rays = direct.bias_job(two_kicks(), {45.0: 1.0}, [64], 100)
+    rays = direct_iteration.bias_job(two_kicks(), {45.0: 1.0}, [64], 100)
     told = {"numpy": digest(np.exp(x), np.dot(x, x))}
     told["coordinates"] = [job.cube.config_hash for job in (*JOBS.values(), rays)]
     told["rotation numbers"] = digest(*orbits.rotation_number((0.5, 0.4), 0.1, x, 1000))

@@ -139,7 +139,7 @@ def test_a_run_that_takes_too_long_ends_with_code_2_unless_it_may(tmp_path, work
     monkeypatch.setattr(run, "LONGEST", 0.4 * seconds)
     result = invoke("escape_plane", out, *options, "--workers", "2")
     assert (result.exit_code, out.exists()) == (2, False)
-    assert " on 2 cores, " in result.output
+    assert " on 2 cores (" in result.output
     assert "reduce --first or --second or --n-max" in result.output
     monkeypatch.setattr(run, "LONGEST", 0.6 * seconds)  # half of them on each of two cores
     assert invoke("escape_plane", out, *options, "--workers", "1").exit_code == 2

@@ -162,7 +162,7 @@ def test_momentum_is_conserved_and_only_weak_fields_leave_graphs():
     for kicks in (verdicts.kicks, verdicts.kicks_fitted):
         assert (kicks[0], kicks[1] < 20) == (np.inf, True)
     np.testing.assert_allclose(settling.area, settling.area[2], rtol=1e-12)
-    assert 0.05 < settling.denied.mean() < 0.2
+    assert 0.05 < settling.excluded.mean() < 0.2
     caption = self_consistent_caption(fields, verdicts, settling)
     assert "rules out every family of graphs in the recorded field from Γ = 1.3 on" in caption
 

@@ -14,7 +14,6 @@ import workflows.shared
 # Not annotated yet.
 LATER = """
 nasm.proofs
-workflows.shared
 """
 
 

@@ -174,7 +174,9 @@ def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evi
     found = verdict(kappa, prove=True)
     assert found.evidence is evidence
     assert not found.proof.proved
-    assert "A proof was tried: not proved: " in " ".join(sentences(np.array(kappa), None, found))
+    assert "A proof was attempted: not proved: " in " ".join(
+        sentences(np.array(kappa), None, found)
+    )
 
 
 @pytest.mark.usefixtures("a_second")
@@ -183,7 +185,7 @@ def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evi
     [
         (
             ("-0.69", "0.525"),
-            ["TRANSPORT", "ω = [0;4,(1)] = [0;4,1,1,1,…]", "excludes", "this near"],
+            ["TRANSPORT", "ω = [0;4,(1)] = [0;4,1,1,1,…]", "excludes", "so close to"],
         ),
         (("0.526", "0.69"), ["BARRIER", "ω = [0;1,3,(1)]", "certified"]),
         (("1.5", "-1.5"), ["TRANSPORT", "Direct iteration: the orbit from"]),

@@ -1,9 +1,9 @@
 """At which forcings does the circle of rotation number ω break? The boundaries CB_ω.
 
 Along rays of a plane of forcings, for the paper's six rotation numbers (arXiv:1606.04824, Sec. VI,
-Figs. 8 and 9) or any others, by two methods: the paper's, circles continued from zero to their
-breakdown, and Greene's residue, which is sharper, knows nothing of circles and needs no zero. The
-residue also answers where continuation does not reach the tolerance; such points are not compared.
+Figs. 8 and 9) or any others. Two independent methods: continuation of circles from zero to their
+breakup, as in the paper, and Greene's residue, which is sharper and does not need to start at zero.
+Where continuation does not reach the tolerance, the residue is used; such points are not compared.
 
 Three cubes, two tables and two figures in OUT. The defaults take about three CPU minutes.
 """
@@ -27,7 +27,7 @@ def parse_omega(text):
 
 
 _OMEGA = "Irrational rotation number, 2gamma+1 or [1;4,(1)]; by default the paper's six."
-_TOL = "Error to aim at; where continuation does not reach it, residues answer."
+_TOL = "Target error; where continuation does not reach it, residues are used."
 
 
 @command()

@@ -1,10 +1,10 @@
 """The main job: where in the (κ1, κ2) plane does global transport begin, and what breaks there?
 
 Three methods in one picture (arXiv:1606.04824, Secs. V and VI): first escape times over the plane,
-which close in on the boundary from outside like N^(-1/3); the boundaries CB_ω of the paper's six
-circles by continuation, and by Greene's residue where that does not reach the tolerance or rays do
-not start at zero; and CB_gt itself, bracketed between a certified circle and converse KAM, with the
-circle that is the last to break.
+whose boundary converges from outside like N^(-1/3); the boundaries CB_ω of the paper's six circles
+by continuation, and by Greene's residue where continuation does not reach the tolerance or rays do
+not start at zero; and CB_gt itself, bracketed by a certified circle (below) and converse KAM
+(above), with the last circle to break.
 
 Its cubes, three tables and a figure in OUT. The defaults take about 80 CPU seconds. The paper's
 size of direct iteration is --first -1.1:1.1:1024 --second 0:1.1:512 --levels 5 --n-max
@@ -21,16 +21,18 @@ from workflows.shared.cli import command, plane_option, plane_options, ray_optio
 # Cells of the last level are as wide as one ray's boundary scatters, 1.2% of the scale.
 @plane_options(n_max=100_000, tile=4, levels=3, precision="single")
 @ray_options(181)
-@real("--tol", 1e-4, 1e-5, 0.1, "Width of the bracket of CB_gt, and error of the CB_ω, to aim at.")
+@real(
+    "--tol", 1e-4, 1e-5, 0.1, "Target width of the bracket of CB_gt, and target error of the CB_ω."
+)
 @sweeps
 def main(run, plane, n_rays, n_cusp_rays, tol, **options):
     from pipeline.cubes import breakdown
     from pipeline.cubes.barrier import last_barrier, unfolded
     from pipeline.cubes.cube import untiled
-    from workflows.figures.circle_boundaries import circles_found
+    from workflows.figures.circle_boundaries import describe_circles
     from workflows.figures.critical_boundary import draw_critical_boundary
     from workflows.shared import boundary_words, rays
-    from workflows.shared.plane import boundary_table, escape_plane, foreseen, grid_of
+    from workflows.shared.escape_field import boundary_table, escape_plane, estimate_tiles, grid_of
 
     grid = grid_of(plane, **options)
     boundary = untiled("boundary", n_rays=n_rays, n_cusp_rays=n_cusp_rays, tol=tol, **plane.record)
@@ -40,19 +42,21 @@ def main(run, plane, n_rays, n_cusp_rays, tol, **options):
     else:
         circle_job = breakdown.by_continuation(plane, rays.PAPER_CIRCLES, angles, tol)
     last_job = last_barrier(plane, angles, tol)
-    with run.sweeping(last_job, circle_job, later=foreseen(run, grid), drawing=6):
+    with run.sweeping(last_job, circle_job, later=estimate_tiles(run, grid), drawing=6):
         swept = run.sweep(last_job)
         barrier = run.kept(boundary, lambda: unfolded(swept, angles))
         circles = run.sweep(circle_job)
         field = escape_plane(run, grid)
         direct = boundary_table(field, angles, grid.drawn)
         for n in direct.n.values[direct.critical_scale.isnull().all("angle")]:
-            click.echo(f"no ray passes into transport within {n} steps in this plane", err=True)
+            click.echo(f"no orbit escapes within {n} steps on any ray of this plane", err=True)
         run.table("critical_boundary", barrier)
         run.table("critical_boundary_circles", circles)
         run.table("critical_boundary_direct", direct)
-        caption = boundary_words.boundary_found(barrier)
-        caption += "\n" + boundary_words.direct_found(direct, barrier, grid.n_orbits[-1])
-        caption += "\n" + circles_found(circles)
+        caption = boundary_words.describe_boundary(barrier)
+        caption += "\n" + boundary_words.describe_direct_iteration(
+            direct, barrier, grid.n_orbits[-1]
+        )
+        caption += "\n" + describe_circles(circles)
         found = field, circles, barrier
         run.figure("critical_boundary", draw_critical_boundary, *found, caption=caption)

@@ -1,10 +1,10 @@
 """How far outside the true boundary does direct iteration put it? Figs. 5 and 6 of the paper.
 
-On each ray the scale s_N beyond which some orbit of the ensemble leaves the window within N steps
-(arXiv:1606.04824, Sec. V.B), against the breakup s_c of `last_barrier`. From s = 2·s_c inwards
-first escape times are computed, thirty scales to a decade of s/s_c - 1, up to the first scale
-without escape: escapes far out are quick, and no escape, which costs M·N orbit steps, is met once a
-ray. The insets of Fig. 6 show how often one long orbit visits each part of the cell.
+On each ray the smallest scale s_N above which at least one orbit of the ensemble leaves the window
+within N steps (periods of the forcing; arXiv:1606.04824, Sec. V.B), against the breakup s_c of
+`last_barrier`. First escape times are computed from s = 2·s_c inwards, at thirty scales per decade
+of s/s_c - 1, down to the first scale without escape: only that one costs the full M·N orbit steps.
+The insets of Fig. 6 show how often one long orbit visits each part of the unit cell.
 
 Three cubes, a table and two figures in OUT. The defaults take about three CPU minutes,
 which grow like the steps and the orbits.
@@ -20,7 +20,7 @@ from workflows.shared import cli
     10**9,
     "Numbers of steps N (periods of the forcing), increasing.",
 )
-@cli.whole("--n-orbits", 1000, 1, 10**8, "Orbits of the ensemble.")
+@cli.whole("--n-orbits", 1000, 1, 10**8, "Orbits in the ensemble.")
 @cli.plane_option
 @cli.ray_options(181)
 @cli.preset("--full", "In full, two CPU hours", n_max="100000,500000,1000000", n_orbits=10_000)
@@ -32,23 +32,25 @@ def main(run, n_max, n_orbits, plane, n_rays, n_cusp_rays):
     from pipeline.cubes.barrier import last_barrier, unfolded
     from pipeline.cubes.cube import untiled
     from workflows.figures import direct_boundary as figures
-    from workflows.shared import direct, rays
+    from workflows.shared import direct_iteration, rays
 
     all_rays = rays.ray_angles(plane, n_rays, n_cusp_rays)
     spread = linspace(0, all_rays[-1], n_rays).round(9)  # it is too coarse for the cusps
     last = last_barrier(plane, all_rays, 1e-4)
-    foreseen = direct.foreseen(plane, spread.tolist(), n_max[-1], n_orbits)
+    foreseen = direct_iteration.estimate_tiles(plane, spread.tolist(), n_max[-1], n_orbits)
     insets = untiled("direct_insets")
     with run.sweeping(last, later=[foreseen], studies=[(insets, 10)]):
         barrier = unfolded(run.sweep(last), all_rays)
         known = barrier.sel(angle=spread).dropna("angle", subset=["critical_scale"])
         scales = known.critical_scale.to_series().to_dict()
-        found = direct.inwards(run, direct.boundary_job(plane, scales, n_max[-1], n_orbits))
-        boundary = direct.boundary_dataset(found, known, n_max)
+        found = direct_iteration.sweep_inwards(
+            run, direct_iteration.boundary_job(plane, scales, n_max[-1], n_orbits)
+        )
+        boundary = direct_iteration.boundary_dataset(found, known, n_max)
         run.table("direct_boundary_rays", boundary)
         caption, of_rays = figures.rays_caption(boundary), (figures.draw_rays, boundary, barrier)
         if plane == two_kicks():
-            insets = run.kept(insets, direct.insets_dataset)
+            insets = run.kept(insets, direct_iteration.insets_dataset)
             run.figure("direct_boundary_quadrant", *of_rays, caption=caption)
             half, caption = (boundary, barrier, insets), figures.half_plane_caption(insets)
             run.figure("direct_boundary", figures.draw_half_plane, *half, caption=caption)

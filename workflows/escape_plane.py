@@ -1,8 +1,8 @@
 """At which forcings does an ensemble escape, and when? First escape times over a plane of forcings.
 
-Direct iteration (arXiv:1606.04824, Sec. V.B, Figs. 5 and 6). One field of first escape
-times n* holds the boundary {n* ≤ N} of every N ≤ n_max. The plane is computed in full, or, with
---levels above 1, coarsely at first and then finer only where a boundary runs.
+Direct iteration (arXiv:1606.04824, Sec. V.B, Figs. 5 and 6). One field of first escape times n*, in
+steps (periods of the forcing), contains the boundary {n* ≤ N} for every N ≤ n_max. Every cell is
+computed, or, with --levels above 1, a coarse grid is refined along the boundary only.
 
 The cube `escape` and a figure in OUT. The paper's Fig. 5 is --first 0:1:512 --second 0:1:512
 --levels 5 --n-max 1000000 --n-orbits 10000, and Fig. 6 the same with --first -1:1:1024.
@@ -17,10 +17,16 @@ from workflows.shared.cli import command, plane_option, plane_options, sweeps
 @sweeps
 def main(run, **options):
     from workflows.figures.escape_plane import draw_escape_plane
-    from workflows.shared.boundary_words import field_found
-    from workflows.shared.plane import escape_plane, foreseen, grid_of
+    from workflows.shared.boundary_words import describe_escape_field
+    from workflows.shared.escape_field import escape_plane, estimate_tiles, grid_of
 
     grid = grid_of(**options)
-    with run.sweeping(later=foreseen(run, grid)):
+    with run.sweeping(later=estimate_tiles(run, grid)):
         field = escape_plane(run, grid)
-        run.figure("escape_plane", draw_escape_plane, field, grid.drawn, caption=field_found(field))
+        run.figure(
+            "escape_plane",
+            draw_escape_plane,
+            field,
+            grid.drawn,
+            caption=describe_escape_field(field),
+        )

@@ -1,8 +1,9 @@
 """How does the last barrier of a rotating map depend on its frequency Ω?
 
-On a ray of (κ̄, Δκ) (arXiv:1606.04824, Sec. VII) the scale at which the last circle breaks, for
-fractions Ω = p/q and several phases φ0, or the last torus, for irrational Ω; -Ω is as Ω. Is the
-scale of an irrational Ω the limit of the least one, over the phases, of its convergents?
+On a ray of (κ̄, Δκ) (arXiv:1606.04824, Sec. VII): the scale at which the last circle breaks for
+fractions Ω = p/q and several phases φ0, or the last torus for irrational Ω; Ω and -Ω are
+equivalent. For a convergent of an irrational Ω take the smallest scale over the phases: does it
+tend to the scale of Ω?
 
 The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(1)], √5 - 2, √2 - 1,
 1 - 1/√2, π - 3, 1/e and 1 - 1/τ - 1/τ², τ the tribonacci constant.
@@ -37,7 +38,7 @@ def parse_frequency(text):
         raise ValueError(f"{short_repr(text)} must have a denominator up to 64, like {near}")
     if "/" not in text and abs(number - near) < 1e-8:
         raise ValueError(
-            f"{short_repr(text)} must not be next to a fraction like {near}; give that itself"
+            f"{short_repr(text)} is too close to the fraction {near}; give the fraction itself"
         )
     return number
 
@@ -48,10 +49,16 @@ def parse_frequency(text):
     8,
     2,
     64,
-    "Fractions p/q with q up to this one; 34 takes some six CPU hours.",
+    "Largest q of the fractions p/q; 34 takes about six CPU hours.",
 )
 @several(
-    *("--frequency", ALSO + IRRATIONAL, parse_frequency, "OMEGA", "More Ω, fractions or not."),
+    *(
+        "--frequency",
+        ALSO + IRRATIONAL,
+        parse_frequency,
+        "OMEGA",
+        "Further Ω, fractions or irrational numbers.",
+    ),
     shown=f"{', '.join(ALSO)} and the irrational numbers above",
 )
 @whole("--n-phases", 3, 2, 1000, "Phases from 0 to 1/2q of each fraction.")

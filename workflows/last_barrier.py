@@ -12,7 +12,7 @@ from workflows.shared.cli import command, plane_option, ray_options, real, sweep
 @command()
 @plane_option
 @ray_options(181)
-@real("--tol", 2e-5, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
+@real("--tol", 2e-5, 1e-5, 0.1, "Target width of the bracket, relative to the scale.")
 @sweeps
 def main(run, plane, n_rays, n_cusp_rays, tol):
     from pipeline.cubes.barrier import last_barrier, unfolded
@@ -27,5 +27,5 @@ def main(run, plane, n_rays, n_cusp_rays, tol):
         swept = run.sweep(job)
         barrier = run.kept(boundary, lambda: unfolded(swept, angles))
         run.table("last_barrier", barrier)
-        caption = boundary_words.boundary_found(barrier)
+        caption = boundary_words.describe_boundary(barrier)
         run.figure("last_barrier", draw_last_barrier, barrier, caption=caption)

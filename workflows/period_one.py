@@ -1,10 +1,9 @@
 """Where are the period-one orbits stable, and where do the secondary ones exist? Figs. 3 and 4.
 
-The primary points' residues and the secondary points next to (1/2, 0), with the error of the
-paper's cubic estimate (arXiv:1606.04824, Sec. IV). Exact formulas and one equation to solve: no
-sweep, a few seconds.
+Residues of the primary points, and the secondary points near (1/2, 0) with the error of the paper's
+cubic estimate (arXiv:1606.04824, Sec. IV). Exact formulas and one equation to solve.
 
-Two cubes and two figures in OUT.
+Two cubes and two figures in OUT, in a few CPU seconds.
 """
 
 from dataclasses import astuple
@@ -13,8 +12,8 @@ from workflows.shared.cli import axis, command, writes
 
 
 @command()
-@axis("--primary", "-4:4:400", "Strengths of both kicks for the primary points.")
-@axis("--secondary", "0:8:200", "Strengths of both kicks for the secondary points.")
+@axis("--primary", "-4:4:400", "Range of both strengths for the primary points.")
+@axis("--secondary", "0:8:200", "Range of both strengths for the secondary points.")
 @writes
 def main(run, primary, secondary):
     from pipeline.cubes.cube import untiled

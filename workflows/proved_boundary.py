@@ -1,20 +1,26 @@
-"""Between which forcings does the last barrier break, proved on both sides?
+"""Rigorous lower and upper bounds on the onset of global transport, ray by ray.
 
-On each ray a circle is proved to exist at one forcing, and transport to be global at another one
-beyond it; `nasm/proofs/README.md` has both theorems. Between the two nothing is proved. Further in,
-a barrier is proved to exist on all of the ray.
+On each ray a circle is proved to exist at one forcing, and transport is proved to be global at
+another one beyond it; `nasm/proofs/README.md` has both theorems. Between the two nothing is proved.
+Up to a third forcing, further in, a barrier is proved to exist all along the ray.
 
-Two cubes, a table and a figure in OUT, with the extra `proof`. The defaults take about eight CPU
-minutes, for brackets 0.10 to 0.21% wide on four rays that were tried; with --cpu-seconds 8, in
-some ten, each side is within 0.09% of the breakup on all 46.
+Two cubes, a table and a figure in OUT; needs the extra `proof`. The defaults take about eight CPU
+minutes, for brackets of 0.10 to 0.21% on four sample rays; with --cpu-seconds 8, about ten CPU
+minutes, both bounds are within 0.09% of the breakup on all 46 rays.
 """
 
 from workflows.shared.cli import command, preset, real, sweeps, whole
 
 
 @command()
-@whole("--n-rays", 361, 2, 10**5, "Rays around the plane; all but an eighth are mirror images.")
-@real("--cpu-seconds", 3.0, 0.1, 10**5, "CPU seconds for a proof; there are three on a ray.")
+@whole(
+    "--n-rays",
+    361,
+    2,
+    10**5,
+    "Rays around the plane; one eighth is computed, the others are mirror images.",
+)
+@real("--cpu-seconds", 3.0, 0.1, 10**5, "CPU time limit for one proof; each ray needs three.")
 @preset("--quick", "A preview", n_rays=41, cpu_seconds=0.5)
 @sweeps
 def main(run, n_rays, cpu_seconds):

@@ -1,24 +1,24 @@
-"""For which forcings is transport proved to be global, and for which a barrier to exist?
+"""Map of the forcings for which a barrier, or global transport, is proved.
 
-Transport is proved in cells of the (κ1, κ2) plane, by a quadtree that is fine where the boundary
-runs; a barrier in triangles from κ = 0 on. `nasm/proofs/README.md` has the theorems. Where the
-map is open, nothing is proved either way.
+Transport is proved in cells of the (κ1, κ2) plane, by a quadtree that is refined along the
+boundary; barriers in triangles with a corner at κ = 0. `nasm/proofs/README.md` has the theorems. In
+open cells neither is proved.
 
-Three cubes and a figure of 0 <= kappa2 <= kappa1 <= 1.125 and images in OUT, with the extra
-`proof`. The defaults take about two CPU minutes.
+Three cubes and a figure in OUT, for 0 <= kappa2 <= kappa1 <= 1.125 and its mirror images; needs the
+extra `proof`. The defaults take about two CPU minutes.
 """
 
 from workflows.shared.cli import choice, command, preset, real, sweeps
 
 _CELLS = ["32", "64", "128", "256", "512", "1024", "2048", "4096"]
 _SECONDS = (
-    "CPU time limit per cell; a cell not proved in time is cut in four, or left open if finest."
+    "CPU time limit per cell; a cell not proved in time is subdivided, or left open if finest."
 )
 _DISTANCE = "Relative distance from the boundary at which proofs of barriers stop."
 
 
 @command()
-@choice("--cells", _CELLS, "512", "Cells per unit of strength, at the finest.")
+@choice("--cells", _CELLS, "512", "Finest cells per unit of strength.")
 @real("--cpu-seconds", 0.02, 1e-3, 1e4, _SECONDS)
 @real("--distance", 0.09, 1e-3, 0.5, _DISTANCE)
 @preset("--full", "In full, two CPU hours", cells="2048", cpu_seconds=0.2, distance=0.01)

@@ -1,7 +1,7 @@
-"""How far is a sweep that runs, or that was stopped? Read from the store alone, without a lock.
+"""Progress of a sweep that is running or was stopped, read from the store without a lock.
 
-Of all cubes of a run, or of all runs in a folder: tiles done, failures with reasons, rate, time
-left.
+For all cubes of a run, or of all runs in a folder: tiles done, failures with reasons, rate, and
+time remaining.
 """
 
 import sys
@@ -16,17 +16,17 @@ def tell(path, state):
     from pipeline.store import printable
     from pipeline.sweep.progress import duration, plural
 
-    words = state.damage or "complete"
+    text = state.damage or "complete"
     if state.tiles and not state.damage:
-        words = f"{state.done} of {plural(state.tiles, 'tile')}"
+        text = f"{state.done} of {plural(state.tiles, 'tile')}"
         if state.lost:
-            words += f", {state.lost} computed and lost since"
+            text += f", {state.lost} computed but lost since"
         if state.failed:
-            words += f", {state.failed} failed when last tried"
+            text += f", {state.failed} failed at the last attempt"
         if state.done < state.tiles and state.rate > 0:
-            left = duration((state.tiles - state.done) / state.rate)
-            words += f"; {state.rate:.3g} tiles/s, about {left} left at that rate"
-    click.echo(printable(f"{path}{state.name}: {words}"))
+            remaining = duration((state.tiles - state.done) / state.rate)
+            text += f"; {state.rate:.3g} tiles/s, about {remaining} remaining"
+    click.echo(printable(f"{path}{state.name}: {text}"))
     for index, reason in state.reasons.items():
         click.echo(f"  tile {index} failed: {reason}")
     if state.failed > len(state.reasons):

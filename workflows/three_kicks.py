@@ -1,11 +1,12 @@
 """Where do the barriers of three kicks outlast those of two? The rotating map with Ω = 1/3.
 
-Their boundaries in the (κ̄, Δκ) plane for several phases φ0, against that of T_{κ1κ2}, which is
-Ω = 1/2 (arXiv:1606.04824, Sec. VII): from both sides, with the last circles.
+Its boundary in the (κ̄, Δκ) plane for several phases φ0, bracketed from both sides, with the last
+circles, against that of T_{κ1κ2}, which is Ω = 1/2 (arXiv:1606.04824, Sec. VII).
 
-For Ω = 1/3 it is the same for φ0 + 1/3, where the kicks start one later; for -φ0, where they are
-reversed; for φ0 + 1/2 and -Δκ; and for -κ̄ and -Δκ. So all phases are those from 0 to 1/12, with
-both signs of Δκ; at 1/12 these are alike. In between the kicks have no symmetry centre.
+For Ω = 1/3 the boundary does not change under φ0 → φ0 + 1/3, which shifts the kicks by one; under
+φ0 → -φ0, which reverses them; under (φ0, Δκ) → (φ0 + 1/2, -Δκ); and under (κ̄, Δκ) → (-κ̄, -Δκ). So
+phases from 0 to 1/12 and both signs of Δκ cover all cases; at 1/12 both signs are equivalent. In
+between the kicks have no symmetry centre.
 
 A cube for each phase and one of T, a table and a figure in OUT. The defaults take about four CPU
 minutes.
@@ -28,7 +29,7 @@ def parse_phase(text):
 @cli.several("--phase", PHASES, parse_phase, "FRACTION", "Phase φ0 of the forcing, in turns.")
 @cli.ray_options(31)
 @cli.preset("--full", "In full, most of a CPU hour", n_rays=61, phase=MANY)
-@cli.real("--tol", 1e-3, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
+@cli.real("--tol", 1e-3, 1e-5, 0.1, "Target width of the bracket, relative to the scale.")
 @cli.sweeps
 def main(run, phase, n_rays, n_cusp_rays, tol):
     from nasm.planes import rotating
@@ -46,8 +47,8 @@ def main(run, phase, n_rays, n_cusp_rays, tol):
         two = unfolded(run.sweep(last).load(), around)
         kicks = {text: unfolded(run.sweep(job).load(), around) for text, job in jobs.items()}
         three = rays.with_ratio(rays.by_phase(kicks), two.critical_scale, "that of two kicks")
-        three = rays.with_ratio(three, two.upper, "two's upper", "ratio_lower", "lower")
-        three = rays.with_ratio(three, two.lower, "two's lower", "ratio_upper", "upper")
+        three = rays.with_ratio(three, two.upper, "upper of two kicks", "ratio_lower", "lower")
+        three = rays.with_ratio(three, two.lower, "lower of two kicks", "ratio_upper", "upper")
         run.table("three_kicks", three)
         caption = three_kicks_caption(three)
         run.figure("three_kicks", draw_three_kicks, three, two, caption=caption)

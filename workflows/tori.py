@@ -1,8 +1,9 @@
 """Where do tori of the rotating standard map with irrational Ω break, and what do they look like?
 
-The barriers of kicks that never repeat (arXiv:1606.04824, Sec. VII) are tori over (θ, φ), continued
-here to their breakup by Newton's method and certified on finer grids. The default vectors are those
-of the tribonacci constant, as in the paper's Fig. 11, and of √2 and the golden mean.
+For an irrational Ω the kicks never repeat (arXiv:1606.04824, Sec. VII), and the barriers are tori
+over (θ, φ). They are continued to their breakup by Newton's method and certified on finer grids.
+The default rotation vectors are that of the tribonacci constant, as in the paper's Fig. 11, and two
+of √2 and the golden mean.
 
 Two cubes, a table and two figures in OUT. The defaults take about eight CPU minutes, --quick half a
 minute.
@@ -24,9 +25,11 @@ _VECTOR["help"] = "Rotation vector: turns of θ and φ per kick. May be repeated
 
 @command()
 @click.option("--vector", type=(float, float), multiple=True, **_VECTOR)
-@whole("--n-rays", 13, 2, 10**5, "Rays, from 0 to 90 degrees: the other sign of Δκ is another φ0.")
-@real("--tol", 1e-3, 1e-5, 0.2, "Error of the scales to aim at.")
-@real("--picture-angle", 45.0, 0, 90, "Ray in degrees where tori of the first vector are drawn.")
+@whole("--n-rays", 13, 2, 10**5, "Rays from 0 to 90 degrees; the sign of Δκ only shifts φ0.")
+@real("--tol", 1e-3, 1e-5, 0.2, "Target error of the scales.")
+@real(
+    "--picture-angle", 45.0, 0, 90, "Ray, in degrees, on which tori of the first vector are drawn."
+)
 @preset("--quick", "A preview", n_rays=3, tol=0.05)
 @sweeps
 def main(run, vector, n_rays, tol, picture_angle):

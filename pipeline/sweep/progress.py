@@ -253,7 +253,7 @@ def clock_time(seconds: float) -> str:
     return f"{hours}:{text}" if hours else text.removeprefix("0")
 
 
-def plural(n: int, word: str, form: str = "") -> str:
+def plural(n: float, word: str, form: str = "") -> str:
     """Return a number of things in words; `form` is the format of the number.
 
     Examples

@@ -1,14 +1,14 @@
 """Is transport global under this one forcing, or does a barrier stop it?
 
-The answer of `nasm.verdict` in plain sentences, and a phase portrait with what decides: the
-circle, or an orbit that escapes. Kicks that do not repeat (--once) have no invariant circles; for
-these converse KAM shows whether a family of invariant graphs may persist.
+The verdict of `nasm.verdict` in sentences, and a phase portrait with its evidence: the invariant
+circle, or an escaping orbit. An aperiodic forcing (--once) has no invariant circles; converse KAM
+then tests whether a family of invariant graphs may persist.
 
 KAPPA ... is one period of the forcing, up to 64 kicks: 0.3 0.2 0.25, or those of a file, $(cat
-FILE). Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. Within a few
-parts in 10⁵ of the boundary the answer is UNDECIDED; the exit code is 0 for all three answers. One
-or two kicks take about two seconds, and the first run on a machine twenty more to compile the
-kernels. The portrait is in OUT.
+FILE). Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. Within a relative
+distance of a few 10⁻⁵ from the boundary the answer is UNDECIDED; the exit code is 0 for all three
+answers. One or two kicks take about two CPU seconds; the first run on a machine compiles the
+kernels, twenty seconds more. The portrait is in OUT.
 """
 
 import os
@@ -30,18 +30,18 @@ def numbers_in(content):
         raise ValueError("not a text in UTF-8, e.g. one in UTF-16; save it as UTF-8") from None
     for word in text.split():
         if re.search(r"\d,\d", word):
-            words = "may be one number or two; write one like 0.3, and two like 0 3"
-            raise ValueError(f"{abbreviate(word)} {words}")
+            cure = "may be one number or two; write one like 0.3, and two like 0 3"
+            raise ValueError(f"{abbreviate(word)} {cure}")
     return [parse_float(word) for word in text.replace(",", " ").split()]
 
 
-def forcing_asked(strengths, plane, once):
-    """Return the strengths of the kicks, and where they are, (Plane, its two coordinates), or None.
+def parse_forcing(strengths, plane, once):
+    """Return the strengths of the kicks, and their point in a plane, (Plane, (a, b)) or None.
 
-    strengths : numbers of the command line, with `plane` the coordinates of a point in it; none
-    with `once`, the path of a file of numbers. ValueError says what does not fit together.
+    strengths : numbers of the command line; with `plane` the coordinates of a point in it; empty
+    with `once`, the path of a file of numbers. ValueError for arguments that contradict each other.
     """
-    from nasm import planes  # no kernel is needed to refuse what is asked
+    from nasm import planes  # does not load kernels
     from nasm.maps import forcing
 
     if once:
@@ -65,38 +65,40 @@ def forcing_asked(strengths, plane, once):
 @cli.command(ignore_unknown_options=True)
 @click.argument("kappa", type=cli.Strength(), nargs=-1)
 @cli.point_option
-@click.option("--once", type=cli.FILE, help="Text file with kicks that do not repeat.")
+@click.option("--once", type=cli.FILE, help="Text file with the kicks of an aperiodic forcing.")
 @cli.flag("--prove", "Try to prove the answer, within 20 CPU seconds.")
 @cli.column_option
 @cli.quiet_option
 @cli.directory("Directory of the figure.")
 def main(kappa, plane, once, prove, column, quiet, out):
     try:
-        strengths, point = forcing_asked(kappa, plane, once)
+        strengths, point = parse_forcing(kappa, plane, once)
         if once and prove:
-            raise ValueError("--prove needs kicks that repeat; nothing is proved with --once")
+            raise ValueError("--prove needs a periodic forcing; nothing can be proved with --once")
         os.makedirs(out, exist_ok=True)
     except ValueError as error:
         raise click.UsageError(str(error)) from None
     except OSError as error:
         raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
     cli.announce_kernels(quiet)
-    from workflows.ask.once import asked_once
-    from workflows.ask.period import asked_of_period
-    from workflows.shared.verdict_words import SHOWN
+    from workflows.ask.once import answer_aperiodic
+    from workflows.ask.period import answer_periodic
+    from workflows.shared.verdict_words import MAX_LISTED
 
     try:
-        text, draw = asked_once(strengths) if once else asked_of_period(strengths, point, prove)
+        text, draw = (
+            answer_aperiodic(strengths) if once else answer_periodic(strengths, point, prove)
+        )
     except ValueError as error:
-        raise click.UsageError(f"{error}. Kicks that come once go to --once FILE") from None
+        raise click.UsageError(f"{error}. For an aperiodic forcing use --once FILE") from None
     click.echo(text)
 
     from workflows.figures.style import drawn
 
-    asked = ["ask", plane.name] if plane else ["ask"]
-    asked += [Path(once).stem] if once else map(str, kappa[:SHOWN])
-    asked += [f"{crc32(strengths):08x}"] if len(kappa) > SHOWN else []  # of all of them
-    paths, reason = drawn(draw, out, re.sub("[:/,]", "-", "_".join(asked)), text, column)
+    parts = ["ask", plane.name] if plane else ["ask"]
+    parts += [Path(once).stem] if once else map(str, kappa[:MAX_LISTED])
+    parts += [f"{crc32(strengths):08x}"] if len(kappa) > MAX_LISTED else []  # of all of them
+    paths, reason = drawn(draw, out, re.sub("[:/,]", "-", "_".join(parts)), text, column)
     if reason:
         raise click.ClickException(reason)
     click.echo(f"figures: {', '.join(paths)}")

@@ -1,4 +1,4 @@
-"""A finite sequence of kicks that come once: may a barrier survive them? For `workflows.ask`."""
+"""An aperiodic forcing, a finite sequence of kicks: may a barrier persist? For `workflows.ask`."""
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from pipeline.sweep.progress import plural
 _ORBITS, _STARTS = 256, 2000
 
 
-def asked_once(kappa):
-    """Return what converse KAM and orbits tell of the kicks, in words, and what draws it."""
+def answer_aperiodic(kappa):
+    """Return the results of converse KAM and of orbits in words, and a function that draws them."""
     survivor = aperiodic.last_survivor(kappa)
     lo, hi = escape.PAPER_WINDOW
     first = aperiodic.escape_time(kappa, 0.0, *escape.ensemble(_ORBITS), (lo, hi)).min()
@@ -35,8 +35,8 @@ def _sentences(kappa, survivor, first):
     if survivor.kicks <= aperiodic.HORIZON:
         ends = max(1, kick - int(survivor.kicks)), min(size, survivor.site + int(survivor.kicks))
         yield (
-            f"NO BARRIER survives {kicks}: no curve around the cylinder is the graph of a "
-            "Lipschitz function before each of them and after the last."
+            f"NO BARRIER survives {kicks}: no curve around the cylinder remains the graph of a "
+            "Lipschitz function through all of them."
         )
         yield (
             f"The longest-lived start, {place}, is eliminated by {lives}, kicks {ends[0]} to "
@@ -48,14 +48,14 @@ def _sentences(kappa, survivor, first):
         )
     elif survivor.kicks < np.inf:
         yield (
-            f"UNDECIDED for {kicks}: all starts that were found are eliminated, the last, {place}, "
+            f"UNDECIDED for {kicks}: all starts found are eliminated, the last, {place}, "
             f"by {lives}. Beyond {aperiodic.HORIZON} kicks a search may miss starts that live "
             "longer."
         )
     else:
         yield (
-            f"UNDECIDED for {kicks}: a barrier may survive them; nothing is shown. The start "
-            f"{place} survives all in either direction, and on other lines others do."
+            f"UNDECIDED for {kicks}: a barrier may survive them. The start {place} is not "
+            "eliminated by any kicks in either direction, and other lines have such starts too."
         )
     lo, hi = escape.PAPER_WINDOW
     yield (

@@ -7,11 +7,11 @@ import numpy as np
 from nasm import barriers, escape, orbits
 from nasm.verdicts import Answer, verdict
 from workflows.shared.phase_space import portrait
-from workflows.shared.verdict_words import lifetime_of, name_of, sentences, steps_of
+from workflows.shared.verdict_words import forcing_text, lifetime_text, sentences, steps_text
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration; it only illustrates
-_POINTS = 2**20  # of orbits among which one is looked for that escapes
-_NEAR = 0.96  # where the boundary is nearer, no orbit escapes: none did on 12 rays, 4% beyond
+_POINTS = 2**20  # total length of the orbits among which an escaping one is searched for
+_NEAR = 0.96  # closer to the boundary no orbit escapes: none did on 12 rays, 4% beyond it
 _TRACED = 5000  # steps of the longest-lived start that are drawn, at most
 
 
@@ -37,20 +37,19 @@ def escaping_orbit(kappa):
 
 
 def drawn(kappa, point, verdict, escaping):
-    """Draw the portrait of the forcing; if transport is global, with the longest-lived start."""
+    """Draw the portrait of the forcing, with the longest-lived start if transport is global."""
     from workflows.figures.ask import draw_verdict  # loading it takes as long as the verdict
 
-    longest, name = None, name_of(kappa, point)
+    longest, name = None, forcing_text(kappa, point)
     if verdict.answer is Answer.TRANSPORT:
-        x, y, steps = barriers.longest_lived_start(
-            kappa, int(min(max(1000, 2 * verdict.steps), _STEPS))
-        )
-        lifetime = lifetime_of(kappa, steps)
+        n_max = int(min(max(1000, 2 * verdict.steps), _STEPS))
+        x, y, steps = barriers.longest_lived_start(kappa, n_max)
+        lifetime = lifetime_text(kappa, steps)
         longest = (lifetime, *orbits.orbit(kappa, x, y, int(min(steps, _TRACED))))
     return draw_verdict(kappa, point, name, verdict, portrait(kappa), longest, escaping)
 
 
-def asked_of_period(strengths, point, prove):
+def answer_periodic(strengths, point, prove):
     """Return the verdict on one period of kicks in words, and a function that draws its figure.
 
     point : (Plane, its two coordinates), or None. prove : bool. ValueError if the period is long.
@@ -63,11 +62,13 @@ def asked_of_period(strengths, point, prove):
     if escaping is not None:
         (x, *_), (y, *_, last) = escaping
         text.append(
-            f"Direct iteration: the orbit from (x, y) = ({x:.6g}, {y:.6g}) arrives at "
-            f"y = {last:.3g} after {steps_of(strengths, escaping[0].size - 1)}."
+            f"Direct iteration: the orbit from (x, y) = ({x:.6g}, {y:.6g}) reaches "
+            f"y = {last:.3g} after {steps_text(strengths, escaping[0].size - 1)}."
         )
     elif transport and far:
-        text.append("Direct iteration: no orbit was found that escapes; this shows nothing.")
+        text.append("Direct iteration: no escaping orbit was found, which proves nothing.")
     elif transport:
-        text.append("Direct iteration is too slow this near the boundary to show anything.")
+        text.append(
+            "Direct iteration: so close to the boundary escapes take too long to be observed."
+        )
     return "\n".join(text), partial(drawn, strengths, point, found, escaping)

@@ -1,7 +1,7 @@
-"""What became of each claim of the paper? A page to hold beside it, and the same as tables.
+"""Does each claim of the paper hold? A page to read beside it, and the same as tables.
 
-Claim by claim through arXiv:1606.04824: our value with its error, the verdict that a rule makes of
-it (`claims.rules`), and the command that shows it; the errata, and the envelope of all CB_ω.
+Claim by claim through arXiv:1606.04824: our value with its error, the verdict derived from it by a
+rule (`claims.rules`), and the command that shows it; the errata; and the envelope of all CB_ω.
 
 A page, three tables and eight cubes in OUT. About four CPU minutes; --n-rays 19 --n-cusp-rays 8
 --tol 1e-3 --n-max 20000 --n-orbits 64, one.
@@ -11,9 +11,9 @@ from workflows.shared.cli import command, real, sweeps, whole
 
 
 @command()
-@whole("--n-rays", 91, 3, 10**5, "Rays, from 0 to 45 degrees.")
-@whole("--n-cusp-rays", 24, 0, 1000, "More rays, 5 to 0.01 degrees below the cusp at 45.")
-@real("--tol", 1e-4, 1e-5, 0.01, "Width of the bracket of CB_gt to aim at, relative to the scale.")
+@whole("--n-rays", 91, 3, 10**5, "Rays from 0 to 45 degrees.")
+@whole("--n-cusp-rays", 24, 0, 1000, "Extra rays, 5 to 0.01 degrees below the cusp at 45.")
+@real("--tol", 1e-4, 1e-5, 0.01, "Target width of the bracket of CB_gt, relative to the scale.")
 @whole("--n-max", 1_000_000, 10_000, 10**8, "Steps of direct iteration.")
 @whole("--n-orbits", 1000, 10, 10**5, "Orbits of direct iteration.")
 @sweeps

@@ -11,9 +11,9 @@ from pipeline.cubes.cube import field_arrays
 from workflows.claims.circles import largest_amplitude
 from workflows.claims.map import apart, both_kicks
 from workflows.claims.rules import agrees, identity, printed, rounding
-from workflows.shared.direct import INSETS, exponent
-from workflows.shared.rays import with_tie
-from workflows.shared.rules import graded
+from workflows.shared.direct_iteration import INSETS, exponent
+from workflows.shared.judgement import grade
+from workflows.shared.rays import with_degenerate
 
 KAPPA_G = printed("0.971635406")
 _AXIS = "gamma", "1-gamma", "2-gamma", "gamma+1"
@@ -28,7 +28,7 @@ _SCALE = {"value": "value", "error": "error"}
 
 
 def boundary_claims(bias, n_max, n_orbits):
-    """Judge Sec. V; `bias` is that of direct iteration at 45°, from `direct.direct_bias`."""
+    """Judge Sec. V; `bias` is `direct_iteration.direct_bias` at 45°."""
     gamma, mirrored = (periodic.critical_scale(parse(n), (1.0,)) for n in ("gamma", "1-gamma"))
     error = gamma.error + mirrored.error + abs(gamma.value - mirrored.value)
     most = largest_amplitude()
@@ -36,7 +36,7 @@ def boundary_claims(bias, n_max, n_orbits):
         "standard_map": agrees(gamma.value, error, *KAPPA_G),
         **_reductions(),
         **_critical_circles(),
-        "amplitudes": graded({"most": most}, most < 1),
+        "amplitudes": grade({"most": most}, most < 1),
         **_square(n_max, n_orbits),
         **_exponents(bias),
         **_insets(n_orbits),
@@ -68,12 +68,12 @@ def _critical_circles():
         near = max(np.finfo(float).eps, *(abs(scale.value / last.value - 1) for scale in scales))
         text = (
             f"they break within {near:.0e} of CB_gt, in parts of it; the last circle found there "
-            f"is {with_tie(str(last.omega), angle)}"
+            f"is {with_degenerate(str(last.omega), angle)}"
         )
         holds = last.omega in map(_standard, omegas) and off <= 1
         expected = (part * number for number in KAPPA_G)
         found[f"breakup_{name}"] = agrees(last.value * size, last.error * size, *expected)
-        found[f"circles_{name}"] = graded(text, holds, known=np.isfinite(off))
+        found[f"circles_{name}"] = grade(text, holds, known=np.isfinite(off))
     return found
 
 
@@ -98,7 +98,7 @@ def _square(n_max, n_orbits):
     if not seen:
         value = "on some of these rays no orbit escapes in so few steps"
     return {
-        "direct_symmetric": graded(value, apart.max() < 1e-14, apart.max() < excess, seen),
+        "direct_symmetric": grade(value, apart.max() < 1e-14, apart.max() < excess, seen),
         "square": identity(off, allowed, f"{angles.size} rays computed apart: largest difference"),
     }
 
@@ -115,10 +115,10 @@ def _exponents(bias):
     )
     values, theory = {"eta": 2.681, "eta_large": 3.322}, 3.012
     near = max(abs(number - theory) for number in values.values())
-    found = {"eta_theory": graded(text, abs(eta - theory) <= near, known=known)}
+    found = {"eta_theory": grade(text, abs(eta - theory) <= near, known=known)}
     for name, number in values.items():
         within = lowest <= number <= highest
-        found[name] = graded(text, abs(eta - number) <= 2 * error, within, known)
+        found[name] = grade(text, abs(eta - number) <= 2 * error, within, known)
     return found
 
 
@@ -136,5 +136,5 @@ def _insets(n_orbits):
             f"iteration up to N = {n_max} ends {width:.2%} beyond"
         )
         known = np.isfinite(excess + width)
-        found[f"inset_{number}"] = graded(text, abs(excess) <= width, known=known)
+        found[f"inset_{number}"] = grade(text, abs(excess) <= width, known=known)
     return found

@@ -17,7 +17,7 @@ from nasm.numbers import moebius, parse
 from nasm.symmetries import ray
 from workflows.claims.map import apart
 from workflows.claims.rules import identity, rounding
-from workflows.shared.rules import graded
+from workflows.shared.judgement import grade
 
 _KAPPA = (0.4, 0.2)
 _POINTS = 512
@@ -50,10 +50,10 @@ def circle_claims():
     off[0, 1] = 0
     cost = {"order": work, "least": sizes[0], "most": sizes[-1]}
     return {
-        "newton": graded({"order": order}, abs(order - 2) < 0.1),
+        "newton": grade({"order": order}, abs(order - 2) < 0.1),
         "reduction": identity(float(np.abs(off).max()), 1e-10),
-        "average": graded({"order": mean_order}, mean_order > 1.9),
-        "cost": graded(cost, work < 1.5),
+        "average": grade({"order": mean_order}, mean_order > 1.9),
+        "cost": grade(cost, work < 1.5),
         **_symmetries(),
     }
 

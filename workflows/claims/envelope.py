@@ -8,7 +8,7 @@ logarithmically. ω is in [0, 1] and stands for ±ω and all ω + 2n.
 import numpy as np
 
 from nasm.numbers import NAMES, parse
-from workflows.shared.rays import with_tie
+from workflows.shared.rays import with_degenerate
 
 HEADER = ("φ, degrees", "last circle, ω", "bracket, in parts", *NAMES)
 
@@ -46,7 +46,7 @@ def cells(row):
     ends = dict.fromkeys(f"{row[end]:.6g}" for end in ("from", "to"))
     return (
         " – ".join(ends),
-        with_tie(row["circle"], row["from"]) if row["circle"] else "open",
+        with_degenerate(row["circle"], row["from"]) if row["circle"] else "open",
         _text(row["bracket"], "{:.0e}"),
         *(_text(row[name], "{:.3%}") for name in NAMES),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from nasm.maps import TWO_PI, kick, step, step_tangent, twist, unkick
 from nasm.orbits import orbit, rotation_number
 from workflows.claims.rules import identity, rounding
-from workflows.shared.rules import graded
+from workflows.shared.judgement import grade
 
 _STEPS = 3  # after which orbits are compared
 _CIRCLE = 1e-10  # of a rotation number after 10 000 steps
@@ -76,10 +76,10 @@ def map_claims():
         "conjugation": identity(swapped, rounding(2 * _STEPS + 2)),
         "inverse": identity(inverse, rounding(2)),
         "twist": identity(apart(printed_twist, twist), rounding(3)),
-        "twist_region": graded({"inside": inside, "outside": outside}, inside > 0 > outside),
+        "twist_region": grade({"inside": inside, "outside": outside}, inside > 0 > outside),
         "area": identity(area, rounding(3)),
         "exact": identity(apart(path_integral, generating_function, 10), 1e-12),
-        "alternation": graded(alternation, max(away) < 0.25),
+        "alternation": grade(alternation, max(away) < 0.25),
     }
 
 
@@ -156,7 +156,7 @@ def symmetry_claims():
     found["footnote"] = identity(np.abs(off).max(), _CIRCLE)
     as_printed, corrected = ome5_deviations()
     off = {"printed": as_printed, "corrected": corrected}
-    return found | {"ome5": graded(off, as_printed < _CIRCLE, corrected < _CIRCLE)}
+    return found | {"ome5": grade(off, as_printed < _CIRCLE, corrected < _CIRCLE)}
 
 
 def _deviation(function, image, expected):

@@ -7,8 +7,8 @@ from pandas import DataFrame
 from pipeline.sweep.progress import plural
 from workflows.claims.envelope import HEADER, cells
 from workflows.figures import files
+from workflows.shared.judgement import Verdict
 from workflows.shared.page import render
-from workflows.shared.rules import Verdict
 
 _ORDER = [Verdict.FAILS, Verdict.CAVEAT, Verdict.UNDECIDED, Verdict.HOLDS]  # of the page
 

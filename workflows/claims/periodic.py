@@ -8,8 +8,8 @@ from nasm.maps import TWO_PI, kick, step, step_tangent, unkick
 from pipeline.sweep.grid import parse_axis
 from workflows.claims.map import both_kicks
 from workflows.claims.rules import identity
+from workflows.shared.judgement import grade
 from workflows.shared.period_one import secondary_dataset
-from workflows.shared.rules import graded
 
 
 def periodic_claims():
@@ -34,7 +34,7 @@ def periodic_claims():
         **_carried_orbits(),
         "six_orbits": _six_orbits(),
         "primary_residues": identity(off, 1e-13),
-        "primary_stable": graded({"wrong": wrong, "cases": printed.size}, wrong == 0),
+        "primary_stable": grade({"wrong": wrong, "cases": printed.size}, wrong == 0),
         "primary_symmetric": identity(asymmetry, 1e-13),
         **_secondary_orbits(),
     }
@@ -72,7 +72,7 @@ def _six_orbits():
     rise = kick(second, *kick(first, x, y))[1] - y
     counts = np.count_nonzero(rise * np.roll(rise, 1, axis=-1) < 0, axis=-1)
     six, four = int(counts.sum(axis=1).min()), int(counts[:, 1:].sum(axis=1).min())
-    return graded({"six": six, "four": four}, four == 6, six == 6)
+    return grade({"six": six, "four": four}, four == 6, six == 6)
 
 
 def _secondary_orbits():
@@ -88,13 +88,13 @@ def _secondary_orbits():
     as_printed, corrected = (abs(estimate - z2) for estimate in estimates)
     return {
         "secondary": identity(off, 1e-12, f"{exists.sum()} points are fixed within"),
-        "cubic_estimate": graded(
+        "cubic_estimate": grade(
             {"z2": z2, "printed": as_printed, "corrected": corrected},
             as_printed < z2**1.5,
             corrected < z2**1.5,
         ),
-        "secondary_region": graded({"elsewhere": elsewhere, "cells": exists.size}, elsewhere == 0),
-        "secondary_stable": graded(
+        "secondary_region": grade({"elsewhere": elsewhere, "cells": exists.size}, elsewhere == 0),
+        "secondary_stable": grade(
             {"all": stable.mean(), "near": stable[near].mean()},
             stable.all(),
             stable[near].all(),

@@ -18,7 +18,7 @@ from nasm.symmetries import ray
 from workflows.claims.boundary import KAPPA_G
 from workflows.claims.map import apart
 from workflows.claims.rules import identity, rounding
-from workflows.shared.rules import graded
+from workflows.shared.judgement import grade
 
 _PAIRS = {
     "mirror_gamma": ("gamma", "gamma+1"),
@@ -41,8 +41,8 @@ def result_claims(circles, barrier, tori, three):
         "known_limits": _known_limits(),
         "blow_up": _blow_up(),
         "bounds": _bounds(),
-        "contained": graded(contained, outside == 0),
-        "asymmetrical": graded(lopsided, all((off > error).any() for off, error in asymmetry)),
+        "contained": grade(contained, outside == 0),
+        "asymmetrical": grade(lopsided, all((off > error).any() for off, error in asymmetry)),
         **{name: _reflection(circles, *pair) for name, pair in _PAIRS.items()},
         "heuristic_1": _heuristic(circles, barrier, NAMES[4]),
         "heuristic_2": _heuristic(circles, barrier, NAMES[5]),
@@ -63,7 +63,7 @@ def _known_limits():
         found = continuation.critical_scale(parse(name), ray(angle), 1e-6)
         off = np.maximum(off, abs(found.value / exact - 1))
         beyond = np.maximum(beyond, abs(found.value - exact) / found.error)
-    return graded({"n": len(cases), "off": off}, beyond <= 1)
+    return grade({"n": len(cases), "off": off}, beyond <= 1)
 
 
 def _blow_up():
@@ -77,7 +77,7 @@ def _blow_up():
         fineness = [continuation.fineness(u) for _, u in found]
         grown.append(-np.polyfit(np.log(away), np.log(fineness), 1)[0])
     value = {"least": min(grown), "most": max(grown), "nearest": distances[-1]}
-    return graded(value, min(grown) > 0.5)
+    return grade(value, min(grown) > 0.5)
 
 
 def _bounds():
@@ -90,7 +90,7 @@ def _bounds():
         shown = symmetry_line.critical_scale(profile, 4000).upper
         excess.append(escape.onset_scale(profile, 10_000, 100) / shown - 1)
     value = {"excess": min(excess), "deficit": min(deficit)}
-    return graded(value, min(value.values()) > 0)
+    return grade(value, min(value.values()) > 0)
 
 
 def _mirror(circles, name, other):
@@ -107,7 +107,7 @@ def _mirror(circles, name, other):
 def _reflection(circles, name, other):
     off, error = _mirror(circles, name, other)
     text = f"{off.size} pairs of rays, computed apart, differ by up to {off.max():.1e}, in parts"
-    return graded(text, off.size > 0 and (off <= error).all())
+    return grade(text, off.size > 0 and (off <= error).all())
 
 
 def _heuristic(circles, barrier, name):
@@ -120,7 +120,7 @@ def _heuristic(circles, barrier, name):
         f"on {leads.mean():.0%} of {leads.size} rays it is the largest of the six, and falls "
         f"short of CB_gt by up to {gap} there"
     )
-    return graded(text, leads.any() and short.max() < 0.05, leads.any())
+    return grade(text, leads.any() and short.max() < 0.05, leads.any())
 
 
 def hull_claims(circles, barrier):
@@ -140,15 +140,15 @@ def hull_claims(circles, barrier):
     within = ((circles.error.max("circle") + barrier.error) / barrier.critical_scale).values
     formed = (short <= within)[np.isfinite(short)]
     return {
-        "hull": graded(
+        "hull": grade(
             {"part": part[worst], "angle": wedge.angle.values[worst]}, part[worst] > 1 - 1e-3
         ),
-        "envelope": graded(
+        "envelope": grade(
             {"closed": there.sum(), "rays": there.size, "most": np.nanmax(closed)},
             there.all(),
             there.mean() > 0.9,
         ),
-        "six": graded(
+        "six": grade(
             {"share": formed.mean(), "rays": formed.size, "short": np.nanmax(short)},
             formed.all(),
             np.nanmax(short) < 0.05,
@@ -170,7 +170,7 @@ def _rotating_map():
         lambda kappa, *z: step(kappa[[0, 0]], *z),
     )
     return {
-        "rotating_half": graded({"off": off}, off[0] <= 1e-15, max(off[1:]) <= 1e-15),
+        "rotating_half": grade({"off": off}, off[0] <= 1e-15, max(off[1:]) <= 1e-15),
         "rotating_quarter": identity(constant, rounding(2)),
     }
 
@@ -181,7 +181,7 @@ def _third(three):
     share = beyond.sum() / max(known.sum(), 1)
     value = {"phases": three.phase.size, "beyond": beyond.sum(), "known": known.sum()}
     value["most"] = float(three.ratio_lower.max()) - 1
-    return graded(value, 0 < share < 0.25, beyond.any(), known.any())
+    return grade(value, 0 < share < 0.25, beyond.any(), known.any())
 
 
 def _torus(tori):
@@ -191,4 +191,4 @@ def _torus(tori):
     share = outside.sum() / max(outside.size, 1)
     value = {"outside": outside.sum(), "rays": outside.size}
     value["most"] = max(part[known], default=np.nan)
-    return graded(value, 0 < share < 0.1, share < 0.1, known.any())
+    return grade(value, 0 < share < 0.1, share < 0.1, known.any())

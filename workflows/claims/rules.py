@@ -5,8 +5,8 @@ hand. Each rule returns the value, in words or numbers, and the Verdict:
 
     identity    the two sides of an equation differ by no more than rounding explains
     agrees      a value and a number in print differ by no more than the errors of both
-    graded      as it is written; or only in the weaker sense that the note states; or not at all;
-                this one is in `workflows.shared.rules`
+    grade      as it is written; or only in the weaker sense that the note states; or not at all;
+                this one is in `workflows.shared.judgement`
 
 NaN is UNDECIDED.
 """
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
-from workflows.shared.rules import Verdict, graded
+from workflows.shared.judgement import Verdict, grade
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def rounding(kicks):
 
 def identity(deviation, bound, words="largest deviation"):
     text = f"{words} {deviation:.1e}, of {bound:.1e} allowed"
-    return graded(text, deviation <= bound, known=isfinite(deviation))
+    return grade(text, deviation <= bound, known=isfinite(deviation))
 
 
 def printed(text):
@@ -96,4 +96,4 @@ def printed(text):
 def agrees(value, error, expected, uncertainty=0.0):
     """Compare with a number in print, or what theory makes of one, with its rounding."""
     near, known = abs(value - expected) <= error + uncertainty, isfinite(value + error)
-    return graded(f"{value:.12g} ± {error:.1g}; to compare with {expected:.12g}", near, known=known)
+    return grade(f"{value:.12g} ± {error:.1g}; to compare with {expected:.12g}", near, known=known)

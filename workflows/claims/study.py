@@ -17,9 +17,9 @@ from workflows.claims.map import map_claims, symmetry_claims
 from workflows.claims.periodic import periodic_claims
 from workflows.claims.results import result_claims
 from workflows.claims.rules import Erratum, in_words, judged, printed_texts
-from workflows.shared import direct
+from workflows.shared import direct_iteration
+from workflows.shared.judgement import Verdict
 from workflows.shared.rays import PAPER_CIRCLES, by_phase, with_ratio
-from workflows.shared.rules import Verdict
 from workflows.shared.tables import dataset
 
 _STEP = 7.5  # degrees, of rays around the half plane, so that mirror images and tori have theirs
@@ -44,7 +44,7 @@ def planned(n_rays, n_cusp_rays, tol, n_max, n_orbits):
     return {
         "barrier": last_barrier(two_kicks(), rays, tol),
         "circles": breakdown.by_residue(two_kicks(), PAPER_CIRCLES, rays, q_max=6000),
-        "escapes": direct.bias_job(two_kicks(), cusp, [n_orbits], n_max),
+        "escapes": direct_iteration.bias_job(two_kicks(), cusp, [n_orbits], n_max),
         "tori": rotating_maps.residues([_TORUS], around),
         **{
             phase: last_barrier(plane, around, 1e-2, cube_name(plane))
@@ -63,7 +63,7 @@ def examine(cubes, rays, n_max, n_orbits):
     scale, upper = two.critical_scale.values / np.sqrt(2), two.upper.values / np.sqrt(2)
     tori, three = (with_ratio(cube, scale, "that of two kicks") for cube in (tori, three))
     three["ratio_lower"] = three.lower / upper
-    bias = direct.direct_bias(cubes["escapes"], direct.steps_up_to(n_max))
+    bias = direct_iteration.direct_bias(cubes["escapes"], direct_iteration.steps_up_to(n_max))
     found = {
         **map_claims(),
         **symmetry_claims(),

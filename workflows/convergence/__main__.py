@@ -1,12 +1,11 @@
 """How fast does direct iteration converge, on any ray of forcings? The paper's Fig. 7.
 
-The boundary {n* ≤ N} approaches the breakup like N^(-1/η) (arXiv:1606.04824, Sec. V.B). Beside it
-the number M of orbits. How the errors of the other methods fall is in the table of
-`work_precision`.
+The boundary {n* ≤ N} approaches the breakup like N^(-1/η) (arXiv:1606.04824, Sec. V.B); its
+dependence on the number M of orbits is shown too. `work_precision` compares the other methods.
 
-A ray κ = s·profile of any period is in a plane FILE.json whose "first" is the profile, at --angle
-0. A cube and a table, and for 45 degrees of two kicks a second cube, with a figure each, in OUT.
-About three CPU minutes; ten times the steps or orbits take ten times as long.
+For a ray κ = s·profile of any period write a plane FILE.json whose "first" is the profile, and use
+--angle 0. A cube, a table and a figure in OUT, and for two kicks at 45 degrees a second cube and
+figure. About three CPU minutes; ten times the steps or orbits take ten times as long.
 """
 
 from workflows.shared.cli import command, increasing, plane_option, preset, real, sweeps, whole
@@ -26,14 +25,18 @@ def main(run, plane, angle, n_max, n_orbits):
     from pipeline.cubes.cube import untiled
     from workflows.convergence.study import breakups, on_the_diagonal
     from workflows.figures import convergence as figures
-    from workflows.shared import direct
+    from workflows.shared import direct_iteration
 
     scales = breakups(plane, sorted(set(angle)))
-    job = direct.bias_job(plane, scales, n_orbits, n_max)
+    job = direct_iteration.bias_job(plane, scales, n_orbits, n_max)
     with run.sweeping(job):
-        bias = direct.direct_bias(run.sweep(job).load(), direct.steps_up_to(n_max))
+        bias = direct_iteration.direct_bias(
+            run.sweep(job).load(), direct_iteration.steps_up_to(n_max)
+        )
         n, largest = bias.n.values, bias.isel(ensemble=-1)
-        fits = {angle: direct.exponent(n, largest.sel(angle=angle).values) for angle in scales}
+        fits = {
+            angle: direct_iteration.exponent(n, largest.sel(angle=angle).values) for angle in scales
+        }
         run.table("convergence_direct", bias.to_dataset())
         caption = figures.convergence_caption(bias, fits)
         run.figure("convergence", figures.draw_convergence, bias, fits, caption=caption)

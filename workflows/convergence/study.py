@@ -4,12 +4,12 @@ import numpy as np
 
 from nasm import barriers
 from pipeline.cubes.cube import text
-from workflows.shared.direct import exponent
+from workflows.shared.direct_iteration import exponent
 from workflows.shared.tables import dataset
 
 
 def breakups(plane, angles):
-    """Return {angle: scale of the last barrier's breakup}, to judge by; ValueError without one."""
+    """Return {angle: scale of the last breakup}, the reference; ValueError if one is unknown."""
     plane.rays_start_at_zero("the convergence of direct iteration")
     scales = {}
     for angle in angles:

@@ -1,8 +1,8 @@
-"""How fast is transport, once it is global? The diffusion of momentum, beyond the boundary.
+"""How fast is global transport? The diffusion of momentum beyond the boundary.
 
-D(κ1, κ2) by ensembles, with errors, on rays from CB_gt outwards; next to CB_gt, where no ensemble
-is fast enough, the flux ΔW through what is left of the last circle: were this all that resists, D
-would be ΔW/m, for m such circles in a unit of y, and fall like (s/s_c - 1)^3.01.
+D(κ1, κ2) by ensembles, with errors, on rays from CB_gt outwards; next to CB_gt, where ensembles are
+too slow, the flux ΔW through the cantorus of the last circle: if this cantorus were the only
+obstacle, D would be ΔW/m, with m such cantori per unit of y, and vary like (s/s_c - 1)^3.01.
 
 Three cubes, a table, a figure in OUT. The defaults take about six CPU minutes, --quick one.
 """
@@ -11,9 +11,9 @@ from workflows.shared.cli import command, flag, sweeps, whole
 
 
 @command()
-@whole("--n-orbits", 256, 64, 10**6, "Orbits under each forcing; error ~ N_ORBITS^(-1/2).")
-@whole("--n-max", 2**24, 2**13, 10**12, "Periods that orbits are followed, at most.")
-@flag("--quick", "A preview: 4 rays, at most 2^18 periods.")
+@whole("--n-orbits", 256, 64, 10**6, "Orbits per forcing; the error is ∝ N_ORBITS^(-1/2).")
+@whole("--n-max", 2**24, 2**13, 10**12, "Maximum number of steps (periods of the forcing).")
+@flag("--quick", "A preview: 4 rays, at most 2^18 steps.")
 @sweeps
 def main(run, n_orbits, n_max, quick):
     import numpy as np

@@ -1,10 +1,10 @@
-"""Diffusion beyond the boundary: where to compute it, its law by the flux, and what is found."""
+"""Diffusion beyond the boundary: its law from the flux, and the findings."""
 
 import numpy as np
 import xarray as xr
 
+from workflows.shared.judgement import finding, span
 from workflows.shared.power_law import FLUX as ETA
-from workflows.shared.rules import finding, span
 
 NEAREST = 1e-3  # distance beyond the breakup at which the prefactor is read from the flux
 _NEAR = 0.13  # distance up to which the law of D itself is looked for
@@ -13,8 +13,8 @@ _NEAR = 0.13  # distance up to which the law of D itself is looked for
 def law(barrier, fluxes, measured):
     """Compare D on rays with the flux: the measured Dataset, dims (angle, excess), and more.
 
-    one_cantorus is ΔW over the number of last circles between which y gains a unit: ω and 2 - ω,
-    and on the axes those tied with them; prefactor is that over excess^3.01172 at the breakup.
+    one_cantorus is ΔW over the number of last circles per unit of y: ω and 2 - ω, and on the axes
+    the circles degenerate with them; prefactor is that over excess^3.01172 at the breakup.
     """
     of_flux = fluxes.flux / xr.where(barrier.tied.sel(angle=fluxes.angle) != "", 4, 2)
     prefactor = of_flux.sel(excess=NEAREST, drop=True) / NEAREST**ETA
@@ -23,7 +23,7 @@ def law(barrier, fluxes, measured):
 
 
 def findings(law):
-    """Judge what was foreseen; lines of text."""
+    """Judge the predictions; lines of text."""
     ratio = law.ratio.sel(excess=slice(0, 1)).values
     ratio = ratio[np.isfinite(ratio)]
     first = law.ratio.isel(excess=law.ratio.notnull().argmax("excess")).values
@@ -31,19 +31,20 @@ def findings(law):
     prefactor = law.prefactor.dropna("angle")
     return "\n".join([
         finding(
-            "the last circle alone resists, D = ΔW/m",
-            f"D is {span(ratio)} of that under {ratio.size} forcings up to twice the breakup, "
-            f"and {span(first)} where it is resolved nearest to the boundary; where it is less, "
-            "the cantori of other circles, which break almost together, hold back more",
+            "the cantorus of the last circle is the only obstacle, D = ΔW/m",
+            f"D is {span(ratio)} times ΔW/m under {ratio.size} forcings up to twice the breakup, "
+            f"and {span(first)} times at the forcings closest to the boundary at which D is "
+            "resolved; where it is smaller, the cantori of other circles, which break at almost "
+            "the same scale, resist more",
             bool((abs(ratio - 1) < 0.2).all()),
             bool((ratio < 1.2).all()),
             ratio.size > 0,
         ),
         finding(
             f"D ~ (s/s_c - 1)^{ETA:.3g}",
-            f"the exponent is {slope:.2f} ± {error:.2f} from 5% to {100 * _NEAR:.0f}%, by {rays} "
-            "rays on which D is resolved there twice; that of ΔW/m has the prefactor "
-            f"{span(prefactor.values)} along the boundary, largest at "
+            f"the exponent is {slope:.2f} ± {error:.2f} from 5% to {100 * _NEAR:.0f}% beyond the "
+            f"breakup, from {rays} rays with at least two resolved values there; the prefactor of "
+            f"ΔW/m is {span(prefactor.values)} along the boundary, largest at "
             f"{float(prefactor.idxmax('angle')) if prefactor.size else np.nan:g}°",
             rays > 2 and abs(slope - ETA) < 2 * error,
             abs(slope - ETA) < 0.5,

@@ -1,10 +1,10 @@
-"""Click on the plane, see the orbits, get the verdict: the explorer, a page in the browser.
+"""Interactive explorer in the browser: click on a forcing, see its orbits and the verdict.
 
-Left the plane of forcings, with first escape times and the last circle's boundary; right the phase
-portrait of the forcing that was clicked; above them the verdict.
+On the left the plane of forcings, with first escape times and the boundary of the last circle; on
+the right the phase portrait of the selected forcing; above them the verdict.
 
-What an earlier run has left in OUT, escape times and the boundary, is shown at once; OUT is only
-read, and need not exist. The rest is computed where you look. Ctrl-C ends it.
+Escape times and the boundary of an earlier run in OUT are shown immediately; OUT is only read, and
+need not exist. Everything else is computed on demand. Stop it with Ctrl-C.
 
 The page is served on localhost only. From another machine, forward a port, ssh -L
 5006:localhost:5006 MACHINE, and open http://localhost:5006/ there.
@@ -20,7 +20,7 @@ from workflows.shared.cli import cluster_options, command, directory, flag, plan
 @whole("--port", 5006, 0, 65535, "Port of the page on this machine; 0 takes any free one.")
 @flag("--no-browser", "Print the address of the page without opening a browser.")
 @cluster_options
-@directory("Directory of a run whose cubes are shown; it need not exist.")
+@directory("Directory of a run whose cubes are shown, if it exists.")
 def main(plane, port, no_browser, out, **cluster):
     try:
         import bokeh  # noqa: F401

@@ -22,7 +22,7 @@ from workflows.explore.state import LINES
 from workflows.figures.planes import symbols
 from workflows.figures.style import INSIDE, NO_ESCAPE
 from workflows.shared.tables import dataset
-from workflows.shared.verdict_words import scale_of
+from workflows.shared.verdict_words import scale_text
 
 _PIXELS = 640  # along each side, until the browser tells
 _MOST_PIXELS = 1024
@@ -171,7 +171,7 @@ class PlanePanel:
         if verdict is not None and from_zero:  # its ray is the plane's
             boundary = verdict.boundary
             words = (
-                f"{scale_of(boundary)} times these strengths" if isfinite(boundary.value) else ""
+                f"{scale_text(boundary)} times these strengths" if isfinite(boundary.value) else ""
             )
             return side_words(verdict.answer, boundary.value, words)
         excess = float(self.shared.rays.excess(a, b))

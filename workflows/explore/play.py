@@ -6,7 +6,7 @@ from bokeh.palettes import Viridis3
 
 from workflows.explore.widgets import small
 from workflows.figures.planes import symbols
-from workflows.shared.instruments import PLACES, residues
+from workflows.shared.on_demand import PLACES, residues
 
 _RAY = "the ray"
 

@@ -15,10 +15,10 @@ from workflows.explore import widgets
 from workflows.explore.state import ORBITS, fraction_of, orbits_of, orbits_text
 from workflows.figures.phase_space import CHAOTIC, COLOURS, ends, places
 from workflows.figures.style import VERMILION
-from workflows.shared.instruments import MANIFOLDS, resonance, spreading
-from workflows.shared.orbit_words import orbit_words, residue_words
+from workflows.shared.on_demand import MANIFOLDS, resonance, spreading
+from workflows.shared.orbit_words import describe_orbit, describe_residue
 from workflows.shared.phase_space import in_box, periodic_orbits, portraits
-from workflows.shared.verdict_words import lifetime_of, name_of
+from workflows.shared.verdict_words import forcing_text, lifetime_text
 
 _PIXELS = 560  # along each side, until the browser tells
 _MOST_PIXELS = 1200
@@ -99,7 +99,7 @@ class PortraitPanel:
             source = self.plot.select_one({"name": name})
             if source and len(source.data["x"]):
                 found = found.assign({f"{name}_{axis}": (name, source.data[axis]) for axis in "xy"})
-        title = name_of(self.state.kappa, (self.state.plane, self.state.point))
+        title = forcing_text(self.state.kappa, (self.state.plane, self.state.point))
         words = filter(None, [title, self.words.get("last circle")])
         return found.assign_attrs(title=", ".join(words))
 
@@ -240,7 +240,7 @@ def _computed(kappa, box, added, every, with_lines, shape):
         if not any(curves.values()):
             told = ["The forcing has no symmetry centre, so there are no symmetry lines."]
     for x, y in added[-1:]:
-        told.insert(0, f"The one added at ({x:.6g}, {y:.6g}): {orbit_words(kappa, x, y)}.")
+        told.insert(0, f"The one added at ({x:.6g}, {y:.6g}): {describe_orbit(kappa, x, y)}.")
     left, bottom, width, height = box  # ω of starts on the vertical line in its middle
     y = bottom + height * (np.arange(_PROFILE) + 0.5) / _PROFILE
     omega, _ = orbits.rotation_number(kappa, left + width / 2, y, 2000)
@@ -293,7 +293,7 @@ def _decisive(kappa, found):
     if found.answer is Answer.TRANSPORT:
         x, y, steps = barriers.longest_lived_start(kappa, max(1000, int(2 * found.steps)))
         traced = orbits.orbit(kappa, x, y, int(min(steps, _MOST_STEPS)))
-        lifetime = lifetime_of(kappa, steps)
+        lifetime = lifetime_text(kappa, steps)
         name = f"Not a barrier: the longest-lived start, eliminated after {lifetime} (dots)"
         return {"longest_lived": _curve(traced)}, {"last circle": name}
     return {}, {}
@@ -310,7 +310,7 @@ def _cycles(kappa, omega, fraction, box):
         words = *_MARKERS[family], f"{one} ({family}), R = {residue:.4g}"
         for name, more in zip(points, (x, y, *([word] * x.size for word in words)), strict=True):
             points[name] += [*more]
-    kinds = [f"{family} orbit: {residue_words(residue)}" for _, family, _, _, residue in own]
+    kinds = [f"{family} orbit: {describe_residue(residue)}" for _, family, _, _, residue in own]
     said = [f"{fraction}: {'; '.join(kinds)}."] if own else []
     curves, more = ({}, "") if box is None else resonance(kappa, fraction, box)
     said = " ".join([*said, more, *missing, *lost]).strip()

@@ -1,6 +1,6 @@
-"""The portrait of one forcing, with what decides the verdict, and where it is in the plane.
+"""The portrait of one forcing, with the evidence for the verdict, and its place in the plane.
 
-For kicks that come once, the kicks and the lives of starts.
+For an aperiodic forcing, the kicks and the lifetimes of starts.
 """
 
 import numpy as np
@@ -15,13 +15,13 @@ _PLAIN = {"frameon": False, "fontsize": "small"}  # legends
 
 
 def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
-    """Draw a phase portrait with what decides the verdict, and the forcing in its plane.
+    """Draw a phase portrait with the evidence for the verdict, and the forcing in its plane.
 
-    That is the circle that is a barrier, or the start that lives longest and an orbit that escapes.
+    The evidence is the circle that is a barrier, or the longest-lived start and an escaping orbit.
 
-    point : (Plane, its two coordinates), or None. name : the forcing in words.
+    point : (Plane, its two coordinates), or None. name : the forcing as text.
     orbits : Dataset by `phase_space.portrait`.
-    longest, escaping : (lifetime in words, x, y) of the longest-lived start, (x, y) of an orbit; or
+    longest, escaping : (lifetime as text, x, y) of the longest-lived start, (x, y) of an orbit; or
         None.
     """
     bracket = verdict.boundary.lower, verdict.boundary.value, verdict.boundary.upper
@@ -42,7 +42,7 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
         axes.plot(x, y, label=rf"certified circle, $\omega = {omega}$", **look)
     if longest is not None:
         lifetime, x, y = longest
-        words = f"longest-lived start, {lifetime}: not a barrier"
+        words = f"longest-lived start ({lifetime}): not a barrier"
         draw_survivor(axes, x % 1, cell(y), label=words)
     if escaping is None:
         for line, colour, words in ((0, COLOURS[0], "0"), (1, VERMILION, "1/2")):
@@ -54,9 +54,9 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
         x, y = escaping
         size = 1 + 12 / np.sqrt(x.size)  # a few points are lost among the portrait's
         axes.plot(x % 1, cell(y), **dots(_ESCAPING, size))
-        axes.plot([], [], label="orbit that escapes", **dots(_ESCAPING, 9))
+        axes.plot([], [], label="escaping orbit", **dots(_ESCAPING, 9))
         time.plot(y, color=_ESCAPING, lw=0.3, marker=".", ms=size, rasterized=True)
-        time.set(xlabel="step $n$", ylabel="$y_n$ as it escapes")
+        time.set(xlabel="step $n$", ylabel="$y_n$ of the escaping orbit")
         time.xaxis.get_major_locator().set_params(integer=True)
     axes.set(xlim=(0, 1), ylim=(-0.25, 0.75), xlabel="$x$ (turns)", ylabel="$y$ (mod 1)")
     axes.set_aspect("equal")
@@ -98,13 +98,13 @@ def _mark(axes, forcing, breakup, size):
     known = np.isfinite(breakup).all()
     words = "breakup of the last circle" if known else None
     axes.plot(*breakup, "o", color=_BREAKUP, mfc="none", ms=size, label=words)
-    axes.plot(*forcing, "*", color="black", ms=9, label="the forcing")
+    axes.plot(*forcing, "*", color="black", ms=9, label="this forcing")
     axes.axhline(0, color="0.8", lw=0.6, zorder=0)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), **_PLAIN | {"fontsize": "x-small"})
 
 
 def draw_once(kappa, survivor, y, lives):
-    """Draw a sequence of kicks, those that eliminate the last survivor, and lives on its line.
+    """Draw the kicks, those that eliminate the last survivor, and the lifetimes on its line.
 
     survivor : `converse_kam.symmetry_line.LongestLived`. y, lives : of starts on its line; inf
     for those that survive.
@@ -113,8 +113,10 @@ def draw_once(kappa, survivor, y, lives):
     kicks.plot(np.arange(1, kappa.size + 1), kappa, ".-", color="0.6", ms=3, lw=0.5)
     here, reach = survivor.site + 1, min(survivor.kicks, kappa.size)
     kicks.axvspan(max(1, here - reach), min(kappa.size, here + reach), color="black", alpha=0.12)
-    kicks.axvline(here, color=_ESCAPING, label=f"the line is before kick {here}")
-    kicks.set(xlabel="kick", ylabel=r"$\kappa_n$", title="shaded: kicks that eliminate all starts")
+    kicks.axvline(here, color=_ESCAPING, label=f"line of starts, before kick {here}")
+    kicks.set(
+        xlabel="kick", ylabel=r"$\kappa_n$", title="shaded: the kicks that eliminate all starts"
+    )
     style.legend_below(kicks)
     alive = np.isinf(lives)
     line.plot(y[~alive], lives[~alive], ".", color=_BREAKUP, ms=3)
@@ -122,11 +124,13 @@ def draw_once(kappa, survivor, y, lives):
     if alive.any():
         line.plot(y[alive], top, "^", color=_ESCAPING, ms=4, label="survives all kicks")
     if survivor.kicks < np.inf:
-        line.plot(survivor.y, survivor.kicks, "*", color="black", ms=10, label="last survivor")
+        line.plot(
+            survivor.y, survivor.kicks, "*", color="black", ms=10, label="longest-lived start"
+        )
     else:
-        kicks.set_title("no line was found on which all starts go")
+        kicks.set_title("no line found on which all starts are eliminated")
     line.set(yscale="log", xlabel=f"$y$ of the start at $x = {survivor.x:g}$", xlim=(0, 1))
-    line.set(ylabel="kicks until it is eliminated")
+    line.set(ylabel="lifetime (kicks)")
     if line.get_legend_handles_labels()[0]:
         style.legend_below(line)
     return figure

@@ -1,4 +1,4 @@
-"""CB_ω of each circle, and their tips, Figs. 8 and 9."""
+"""CB_ω of each circle, and their cusps, Figs. 8 and 9."""
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -29,38 +29,40 @@ def circle_boundaries_caption(breakdown, residues, barrier):
     shares = ", ".join(
         f"{text}: {float(of.min()):.1f} to {float(of.max()):.1f}%"
         if of.notnull().any()
-        else f"{text}: on no ray"
+        else f"{text}: no ray"
         for text, of in zip(residues.circle.values, ratio, strict=True)
     )
     return (
-        f"{circles_found(breakdown)} Behind them is the region without global transport. Their "
-        f"distance from the origin relative to that of the last barrier: {shares}. Points beyond "
-        f"the last barrier by more than the errors: {int(beyond.sum())} of {beyond.size}."
+        f"{describe_circles(breakdown)} Grey: the region without global transport. Distance of "
+        "CB_ω "
+        f"from the origin relative to that of the last barrier: {shares}. Points that exceed the "
+        f"last barrier by more than their errors: {int(beyond.sum())} of {beyond.size}."
     )
 
 
-def circles_found(circles):
-    """Say which method has answered on how many rays, and what is the worst error drawn."""
+def describe_circles(circles):
+    """Describe how many points each method contributes, and the largest error drawn."""
     drawn, settings = style.known(circles.load()), circles.attrs
-    words = f"Greene's residue of periods up to {settings['q_max']}"
-    by = {"residue": words}
+    residue = f"Greene's residue of periods up to {settings['q_max']}"
+    by = {"residue": residue}
     if "tol" in settings:
-        reached = f"continuation to an error of {settings['tol']:g}"
-        by = {"continuation": reached, "residue": f"{words}, where continuation ends before it"}
+        continuation = f"continuation to an error of {settings['tol']:g}"
+        residue += ", where continuation does not reach this error"
+        by = {"continuation": continuation, "residue": residue}
     counts = {word: int(style.has_flag(drawn.method, word).sum()) for word in by}
     methods = " and ".join(f"{counts[word]} points by {by[word]}" for word in by if counts[word])
     worst = 100 * float((drawn.error / drawn.critical_scale).max())
     error = f"The largest error drawn is {worst:.1g}% of the scale. " if methods else ""
     return (
         f"CB_ω of {circles.circle.size} circles on {circles.angle.size} rays: "
-        f"{methods or 'no answer'}. {error}Points left out, without an answer or with an error "
-        f"above 2%: {int(drawn.critical_scale.isnull().sum())} of {circles.status.size}."
+        f"{methods or 'no answer'}. {error}Points omitted (no answer, or an error above 2%): "
+        f"{int(drawn.critical_scale.isnull().sum())} of {circles.status.size}."
     )
 
 
 def draw_tips(residues, circles, barrier):
-    """Draw the cusps at 45° and 135°, Fig. 9: residues as lines, circles where continuation has
-    answered as points, rays without an answer as ×."""
+    """Draw the cusps at 45° and 135°, Fig. 9: residues as lines, continuation as points, rays
+    without an answer as ×."""
     figure, tips = style.panels(1, 2, 11, 6.2)
     silent = circles.critical_scale.isnull() | residues.critical_scale.isnull()
     gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")
@@ -89,16 +91,16 @@ def draw_tips(residues, circles, barrier):
 
 
 def tips_caption(residues, circles):
-    """Compare the two methods where both have answered."""
+    """Compare the two methods where both have an answer."""
     continued = circles.where(style.has_flag(circles.method, "continuation")).critical_scale
     off = abs(continued / residues.critical_scale - 1)
     return (
         "The cusps: lines by Greene's residue of periods up to "
-        f"{residues.attrs['q_max']}, points by continuation to {circles.attrs['tol']:g}, on the "
-        f"{int(continued.notnull().sum())} of {circles.status.size} rays and circles where it "
-        f"reaches that. Relative difference of the two: median {float(off.median()):.1g}, largest "
-        f"{float(off.max()):.1g}. Without an answer by residues: "
-        f"{int(residues.critical_scale.isnull().sum())}."
+        f"{residues.attrs['q_max']}, points by continuation to an error of "
+        f"{circles.attrs['tol']:g}, which is reached for {int(continued.notnull().sum())} of "
+        f"{circles.status.size} pairs of a ray and a circle. Relative difference of the two "
+        f"methods: median {float(off.median()):.1g}, maximum {float(off.max()):.1g}. Residues "
+        f"have no answer for {int(residues.critical_scale.isnull().sum())} pairs."
     )
 
 

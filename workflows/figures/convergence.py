@@ -1,4 +1,4 @@
-"""Bias of direct iteration against its effort, Fig. 7 and its likes, and their captions."""
+"""Bias of direct iteration against its effort, Fig. 7 for any ray, and the captions."""
 
 import numpy as np
 from matplotlib.ticker import LogLocator
@@ -7,7 +7,7 @@ from workflows.figures.style import MARKERS, colour_of, mark_gaps, outer_legend,
 
 
 def draw_convergence(bias, fits):
-    """Draw the bias against steps and orbits on each ray, Fig. 7 and its likes.
+    """Draw the bias against steps and orbits on each ray, as in Fig. 7.
 
     bias : of `direct_bias`. fits : {angle: (η, its error)}.
     """
@@ -27,8 +27,8 @@ def draw_convergence(bias, fits):
     mark_gaps(direct, n, bias[-1].isnull().any("angle").values, "no answer on some ray")
     direct.set(xscale="log", yscale="log", xlabel="steps $N$", ylabel=r"$\kappa_N/\kappa_c - 1$")
     direct.set_title(f"Direct iteration, {count[-1]} orbits")
-    orbits.set(xscale="log", xlabel="orbits $M$", ylabel=f"bias over that of {count[-1]} orbits")
-    orbits.set_title(f"Bias of $M$ orbits over that of {count[-1]}")
+    orbits.set(xscale="log", xlabel="orbits $M$", ylabel=f"bias relative to {count[-1]} orbits")
+    orbits.set_title(f"Bias of $M$ orbits relative to {count[-1]}")
     for axes in (direct, orbits):
         axes.grid(lw=0.3)
     _plain(direct.yaxis)
@@ -40,12 +40,13 @@ def convergence_caption(bias, fits):
     count, n = [int(size) for size in bias.ensemble], bias.n.values
     etas = ", ".join(f"{_fitted(*fit)} at {angle:g}°" for angle, fit in fits.items())
     return (
-        f"Bias against effort on rays at {', '.join(f'{angle:g}°' for angle in fits)}, relative "
-        "to the breakup by residues: the smallest excess over the breakup at which at least one "
-        f"of {count[-1]} orbits escapes within N ≤ {int(n[-1])} steps falls like N^(-1/η), with "
-        f"η = {etas} (errors of the fit alone; excesses are on a grid, and rays differ by more); "
-        "grey: the paper's η and renormalisation's, 3.012. (b): how much larger it is with fewer "
-        "orbits."
+        f"(a) Bias of direct iteration on rays at {', '.join(f'{angle:g}°' for angle in fits)}: "
+        "the smallest excess over the breakup (by residues) at which at least one of "
+        f"{count[-1]} orbits escapes within N steps (periods of the forcing), N ≤ {int(n[-1])}. It "
+        f"falls like N^(-1/η), with η = {etas} (statistical errors of the fit; the grid of "
+        "excesses "
+        "and differences between rays contribute more). Grey: the paper's η, and 3.012 from "
+        "renormalisation. (b) Bias of smaller ensembles relative to the largest."
     )
 
 
@@ -80,7 +81,7 @@ def draw_diagonal(diagonal):
 
 
 def _etas(diagonal):
-    """Return η of each half of N, with its error, in words."""
+    """Return η of each half of N, with its error, as text."""
     fits = zip(diagonal.eta.values, diagonal.eta_error.values, strict=True)
     return [_fitted(*fit) for fit in fits]
 
@@ -89,9 +90,10 @@ def diagonal_caption(diagonal):
     etas = _etas(diagonal)
     small, large = int(diagonal.n[diagonal.upper_half == 0][-1]), int(diagonal.n[-1])
     return (
-        "The boundary of global transport by direct iteration at the cusp, on (κ, κ), "
-        f"less the breakup κ_G = {diagonal.critical:.9f} by residues, with {diagonal.n_orbits} "
-        f"orbits; (κ_N - κ_G) ~ N^(-1/η) with η = {etas[0]} for N up to {small}, and "
-        f"{etas[1]} beyond, up to {large} (errors of the fit alone; the paper has 2.681, "
-        "and 3.322 for large N)."
+        "The boundary κ_N of global transport by direct iteration at the cusp, on (κ, κ), minus "
+        "the "
+        f"breakup κ_G = {diagonal.critical:.9f} by residues, with {diagonal.n_orbits} orbits. Fit: "
+        f"(κ_N - κ_G) ~ N^(-1/η) with η = {etas[0]} for N up to {small}, and {etas[1]} from there "
+        f"up to {large} (statistical errors of the fit; the paper has 2.681, and 3.322 for large "
+        "N)."
     )

@@ -19,13 +19,13 @@ def draw_critical_boundary(plane, circles, barrier):
     xlim, ylim = (_ends(c.values) for c in in_plane(plane))
     axes.set(xlim=xlim, ylim=ylim)
     steps = power(plane.attrs["n_max"])
-    behind = f"behind it, escape of {int(plane.ensemble[-1])} orbits within ${steps}$ steps"
+    behind = f"in colour, first escape of {int(plane.ensemble[-1])} orbits within ${steps}$ steps"
     join = " " if barrier.angle[-1] <= 180 else "\n"  # of the upper half plane, which is wide
     axes.set_title(f"Where the last barrier breaks;{join}{behind}")
     title = r"Lines: $\mathit{CB}_\omega$ of single circles"
     lines, _ = axes.get_legend_handles_labels()
-    greys = {INSIDE: "a barrier is left", NO_ESCAPE: "none is left, but nothing escapes"}
-    lines += [Patch(facecolor=grey, edgecolor="0.5", label=words) for grey, words in greys.items()]
+    greys = {INSIDE: "a barrier exists", NO_ESCAPE: "no barrier, but no escape either"}
+    lines += [Patch(facecolor=grey, edgecolor="0.5", label=label) for grey, label in greys.items()]
     outer_legend(figure, 4, 2, "upper", handles=lines, title=title)
     return figure
 

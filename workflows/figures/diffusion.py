@@ -18,7 +18,7 @@ def draw_diffusion(law):
         label = rf"$\varphi = {angle:g}°$"
         along.errorbar(law.excess, here.diffusion, here.error, label=label, **style)
         here.one_cantorus.dropna("excess").plot(ax=along, lw=1, **look)
-    along.plot([], [], color="0.4", lw=1, label=r"$\Delta W/m$, the last circle alone")
+    along.plot([], [], color="0.4", lw=1, label=r"$\Delta W/m$, last cantorus alone")
     along.set(xscale="log", yscale="log", xlim=(0.04, 4), ylim=(1e-7, None))
     along.set(xlabel=r"distance beyond the breakup, $x = s/s_c - 1$", ylabel="$D$")
     along.set_title("From the boundary outwards")
@@ -27,15 +27,15 @@ def draw_diffusion(law):
 
 
 def diffusion_caption(law, findings):
-    found, error = law.diffusion.notnull(), float((law.error / law.diffusion).median())
+    known, error = law.diffusion.notnull(), float((law.error / law.diffusion).median())
     return (
-        "D = <(y_n - y_0)²>/2n of the momentum of two kicks, in squares of y a period; all "
-        "quadrants are images of this one. "
-        f"{law.attrs['n_orbits']} orbits under each forcing, errors of {100 * error:.0f}% in the "
-        f"median. D was found under {int(found.sum())} of {found.size} forcings; the others are "
-        f"too slow for {law.attrs['n_max']} periods or have accelerator modes and no D, and are "
-        "grey in (a). Within CB_gt a barrier is left: D = 0, and nothing is computed; cells that "
-        f"`proved_map` proves are there. Not tried: other planes and numbers of kicks.\n{findings}"
+        "Diffusion coefficient D = <(y_n - y_0)²>/2n of the momentum under two kicks, in y² per "
+        "step (one period, two kicks); the other quadrants are mirror images. "
+        f"{law.attrs['n_orbits']} orbits per forcing; the median error is {100 * error:.0f}%. D is "
+        f"known for {int(known.sum())} of {known.size} forcings; the others, grey in (a), are too "
+        f"slow for {law.attrs['n_max']} steps, or have accelerator modes and therefore no D. "
+        "Within CB_gt a barrier exists and D = 0, without computation. Not tried: other planes and "
+        f"numbers of kicks.\n{findings}"
     )
 
 
@@ -54,14 +54,16 @@ def _draw_plane(axes, law):
     axes.plot(kappa1[np.isfinite(D)], kappa2[np.isfinite(D)], ".", color="white", ms=3, mec="0.3")
     where = {"location": "top", "aspect": 40} if in_column() else {"fraction": 0.046, "pad": 0.03}
     bar = axes.figure.colorbar(image, ax=axes, ticks=decades, **where)
-    bar.set_label("$D$ (squares of $y$ a period)")
+    bar.set_label("$D$ ($y^2$ per step)")
     edge = [kappa[:, 0] / (1 + law.excess.values[0]) for kappa in (kappa1, kappa2)]
-    axes.fill(*(np.append(part, 0) for part in edge), color=INSIDE, label="a barrier, $D = 0$")
+    axes.fill(*(np.append(part, 0) for part in edge), color=INSIDE, label="barrier, $D = 0$")
     axes.fill([], [], color=_UNRESOLVED, label="too slow, or no $D$")
     axes.plot(*edge, color=colour_of(3), lw=1.6, label=r"$\mathit{CB}_\mathrm{gt}$")
     powers = {"edgecolor": "0.6", "facecolor": "white", "label": "white lines: powers of 10"}
     axes.fill([], [], **powers, lw=0.8)
-    axes.plot([], [], ".", color="white", ms=5, mec="0.3", label="computed; between, interpolated")
+    axes.plot(
+        [], [], ".", color="white", ms=5, mec="0.3", label="computed; interpolated in between"
+    )
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", xlim=(0, reach), ylim=(0, reach))
     axes.set(title="Diffusion of momentum", facecolor=_UNRESOLVED, aspect="equal")
     legend_below(axes, 2, 2)

@@ -28,12 +28,13 @@ def rays_caption(boundary):
     medians = boundary.bias.median("angle").values
     biases = ", ".join(f"{100 * b:.2g}%" if np.isfinite(b) else "more" for b in medians)
     return (
-        "The boundary of global transport by direct iteration: the forcings on "
-        f"{boundary.sizes['angle']} rays from which outwards some of {boundary.n_orbits} orbits "
-        f"that start in [0, 1] × [0, 0.3] leaves -2 ≤ y ≤ 2.3 within N = {n} steps, to "
-        f"{100 * boundary.spacing:.0f}% of their distance from the line; the line is the true "
-        "boundary, bracketed between certified circles and converse KAM. They lie outside it by "
-        f"{biases} (medians over the rays)."
+        "The boundary of global transport by direct iteration: on each of "
+        f"{boundary.sizes['angle']} rays the smallest scale above which at least one of "
+        f"{boundary.n_orbits} orbits that start in [0, 1] × [0, 0.3] leaves -2 ≤ y ≤ 2.3 within "
+        f"N = {n} steps (periods of the forcing). Line: the true boundary, bracketed by certified "
+        "circles and converse KAM. Direct iteration puts it too far out by "
+        f"{biases} (medians over the rays; resolved to {100 * boundary.spacing:.0f}% of this "
+        "excess)."
     )
 
 
@@ -68,9 +69,10 @@ def half_plane_caption(insets):
         for row in insets.drop_dims(["x", "y"]).to_dataframe().itertuples()
     )
     return (
-        "The same in the upper half plane, and at the forcings marked there how often the orbit of "
-        f"({insets.start[0]:g}, {insets.start[1]:g}) visits the parts of the "
-        f"cell in {insets.steps} steps (white: never); its range of y, not reduced, at {ranges}."
+        "The same in the upper half plane; (b) to (e), at the forcings marked by stars: how often "
+        "the "
+        f"orbit of ({insets.start[0]:g}, {insets.start[1]:g}) visits each pixel of the unit cell "
+        f"in {insets.steps} steps (white: never). Its range of y, not reduced mod 1, at {ranges}."
     )
 
 
@@ -84,7 +86,7 @@ def _draw_boundaries(axes, boundary, barrier):
             label += f", no answer on {silent} of {here.angle.size} rays"
         axes.plot(*in_plane(here), marker, label=label, **look)
     label_plane(axes, barrier)
-    axes.set_title(f"Where transport of ${style.power(boundary.n_orbits)}$ orbits is global")
+    axes.set_title(f"Onset of global transport of ${style.power(boundary.n_orbits)}$ orbits")
 
 
 def _draw_cell(axes, inset, norm):

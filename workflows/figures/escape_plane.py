@@ -45,10 +45,10 @@ def draw_field(axes, plane):
     norm = LogNorm(vmin=earliest, vmax=max(plane.attrs["n_max"], 1.1 * earliest))
     look = {"norm": norm, "cmap": colours, "zorder": 0, "rasterized": True}
     image = axes.pcolormesh(*in_plane(plane), finite, **look)
-    label = "first escape $n^*$ (steps); light grey: no escape"
+    label = "first escape $n^*$ (steps); light grey: none"
     if "level" in plane and not style.in_column():
         times = 2 ** (plane.attrs["levels"] - 1)
-        label += f"\ncells up to {times} times wider far from the boundary"
+        label += f"\ncells are up to {times} times wider far from the boundary"
     beside, above = {"fraction": 0.024, "pad": 0.02}, {"location": "top", "aspect": 40}
     where = above if style.in_column() else beside
     axes.figure.colorbar(image, ax=axes, label=label, **where)

@@ -1,4 +1,4 @@
-"""The flux through the last circle beyond its breakup, and how it deviates from its law."""
+"""The flux through the last circle beyond its breakup, and its deviation from the power law."""
 
 import numpy as np
 from matplotlib.ticker import NullFormatter
@@ -26,9 +26,9 @@ def draw_flux(fluxes, fits):
     fitted = fits.exponent.dropna("angle")
     law = r"$\propto x^\eta$"
     if fitted.size:
-        law += rf"; fitted: $\eta = {float(fitted.median()):.4f}$ in all"
+        law += rf"; median of the fits: $\eta = {float(fitted.median()):.4f}$"
     whole.plot(x, 3 * middle * x**eta, "--", color="0.5", label=law)
-    whole.set(title="Flux through the last circle, broken", yscale="log")
+    whole.set(title="Flux through the last circle after its breakup", yscale="log")
     whole.set_ylabel(r"$\Delta W$ per step (turns $\times$ $y$)")
     outer_legend(figure, 3)
     divided.set(title=rf"The same, divided by $x^{{{eta:.4f}}}$", ylim=(0, None))
@@ -51,14 +51,15 @@ def flux_caption(fluxes, fits):
     if {0.0, 45.0} <= set(fluxes.angle.values.tolist()):
         ratio = float(fits.amplitude.sel(angle=45) / fits.amplitude.sel(angle=0))
     alike = (
-        f" C at 45° is {ratio:.3f} times that at 0°, as both are standard maps: at 45° a step is "
-        "two of its steps (twice the area), at 0° it is one, with 2y for its y (half the area)."
+        f" C at 45° is {ratio:.3f} times that at 0°. Both are standard maps: at 45° a step is two "
+        "steps of the standard map (twice the area), at 0° it is one step, with 2y as its momentum "
+        "(half the area)."
     )
     return (
-        "Area that passes through the remains of the last circle in one step, the difference in "
-        "action of minimax and minimizing orbits of periods up to "
-        f"{fluxes.attrs['q_max']}, against the distance beyond the breakup. Fits of "
-        f"ΔW = C·x^η·exp(bx + cx²) up to x = 3%: {laws} (errors of the fit alone). Renormalisation "
-        f"predicts {fits.attrs['predicted_exponent']} for noble circles."
+        "Flux through the cantorus of the last circle: the area that crosses it per step (one "
+        "period), which is the difference in action of minimax and minimizing orbits of periods up "
+        f"to {fluxes.attrs['q_max']}, against the distance beyond the breakup. Fits of "
+        f"ΔW = C·x^η·exp(bx + cx²) up to x = 3%: {laws} (statistical errors of the fit). "
+        f"Renormalisation predicts η = {fits.attrs['predicted_exponent']} for noble circles."
         f"{alike if np.isfinite(ratio) else ''} No answer at {silent} of {fluxes.flux.size} points."
     )

@@ -12,19 +12,24 @@ _BEYOND = 1.15  # times the largest end of a bracket: what is drawn
 
 
 def draw_frequencies(cube):
-    """Draw the scale of the last breakup against Ω, and the least one of convergents by their q."""
+    """Draw the scale of the last breakup against Ω, and the brackets of convergents by their q."""
     limits, fractions = _brackets(cube)
     figure, (wide, near) = panels(1, 2, 12, 5.4, sharey=True)
-    of, words = r"$\Omega = p/q$, ", "bracket of the phase that breaks first"
+    of, words = r"$\Omega = p/q$, ", "bracket of the phase with the smallest scale"
     look = {"color": "0.8", "lw": 6, "label": rf"{of}all phases $\varphi_0$"}
     wide.vlines(fractions.index, fractions.lower, fractions.most, **look)
     half = (fractions.upper - fractions.lower) / 2
     wide.errorbar(fractions.index, fractions.lower + half, half, label=f"{of}{words}", **_BRACKET)
-    words = r"$\Omega$ irrational: up to converse KAM"
+    words = r"irrational $\Omega$: bracket up to converse KAM"
     wide.vlines(limits.index, limits.lower, limits.upper, color=colour_of(1), lw=2, label=words)
-    look = {"color": colour_of(1), "ms": 5, "ls": "", "label": "from a certified torus"}
+    look = {
+        "color": colour_of(1),
+        "ms": 5,
+        "ls": "",
+        "label": r"irrational $\Omega$: last certified torus",
+    }
     wide.plot(limits.index, limits.lower, marker="^", **look)
-    wide.set_title(r"Of fractions and irrational $\Omega$")
+    wide.set_title(r"Last barrier for rational and irrational $\Omega$")
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
     outer_legend(figure, 2)
     _draw_convergents(near, limits, fractions)
@@ -52,13 +57,13 @@ def frequencies_caption(cube):
     limits, fractions = _brackets(cube)
     widths = (100 * (1 - cube.lower / cube.upper)).groupby(cube.phase.isnull()).median().to_series()
     names = {False: "fractions", True: "irrational Ω"}
-    told = ", ".join(f"{width:.2g}% for {names[kind]}" for kind, width in widths.items())
+    medians = ", ".join(f"{width:.2g}% for {names[kind]}" for kind, width in widths.items())
     return (
-        "Where the last barrier of rotating maps breaks on the ray (κ̄, Δκ) = s·(cos, sin) of "
-        f"{float(cube.angle):g}°: for {len(fractions)} fractions Ω, {fractions.phases.max()} "
-        f"phases each, the last circle; for {len(limits)} irrational Ω the last torus. Brackets "
-        f"reach from what is certified to converse KAM. Their median width is {told}; "
-        f"{int((cube.lower + cube.upper).isnull().sum())} are missing. "
+        "Breakup of the last barrier of rotating maps on the ray (κ̄, Δκ) = s·(cos θ, sin θ), "
+        f"θ = {float(cube.angle):g}°: the last circle for {len(fractions)} fractions Ω with "
+        f"{fractions.phases.max()} phases each, and the last torus for {len(limits)} irrational Ω. "
+        "Brackets reach from the last certified circle or torus to converse KAM. Their median "
+        f"width is {medians}; {int((cube.lower + cube.upper).isnull().sum())} are missing. "
         f"{_comparison(limits, fractions)}"
     )
 
@@ -85,12 +90,12 @@ def _draw_convergents(axes, limits, fractions):
             axes.errorbar(i + x, (least + first) / 2, (first - least) / 2, **_BRACKET)
             axes.annotate(q, (i + x, first), (0, 4), textcoords="offset points", **_NUMBER)
     axes.set(xlabel=r"irrational $\Omega$", xlim=(-0.5, max(4, len(ticks)) - 0.5))
-    axes.set_title("Beside its bracket those of its convergents, by $q$")
+    axes.set_title("Brackets of the convergents, labelled by $q$")
     axes.set_xticks(range(len(ticks)), ticks, rotation=60, fontsize="small")
 
 
 def _comparison(limits, fractions):
-    """Say how the brackets of the convergents lie to that of their limit."""
+    """Compare the brackets of the convergents with that of their limit."""
     overlap, inside, outside = [], [], []  # q of convergents
     for _, lower, upper, near in _convergents(limits, fractions):
         for q, least, first, *_ in near.itertuples():
@@ -100,7 +105,7 @@ def _comparison(limits, fractions):
     apart = inside + outside
     longest = f", up to q = {max(apart)}" if apart else ""
     return (
-        f"Of {len(overlap + apart)} convergents, by the phase that breaks first, {len(overlap)} "
-        f"have brackets that overlap the limit's, {len(inside)} lie below it, and {len(outside)} "
-        f"above{longest}."
+        f"Of {len(overlap + apart)} convergents, at the phase with the smallest scale, "
+        f"{len(overlap)} have brackets that overlap the bracket of their limit, {len(inside)} lie "
+        f"below it, and {len(outside)} above{longest}."
     )

@@ -6,7 +6,7 @@ from workflows.figures import planes, style
 
 
 def draw_last_barrier(barrier):
-    """Draw CB_gt, the last circles by angle, and two kicks' cusp or the bracket."""
+    """Draw CB_gt, the last circles by angle, and the cusp of two kicks, or the bracket."""
     figure, plane, strip, cusp = _canvas(around=barrier.angle[-1] > 180)
     whole = planes.whole_of(barrier)
     styles = style.circle_styles(barrier.circle.values, whole)
@@ -27,7 +27,7 @@ def draw_last_barrier(barrier):
 
 
 def _canvas(around):
-    """Return a figure and its axes. The plane is wide, or as high if it is seen all around."""
+    """Return a figure and its axes. The plane is a wide half plane, or square if `around`."""
     if style.in_column():
         figure = style.canvas(0, 0, 2.3 if around else 2)
         return figure, *figure.subplots(3, height_ratios=[2 if around else 1.3, 1, 1])
@@ -62,10 +62,10 @@ def _draw_bracket(axes, barrier):
 
 
 def _draw_cusp(axes, barrier, classes, styles):
-    """Draw how far the boundary is below the tip at 45°, on logarithmic axes, and the power."""
+    """Draw the distance of the boundary below the cusp at 45° on logarithmic axes, and a fit."""
     (side,) = np.nonzero((barrier.angle.values < 45) & (barrier.angle.values > 25))
-    tip = barrier.critical_scale.sel(angle=[45.0], method="nearest").values
-    below, away = tip - barrier.critical_scale.values[side], 45 - barrier.angle.values[side]
+    cusp = barrier.critical_scale.sel(angle=[45.0], method="nearest").values
+    below, away = cusp - barrier.critical_scale.values[side], 45 - barrier.angle.values[side]
     if not (below > 0).any():
         axes.set_axis_off()
         return

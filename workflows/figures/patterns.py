@@ -26,7 +26,10 @@ def draw_patterns(cube):
 def _draw_pairs(axes, pairs, golden):
     ε, K = pairs.parameter.values, (pairs.middle * pairs.period).values
     fractions = [Fraction(x).limit_denominator(100) for x in ε]
-    line, limit = np.geomspace(1 / 80, 0.5, 2), r"$\sqrt{\kappa_G/\varepsilon}$, the limit"
+    line, limit = (
+        np.geomspace(1 / 80, 0.5, 2),
+        r"$\sqrt{\kappa_G/\varepsilon}$, limit $\varepsilon \to 0$",
+    )
     axes.plot(line, np.sqrt(golden / line), color="0.4", lw=1, label=limit)
     kinds = [2 if f.numerator > 1 else f.denominator % 2 for f in fractions]
     for kind, label in enumerate(("1/P$, $P$ even", "1/P$, $P$ odd", "p/P$")):
@@ -35,7 +38,7 @@ def _draw_pairs(axes, pairs, golden):
         if here.any():
             axes.plot(ε[here], K[here], "osD"[kind], **look)
     axes.set(xscale="log", yscale="log", xlim=(1 / 80, 0.62), title="Pairs of kicks")
-    axes.set(xlabel=r"spacing $\varepsilon$ of a pair, in periods", ylabel=r"$K_c$")
+    axes.set(xlabel=r"spacing $\varepsilon$ of a pair (periods)", ylabel=r"$K_c$")
     axes.margins(y=0.08)
     _ticks(axes.yaxis, [1, 2, 3, 4, 6, 8])
     _ticks(axes.xaxis, [1 / 2**n for n in range(1, 7)], [f"1/{2**n}" for n in range(1, 7)])
@@ -49,7 +52,7 @@ def _draw_others(axes, cube):
     for i, (label, here) in enumerate([*lines, *((f"bursts of {n} kicks", x) for n, x in kicked)]):
         look = {"marker": "os^vD*P"[i % 7], "ms": 5, "lw": 1, **style.line_of(i)}
         axes.plot(here.period, here.middle, label=label, **look)
-    axes.set(yscale="log", xlabel="kicks, or places for them, in a period, $P$")
+    axes.set(yscale="log", xlabel="slots for kicks per period, $P$")
     axes.set_ylabel(r"$\kappa_c$")
     _ticks(axes.yaxis, [0.1, 0.2, 0.5, 1])
     axes.xaxis.get_major_locator().set_params(integer=True)

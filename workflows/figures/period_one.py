@@ -17,7 +17,7 @@ def draw_primary_points(primary):
         axes.label_outer()
         axes.axhline(0, color="0.7", lw=0.6)
         axes.axvline(0, color="0.7", lw=0.6)
-    figure.suptitle("Strengths for which a primary period-one orbit is stable")
+    figure.suptitle("Where each primary period-one orbit is stable")
     return figure
 
 
@@ -33,8 +33,8 @@ def primary_caption(primary):
         )
     ]
     return (
-        "Strengths of the kicks for which each primary period-one orbit is stable, 0 < R < 1 "
-        f"(coloured). Stable parts of the plane shown: {', '.join(shares)}."
+        "Strengths for which each primary period-one orbit is stable, 0 < R < 1 (coloured). Stable "
+        f"fraction of the plane shown: {', '.join(shares)}."
     )
 
 
@@ -60,7 +60,7 @@ def draw_secondary_points(secondary):
     axes.contour(*place, square, levels=[0, 1], colors="black", linewidths=1.2)
     look = {"facecolor": "none", "edgecolor": "black", "hatch": "//////"}
     axes.fill_between([], [], [], label="stable", **look)
-    axes.fill_between([], [], [], label="white: there are none", facecolor="white", edgecolor="0.7")
+    axes.fill_between([], [], [], label="white: none exist", facecolor="white", edgecolor="0.7")
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
     axes.set_title("Secondary period-one orbits next to $(1/2, 0)$")
     outer_legend(figure, 2, 2)
@@ -83,10 +83,10 @@ def _square_of_residue(secondary):
 def secondary_caption(secondary):
     exists, stable = secondary.z.notnull(), _is_stable(secondary)
     return (
-        "Secondary period-one orbits next to (1/2, 0): where they exist "
-        f"({100 * float(exists.mean()):.1f}% of the cells), where they are stable "
-        f"({100 * float(stable.mean()):.1f}%, hatched), and the error of the paper's cubic "
-        f"estimate of z, with its sign corrected: median "
-        f"{float(secondary.estimate_error.median()):.2g}, largest "
+        "Secondary period-one orbits near (1/2, 0): they exist in "
+        f"{100 * float(exists.mean()):.1f}% of the cells and are stable in "
+        f"{100 * float(stable.mean()):.1f}% (hatched). Colours: error of the paper's cubic "
+        "estimate of z, with its sign corrected; median "
+        f"{float(secondary.estimate_error.median()):.2g}, maximum "
         f"{float(secondary.estimate_error.max()):.2g}."
     )

@@ -1,4 +1,4 @@
-"""What figures of planes of forcings share, whatever the plane is."""
+"""What figures of planes of forcings share, for any plane."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ def symbols(axes, plain=False):
 
 
 def of_two_kicks(dataset):
-    """Whether the plane is that of two kicks, which alone has some parts of figures."""
+    """Return whether the plane is that of two kicks; some parts of figures need this plane."""
     return plane_of(dataset.attrs) == two_kicks()
 
 
@@ -30,7 +30,7 @@ def whole_of(dataset):
 
 
 def in_plane(dataset):
-    """Return the two coordinates, or variables, that say where in its plane a dataset is."""
+    """Return the two coordinates, or variables, that place a dataset in its plane."""
     return [dataset[name] for name in plane_of(dataset.attrs).axes]
 
 
@@ -54,5 +54,5 @@ def outline(curve, factor=1):
 
 
 def fill_inside(axes, barrier, **style):
-    """Fill the region where barriers are left, but around rays without an answer."""
+    """Fill the region where barriers exist, except near rays without an answer."""
     axes.fill(*np.nan_to_num(outline(barrier)), facecolor=INSIDE, zorder=0.5, **style)

@@ -34,7 +34,7 @@ def draw_kicks(portraits):
     time.plot(kick[:_KICKS_SHOWN], around[:_KICKS_SHOWN], color="0.75", lw=0.6, zorder=0)
     time.set(xlabel="kick $n$", ylabel=r"$\hat x_n$", ylim=(-0.25, 0.75))
     time.set_title("The orbit of (d) in time")
-    island.set_title(rf"its orbit of $({around[0]:g}, {y[0]:g})$, zoomed in $y$")
+    island.set_title(rf"orbit of $({around[0]:g}, {y[0]:g})$ in (c), zoomed in $y$")
     island.set(xlabel=r"$\hat x$: $x$ in $[-1/4, 3/4)$", ylabel="$y$", box_aspect=1)
     island.set(xlim=(-0.25, 0.75))
     outer_legend(figure, 2, 2, title="(d) and (e): kicks", markerscale=3)
@@ -53,12 +53,14 @@ def kicks_caption(portraits):
     even, odd = abs(around[::2]).max(), abs(around[1::2] - 0.5).max()
     return (
         f"Phase portraits of T at (κ1, κ2) = {_forcing(first)} (a) and {_forcing(second)} (b), "
-        f"{portraits.orbit.size} orbits of {portraits.step.size - 1} steps from x = 0 and x = 1/2, "
-        f"and of the nonautonomous map at {_forcing(first)} (c), the same starts and "
-        f"{kick.size - 1} kicks, all drawn; κ1 is the first kick. (d): the orbit of "
-        f"({around[0]:g}, {y[0]:g}) under the nonautonomous map, even kicks blue, odd ones "
-        f"vermilion: the even ones stay within {even:.2f} of x = 0, in the island of (0, 1/2) of "
-        f"(a), the odd ones within {odd:.2f} of x = 1/2, in that of (1/2, 1/2) of (b)."
+        f"{portraits.orbit.size} orbits of {portraits.step.size - 1} steps (of two kicks, κ1 "
+        "first) "
+        f"from x = 0 and x = 1/2; and of the nonautonomous map at {_forcing(first)} (c), from the "
+        f"same starts, with all {kick.size - 1} kicks drawn. (d) and (e): the orbit of "
+        f"({around[0]:g}, {y[0]:g}) under the nonautonomous map, after even kicks blue, after odd "
+        f"ones vermilion. After even kicks it stays within {even:.2f} of x = 0, in the island of "
+        f"(0, 1/2) in (a); after odd kicks within {odd:.2f} of x = 1/2, in the island of "
+        "(1/2, 1/2) in (b)."
     )
 
 
@@ -74,7 +76,7 @@ def draw_symmetry(portraits):
     first = portraits.isel(forcing=0, step=0)
     for i, (x, y) in enumerate(zip(first.marked_x.values, first.marked_y.values, strict=True)):
         drawn[0].plot([], [], label=f"orbit of $({x:g}, {y:g})$ in (a)", **dots(colour_of(i), 9))
-    figure.suptitle("One portrait moved by symmetries; orbits in colours are images of each other")
+    figure.suptitle("One portrait under the symmetries; coloured orbits are images of each other")
     outer_legend(figure, 3, 2)
     return figure
 
@@ -84,11 +86,11 @@ def symmetry_caption(portraits):
     marked = zip(portraits.marked_x[0, 0].values, portraits.marked_y[0, 0].values, strict=True)
     return (
         f"Phase portraits of T at (κ1, κ2) = {', '.join(map(_forcing, forcings))} (a-d), "
-        f"{portraits.orbit.size} orbits of {portraits.step.size - 1} steps. Panels b, c and d are "
-        "panel a moved by (1/2, 0), (1/2, 1/2) and (0, 1/2). The orbits of "
-        f"{', '.join(f'({x:g}, {y:g})' for x, y in marked)} in a are in colours, and so are the "
-        "orbits of their images elsewhere, iterated on their own: they stay where the symmetries "
-        f"put them to {float(portraits.difference.max()):.0e}."
+        f"{portraits.orbit.size} orbits of {portraits.step.size - 1} steps. Panels (b), (c) and "
+        "(d) are panel (a) shifted by (1/2, 0), (1/2, 1/2) and (0, 1/2). In colours: the orbits of "
+        f"{', '.join(f'({x:g}, {y:g})' for x, y in marked)} in (a), and those of their images in "
+        "the other panels, iterated independently; they agree with the symmetries to "
+        f"{float(portraits.difference.max()):.0e}."
     )
 
 

@@ -13,7 +13,7 @@ _SIDES = {
 
 
 def draw_proved_boundary(barrier):
-    """Draw the forcings that are proved, and how near they are to the boundary."""
+    """Draw the forcings with a proof, and their distance from the boundary."""
     figure, (plane, near) = panels(1, 2, 12, 5.4)
     direction = [barrier[name] / barrier.critical_scale for name in ("kappa1", "kappa2")]
     curve = "-" if barrier.angle.size >= _CURVE else "+"
@@ -26,28 +26,28 @@ def draw_proved_boundary(barrier):
         distance = abs(quadrant[f"proved_{side}"] / quadrant.critical_scale - 1)
         near.plot(quadrant.angle, distance, form, color=colour, ms=3, lw=0.8, label=label)
     plane.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
-    plane.set_title("Forcings that are proved")
+    plane.set_title("Forcings with a proof")
     near.set(yscale="log", xlim=(0, 90), xticks=range(0, 91, 15))
     near.set(xlabel=r"angle $\varphi$ of the ray (degrees)", ylabel=r"$|s/s_c - 1|$")
-    near.set_title("How far from the breakup; other angles are images")
+    near.set_title("Distance from the breakup; other angles are images")
     outer_legend(figure, 4)
     return figure
 
 
 def proved_boundary_caption(barrier):
-    """Say how wide what is not proved is, and how near the proofs along rays come."""
+    """Describe the width of the unproved bracket, and the reach of the proofs along rays."""
     width = ((barrier.proved_upper - barrier.proved_lower) / barrier.critical_scale).values
     proved = np.isfinite(width)
     if not proved.any():
-        return "Nothing was proved on both sides of any ray; allow more --cpu-seconds."
+        return "No ray has a proof on both sides; increase --cpu-seconds."
     below = float((barrier.proved_below / barrier.critical_scale).median())
     return (
         f"On {proved.sum()} of {width.size} rays around the plane a barrier is proved to exist at "
-        "one forcing, and transport to be global at another one, in the median "
-        f"{100 * np.nanmedian(width):.2g}% of the scale apart, at most "
+        "one forcing, and transport is proved to be global at another; their relative distance is "
+        f"{100 * np.nanmedian(width):.2g}% in the median and at most "
         f"{100 * np.nanmax(width):.2g}%. Between the two nothing is proved. A proof at one forcing "
-        "says nothing of weaker kicks, as a circle might break and come back; but up to "
-        f"{np.ceil(1e4 * (1 - below)) / 100:g}% below the breakup, in the median of rays where any "
-        "such proof succeeds, a barrier is proved to exist on all of the ray. The proofs assume "
-        "IEEE arithmetic and FLINT."
+        "makes no statement about weaker kicks, because a circle might break and reappear; but up "
+        f"to {np.ceil(1e4 * (1 - below)) / 100:g}% below the breakup (median of the rays on which "
+        "such a proof succeeds) a barrier is proved to exist all along the ray. The proofs rely on "
+        "IEEE-754 arithmetic and FLINT."
     )

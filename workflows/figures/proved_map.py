@@ -60,7 +60,7 @@ def _corners(triangles):
 
 
 def proved_map_caption(cube, triangles, barrier):
-    """Say how near to CB_gt proofs come, on either side; the arguments are those of the figure."""
+    """Describe how close to CB_gt the proofs come on either side; arguments as for the figure."""
     proved, rays = _transport(cube), _rays(barrier)
     kappa1, kappa2 = np.meshgrid(cube.kappa1, cube.kappa2)
     angle = np.rad2deg(np.arctan2(kappa2, kappa1))
@@ -68,11 +68,11 @@ def proved_map_caption(cube, triangles, barrier):
 
     there = (excess > 0) & (kappa2 <= kappa1)
     open_ = 100 * excess[there & ~proved]
-    within = "Nothing is open there."
+    within = "No cell is open there."
     if open_.size:
         half, most, last = np.quantile(open_, [0.5, 0.95, 1])
         within = (
-            f"Half of what is open there is within {half:.3g}% of the boundary, 95% within "
+            f"Half of the open cells there are within {half:.3g}% of the boundary, 95% within "
             f"{most:.3g}%, all within {last:.3g}%."
         )
     share = 100 * proved[there].mean()
@@ -83,9 +83,9 @@ def proved_map_caption(cube, triangles, barrier):
         ends = np.where((at >= -1e-9).all(axis=0), np.maximum(ends, 1 / at.sum(axis=0)), ends)
     half, most, last = 100 * (1 - np.quantile(ends, [0.5, 0.05, 0]))
     return (
-        f"Transport is proved to be global for every forcing of {share:.1f}% of what is outside "
-        f"CB_gt (by residues, the line), in cells down to 1/{cube.attrs['cells']}. {within} A "
-        f"barrier is proved to exist in {triangles.sizes['triangle']} triangles from 0 on and "
-        f"their images: on half of the rays of CB_gt to {half:.3g}% below it, on 95% to "
+        f"Transport is proved to be global for every forcing in {share:.1f}% of the area shown "
+        f"outside CB_gt (line, by residues), in cells down to 1/{cube.attrs['cells']}. {within} A "
+        f"barrier is proved to exist in {triangles.sizes['triangle']} triangles with a corner at 0 "
+        f"and their images: on half of the rays of CB_gt to {half:.3g}% below it, on 95% to "
         f"{most:.3g}%, on all to {last:.3g}%."
     )

@@ -1,4 +1,4 @@
-"""When graphs are lost and orbits cross: in a ramp through the breakup, and by smoothness."""
+"""When invariant graphs are excluded and orbits cross: in a ramp, and by smoothness."""
 
 import re
 
@@ -8,11 +8,11 @@ from workflows.figures.style import colour_of, key, legend_below, panels
 
 
 def draw_ramp(ramp, lives):
-    """Draw when graphs are lost and orbits cross, by rate and smoothness."""
+    """Draw when graphs are excluded and orbits cross, by rate and smoothness."""
     figure, (kicks, smooth) = panels(1, 2, 13, 5)
     rows = {
-        "no invariant graph left (converse KAM)": ramp.lost,
-        "first of 64 orbits is across": ramp.escaped,
+        "all invariant graphs excluded (converse KAM)": ramp.lost,
+        "first of 64 orbits crosses": ramp.escaped,
     }
     for i, (label, row) in enumerate(rows.items()):
         exponent, dash = ramp.attrs["exponents"][i], ("--", ":")[i]
@@ -20,7 +20,7 @@ def draw_ramp(ramp, lives):
         law = float((row * ramp.rate**exponent).median()) * ramp.rate**-exponent
         words = rf"$\propto r^{{-{exponent:.3f}}}$, predicted"
         kicks.plot(ramp.rate, law, dash, color="0.4", lw=0.9, label=words)
-    kicks.set(xscale="log", yscale="log", title="Kicks that grow through the breakup")
+    kicks.set(xscale="log", yscale="log", title="Kicks growing through the breakup")
     kicks.set(xlabel=r"growth $r$ of $\kappa$ per kick", ylabel=r"kicks after $\kappa_G$")
     legend_below(kicks, 2, 1)
     _draw_lives(smooth, lives)
@@ -29,13 +29,13 @@ def draw_ramp(ramp, lives):
 
 def ramp_caption(lives, findings):
     return (
-        "(a) Kicks κ_G + r·n: the kick after κ_G by which converse KAM leaves no family of "
-        "invariant graphs, on the line where that is soonest, and the first by which one of 64 "
-        "orbits is past all circles. (b) Kicks "
-        f"0.3·(1 + ripple·f_n): the same, filled within {lives.attrs['kicks'] // 2} kicks, and "
-        f"hollow within {20 * lives.attrs['kicks']}; triangles are lower bounds, still there at "
-        "the end of the run. Graphs are excluded as far as searches see, and curves that fold are "
-        f"not; orbits that cross settle both.\n{findings}"
+        "(a) Ramp κ_n = κ_G + r·n: kicks after κ_G until converse KAM excludes every family of "
+        "invariant graphs (on the line of starts where this happens first), and until one of 64 "
+        "orbits has crossed all circles. (b) The same for κ_n = 0.3·(1 + ripple·f_n): filled, "
+        f"graphs, within {lives.attrs['kicks'] // 2} kicks; hollow, orbits, within "
+        f"{20 * lives.attrs['kicks']}. Triangles are lower bounds: graphs not excluded, or no "
+        "orbit across, at the end of the run. The exclusion relies on a search, and does not cover "
+        f"curves that fold; an orbit that crosses excludes both.\n{findings}"
     )
 
 
@@ -49,8 +49,8 @@ def _draw_lives(axes, lives):
                 y = np.minimum(values, end)[there]
                 axes.plot(x[there], y, mark, ms=4.5, mfc=fill, color=colour_of(i))
         axes.plot([], [], "o", ms=4.5, color=colour_of(i), label=f"ripple {ripple:g}")
-    key(axes, {"o": "no graph left"})
-    key(axes, {"o": "an orbit is across", "^": "triangles: still there at the end"}, "o^")
+    key(axes, {"o": "all graphs excluded"})
+    key(axes, {"o": "an orbit crosses", "^": "triangles: not by the end of the run"}, "o^")
     axes.set(yscale="log", ylabel="kicks", title="Smooth forcings keep barriers")
     words = [re.sub(r"k\^(-\d)", r"$f_k\\sim k^{\1}$", name) for name in names]
     axes.set_xticks(range(len(names)), words, rotation=40, ha="right")

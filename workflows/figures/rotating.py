@@ -22,14 +22,14 @@ def rotating_circles_caption(circles, two, direct):
         f"The boundaries CB_ω of the circles {', '.join(circles.circle.values)} by Greene's "
         "residue, CB_gt (bracketed to "
         f"{float(((two.upper - two.lower) / two.critical_scale).max()):.1e}), and "
-        f"the onset of transport by direct iteration ({_effort(direct)}), which is "
+        f"the onset of transport by direct iteration ({_effort(direct)}), which lies "
         f"{_outside(two, direct)} outside CB_gt. Rotating standard map with Ω = 1/2 and φ0 = 0, "
         "κ̄ = (κ1 + κ2)/2 and Δκ = (κ1 - κ2)/2."
     )
 
 
 def draw_rotating_tori(tori, two, direct):
-    """Draw the breakup of tori by the residue of long orbits, against CB_gt of T, Fig. 11."""
+    """Draw the breakup of tori by residues of long orbits, against CB_gt of T, Fig. 11."""
     title = "Tori of rotating standard maps, and the last circle of $T$"
     figure, parts = _plane(title, two, direct, tori.critical_scale, 0.4)
     x, y = outline(tori.assign_attrs(two.attrs))  # in the plane of T, though of other frequencies
@@ -44,24 +44,26 @@ def draw_rotating_tori(tori, two, direct):
 def rotating_tori_caption(tori, two, direct):
     wide = 100 * float((tori.error / tori.critical_scale).median())
     outside = " ".join(
-        f"Torus ({vector}) outside CB_gt: {where_above(tori.angle.values, sharp)}; outside the "
+        f"Torus ({vector}) beyond CB_gt: {where_above(tori.angle.values, sharp)}; beyond the "
         f"onset: {where_above(tori.angle.values, biased)}."
         for vector, sharp, biased in zip(
             tori.vector.values, tori.ratio.values, tori.ratio_direct.values, strict=True
         )
     )
     return (
-        "Breakup of two-dimensional tori of the rotating standard map, |R| = 1/4 of one orbit of "
-        "each rotation vector, against CB_gt of T, and the onset of its transport by direct "
-        f"iteration ({_effort(direct)}, {_outside(two, direct)} outside CB_gt), on rays (κ̄, Δκ) = "
-        f"s·(cos θ, sin θ). {outside} |R| = 1 is further out by {wide:.2g}% in the median."
+        "Breakup of two-dimensional tori of the rotating standard map, estimated by |R| = 1/4 of "
+        "one long orbit for each rotation vector, against CB_gt of T and the onset of its "
+        "transport "
+        f"by direct iteration ({_effort(direct)}, {_outside(two, direct)} outside CB_gt), on rays "
+        f"(κ̄, Δκ) = s·(cos θ, sin θ). {outside} |R| = 1 is reached {wide:.2g}% further out "
+        "(median)."
     )
 
 
 def _plane(title, two, direct, scale, inner):
     """Draw CB_gt, the onset of transport, and × where a method has no answer, once a ray.
 
-    Returns the figure, and the axes of the plane and of its tips, from `inner` on.
+    Returns the figure, and the axes of the plane and of its corners, from `inner` on.
     """
     figure, (axes,) = panels(1, 1, 7, 8.6)
     parts = axes, *_tips(axes, inner)
@@ -79,7 +81,7 @@ def _plane(title, two, direct, scale, inner):
     if angles.size:
         silent = two.sel(angle=np.unique(angles), method="nearest")
         look = {"ls": "", "marker": "x", "color": "0.3", "ms": 5, "zorder": 4}
-        axes.plot(*outline(silent), label="a curve without an answer on this ray", **look)
+        axes.plot(*outline(silent), label="a method without an answer on this ray", **look)
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal", title=title)
     return figure, parts
 
@@ -89,7 +91,7 @@ def _effort(direct):
 
 
 def _outside(two, direct):
-    """Say by how much direct iteration is biased, "3% to 5%"."""
+    """Return the bias of direct iteration as text, "3% to 5%"."""
     excess = 100 * (direct.upper.values / two.critical_scale - 1)
     if not np.isfinite(excess).any():
         return "by an unknown amount"
@@ -97,7 +99,7 @@ def _outside(two, direct):
 
 
 def where_above(angle, ratio):
-    """Say on which rays the ratio is above 1, "12°-14.5° (by 3.1% at 13°)", or else nearest to 1.
+    """Return the rays on which the ratio exceeds 1, "12°-14.5° (by 3.1% at 13°)", or its maximum.
 
     Rays without a ratio (NaN) end a stretch.
     """
@@ -109,12 +111,12 @@ def where_above(angle, ratio):
         most = f"by {100 * (ratio[peak] - 1):.2g}% at {angle[peak]:g}°"
         parts.append(f"{angle[first]:g}°-{angle[end - 1]:g}° ({most})")
     nearest = int(np.nanargmax(ratio))
-    least = f"nowhere (nearest, {ratio[nearest]:.3f} of it, at {angle[nearest]:g}°)"
+    least = f"nowhere (largest ratio {ratio[nearest]:.3f}, at {angle[nearest]:g}°)"
     return ", ".join(parts) or least
 
 
 def _tips(axes, inner):
-    """Return insets of the tips on both axes, from `inner` to 1; in a column there are none."""
+    """Return insets of the corners on both axes, from `inner` to 1; none in a column."""
     if in_column():
         return ()
     right, top = axes.inset_axes([0.7, 0.7, 0.27, 0.27]), axes.inset_axes([0.06, 0.7, 0.27, 0.27])

@@ -9,7 +9,7 @@ _BEGINNING = 250  # kicks of the transient that are drawn
 
 
 def draw_self_consistent(fields, verdicts, settling):
-    """Draw strength and phase, spectra, particles, the verdicts, and the curve that folds."""
+    """Draw strength and phase, spectra, particles, the verdicts, and the folded curve."""
     figure, (field, phase, spectrum, particles, barriers, folded) = panels(2, 3, 13, 8)
     count = fields.coupling.size
     chosen = sorted({count // 4, count // 2, count - 1})
@@ -21,11 +21,11 @@ def draw_self_consistent(fields, verdicts, settling):
         wandered = (here.theta - row.drift * here.kick)[settled]
         phase.plot(here.kick[settled], wandered - wandered.mean(), **look)
         spectrum.semilogy(here.frequency[1:], here.spectrum[1:], **look)
-    field.set(xlabel="kick $n$", ylabel=r"$\kappa_n$", title="Strength: the beginning")
+    field.set(xlabel="kick $n$", ylabel=r"$\kappa_n$", title="Strength: transient")
     phase.set(xlabel="kick $n$", ylabel=r"$\theta_n - n\,v$ (turns)")
-    phase.set_title("Phase less its drift $v$: the second half")
+    phase.set_title("Phase minus its drift $v$: second half")
     spectrum.set(xlabel="frequency (turns per kick)", ylabel=r"power of $\kappa_n$")
-    spectrum.set_title("Spectrum: the second half")
+    spectrum.set_title("Spectrum: second half")
     for axes in (field, phase, spectrum):
         legend_below(axes, 3, 3)
 
@@ -33,14 +33,14 @@ def draw_self_consistent(fields, verdicts, settling):
     here, lives = fields.sel(coupling=row.coupling), _lifetime(row, asked)
     particles.plot(here.x, here.y - row.drift, label="particles", **dots("0.4", 1.5))
     for cell in (-1, 0):
-        label = f"a start that survives {lives} kicks" if cell else None
+        label = f"orbit with a lifetime of {lives} kicks" if cell else None
         particles.plot(row.x, row.y + cell, label=label, **dots(VERMILION, 3))
     particles.set(xlabel=r"$x - \theta$", ylabel="$y - v$", xlim=(0, 1), ylim=(-1.1, 1.1))
     particles.set_title(rf"After the last kick, $\Gamma = {float(row.coupling):g}$")
     legend_below(particles, 2, 1, markerscale=3)
 
     for name, words, marker, colour in (
-        ("kicks_fitted", "periodic forcing fitted to it", "s", _GREEN),
+        ("kicks_fitted", "fitted periodic forcing", "s", _GREEN),
         ("kicks", "recorded field", "o", _BLUE),
     ):
         kicks, held = verdicts[name].clip(max=asked), np.isinf(verdicts[name])
@@ -49,18 +49,20 @@ def draw_self_consistent(fields, verdicts, settling):
     if np.isfinite(verdicts.escape).any():
         barriers.plot(verdicts.coupling, verdicts.escape, "k^", label="first particle to escape")
     barriers.axhline(asked, color="0.6", lw=0.6, ls=":")
-    barriers.set(xlabel=r"coupling $\Gamma$", ylabel="kicks until no start is left", yscale="log")
-    barriers.set_title("Converse KAM (filled: a start survives)")
+    barriers.set(
+        xlabel=r"coupling $\Gamma$", ylabel="kicks until all starts are eliminated", yscale="log"
+    )
+    barriers.set_title("Converse KAM (filled: not all eliminated)")
     legend_below(barriers, 2, 1)
 
     first, later, circle = (settling.isel(curve=i) for i in range(3))
-    denied = settling.denied.values == 1
-    folded.plot(circle.x, circle.y, color="0.6", lw=1, label="the circle that it approaches")
+    excluded = settling.excluded.values == 1
+    folded.plot(circle.x, circle.y, color="0.6", lw=1, label="limiting circle")
     before = f"before kick {settling.attrs['asked']}"
     folded.plot(later.x, later.y, color=_GREEN, lw=1, label=before)
     for where, colour, words in (
-        (~denied, _BLUE, "before the first"),
-        (denied, VERMILION, "excluded by converse KAM"),
+        (~excluded, _BLUE, "before the first kick"),
+        (excluded, VERMILION, "excluded by converse KAM"),
     ):
         folded.plot(first.x.values[where], first.y.values[where], label=words, **dots(colour, 2))
     folded.set(xlabel="$x$", ylabel="$y$", title=r"An asymptotic circle of $\kappa_n \to 0.9$")
@@ -83,7 +85,7 @@ def self_consistent_caption(fields, verdicts, settling):
 
     def where(holds):
         if not holds.any():
-            return "for none of them"
+            return "at none of these couplings"
         first = int(holds.argmax())
         if holds[first:].all():
             return f"from Γ = {couplings[first]:g} on"
@@ -94,22 +96,22 @@ def self_consistent_caption(fields, verdicts, settling):
     fitted, escaped = (where(np.isfinite(verdicts[n].values)) for n in ("kicks_fitted", "escape"))
     first, *_, circle = settling.area.values
     return (
-        f"The self-consistent map of {fields.attrs['n_particles']} particles from a band of |y| < "
-        f"0.05, {fields.attrs['n_max']} kicks, at couplings Γ = {couplings[0]:g} to "
-        f"{couplings[-1]:g}. Strength (a), phase (b), less its mean drift v per kick, and spectrum "
+        f"The self-consistent map of {fields.attrs['n_particles']} particles, initially in a band "
+        f"of |y| < 0.05, for {fields.attrs['n_max']} kicks at couplings Γ = {couplings[0]:g} to "
+        f"{couplings[-1]:g}. Strength (a), phase minus its mean drift v per kick (b), and spectrum "
         f"(c) of the kicks; momentum is conserved to {float(fields.momentum_change.max()):.0e}. "
-        "(d): particles in the wave's frame, and the orbit of a start that survives "
-        f"{_lifetime(row, asked)} kicks, of "
-        f"{float(row.omega):.3f} turns per kick. (e): converse KAM, followed for {asked} kicks "
-        "in either direction from the middle of the second half. It rules out every family of "
-        f"graphs in the recorded field {recorded}, and under κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) fitted "
-        f"to it, with its mean and variance and Ω = p/q, {fitted}. Lives beyond {horizon} kicks "
-        "in the field count as undecided: the search may miss longer ones. Of "
-        f"{fields.particle.size} particles some move 2 further in y {escaped}. (f): under κ_n = "
-        f"{settling.limit} + {settling.excess} e^(-n/{settling.time}) the curve in colours "
+        "(d) Particles in the frame of the wave, and the orbit of the longest-lived start "
+        f"(lifetime {_lifetime(row, asked)} kicks, {float(row.omega):.3f} turns per kick). (e) "
+        f"Converse KAM over {asked} kicks in either direction from the middle of the second half. "
+        f"It excludes every family of graphs in the recorded field {recorded}, and under "
+        "κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), fitted to it with the same mean and variance and Ω = p/q, "
+        f"{fitted}. Lifetimes beyond {horizon} kicks in the field count as undecided, because the "
+        f"search may miss longer ones. Particles (of {fields.particle.size}) move by more than 2 "
+        f"in y {escaped}. (f) Under κ_n = "
+        f"{settling.limit} + {settling.excess} e^(-n/{settling.time}) the coloured curve "
         f"converges to the golden circle of κ = {settling.limit} and bounds the same area, to "
-        f"{abs(first - circle):.0e}: it is a barrier. It folds before the first kicks, and "
-        f"converse KAM excludes {float(settling.denied.mean()):.0%} of it; asked before kick "
+        f"{abs(first - circle):.0e}: it is a barrier. It folds before the first kick, and "
+        f"converse KAM excludes {float(settling.excluded.mean()):.0%} of it; applied before kick "
         f"{settling.attrs['asked']}, it excludes all graphs after {float(settling.kicks):.0f} "
-        "kicks. So where it finds no graphs, orbits alone show transport."
+        "kicks. So the absence of graphs alone does not show transport; orbits that cross do."
     )

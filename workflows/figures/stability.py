@@ -1,4 +1,4 @@
-"""Figures of up to three panels on where each method stops being right, with what was found."""
+"""Figures of up to three panels on where each method fails, and their captions."""
 
 import numpy as np
 from matplotlib.ticker import NullFormatter
@@ -20,7 +20,7 @@ def draw_stability(name, studies):
 
 
 def stability_caption(name, studies):
-    """Say what the studies of a figure found, in numbered sentences."""
+    """Describe the results of the studies of a figure, in numbered sentences."""
     numbers = {part: number for number, part in enumerate(studies, 1)}
     parts = FIGURES[name].items()
     return "\n".join(f"{numbers[part]}. {words(studies[part])}" for part, (_, words) in parts)
@@ -45,10 +45,10 @@ def _near_cusp(study):
         here = study.isel(approach=i)
         over = float((here.off / (here.error + here.judge_error)).max())
         parts.append(
-            f"{name} down to {_nearest(here, here.status == _OK):.0e}° (off by up to "
-            f"{float(here.off.max()):.0e}, and by {over:.2g} times what is claimed)"
+            f"{name} down to {_nearest(here, here.status == _OK):.0e}° (error up to "
+            f"{float(here.off.max()):.0e}, at most {over:.2g} times the claimed error)"
         )
-    return f"Towards the cusp at 45° answers come from {'; '.join(parts)}."
+    return f"Near the cusp at 45° these methods have answers: {'; '.join(parts)}."
 
 
 def _nearest(study, holds):
@@ -86,9 +86,9 @@ def _draw_past_boundary(axes, study):
     axes.tick_params(axis="x", rotation=45)
     for i, angle in enumerate(study.angle.values):
         axes.plot([], [], "o", color=COLOURS[i], label=rf"$\varphi = {angle:g}°$")
-    key(axes, {".": "small dots: it does not say so"})
+    key(axes, {".": "small dots: not"})
     axes.set(xlabel="$s/s_c - 1$", ylim=(-0.5, len(claims)))
-    axes.set_title("Who says what on either side of the breakup")
+    axes.set_title("Claims of each method around the breakup")
 
 
 def _past_boundary(study):
@@ -105,12 +105,12 @@ def _past_boundary(study):
         f"Past the breakup {int((beyond.certified == 1).sum())} circles are certified. Converse "
         f"KAM eliminates all starts from {_percent(gone)} beyond on, and wrongly in "
         f"{int(np.isfinite(within.elimination_time).sum())} cases inside; a weighted Birkhoff "
-        f"average calls an orbit regular (5 digits) up to {_percent(regular)} beyond; 100 orbits "
-        "show an escape "
-        + (f"from {_percent(seen)} beyond on" if np.isfinite(seen) else "nowhere")
+        f"average classifies an orbit as regular (5 digits) up to {_percent(regular)} beyond; of "
+        "100 orbits at least one escapes "
+        + (f"from {_percent(seen)} beyond" if np.isfinite(seen) else "nowhere")
         + (f" (in single precision from {_percent(single)})" if np.isfinite(single) else "")
         + f"; in single precision {int(np.isfinite(within.escape_time_single).sum())} ensembles "
-        "leak through a circle inside."
+        "escape through an existing circle."
     )
 
 
@@ -126,14 +126,14 @@ def _draw_fractions(axes, study):
         axes.plot(place, here.lower, "_", color=colour)
         silent = (residues.value.isnull() & norms.value.isnull()).values
         _mark_silent(axes, place[silent], colour)
-    marks = {"o": "residues", "s": "continuation", "_": "certified", "x": "no value (on the axis)"}
+    marks = {"o": "residues", "s": "continuation", "_": "certified", "x": "no answer (on the axis)"}
     key(axes, marks, "s")
     axes.axhline(study.attrs["golden"], color="0.5", lw=0.8, label="golden circle")
     axes.set(xscale="log", ylim=(0, 3))
     axes.set(xlabel="$q$ of the fraction", ylabel="breakup on $s(0.3, 0.2)$")
     axes.set_xticks(study.q.values, study.q.values)
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_title(r"Fractions in disguise, $[0;1,…,1,a,(1)]$")
+    axes.set_title(r"Close to fractions: $[0;1,…,1,a,(1)]$")
 
 
 def _fractions(study):
@@ -142,15 +142,15 @@ def _fractions(study):
     wrong = int((abs(norms.value - judge.value) > norms.error + judge.error).sum())
     large = ", ".join(f"{a:g}" for a in study.quotient.values)
     return (
-        f"Fractions disguised as irrational, [0;1,…,1,a,(1)] with a = {large}: of {study.q.size} "
-        f"for each a residues refuse an answer in {', '.join(map(str, silent[0]))}, continuation "
-        f"in {', '.join(map(str, silent[1]))}; judged by longer orbits, continuation is further "
-        f"off than it claims in {wrong}."
+        f"Irrational numbers close to fractions, [0;1,…,1,a,(1)] with a = {large}: of "
+        f"{study.q.size} for each a residues give no answer in {', '.join(map(str, silent[0]))} "
+        f"cases and continuation in {', '.join(map(str, silent[1]))}. Compared with longer orbits, "
+        f"the error of continuation exceeds its claim in {wrong} cases."
     )
 
 
 def _draw_twist(axes, study):
-    """Draw lives on the dominant line, and where the twist ends."""
+    """Draw lifetimes on the dominant line, and where the twist ends."""
     for i, angle in enumerate(study.angle.values):
         here, colour = study.isel(angle=i), COLOURS[i]
         finite, line = here.where(np.isfinite(here)), line_of(i)
@@ -160,24 +160,30 @@ def _draw_twist(axes, study):
         end = here.scale.where(here.twist < 1e-9).min()
         axes.axvline(float(end), color=colour, lw=0.8, ls="--")
     axes.set(yscale="log", xlabel="scale $s$", ylabel="steps")
-    key(axes, {"o": "converse KAM", "^": "escape", "--": "the twist ends"})
+    key(axes, {"o": "converse KAM", "^": "escape", "--": "end of the twist"})
     axes.set_title("Lifetimes on the dominant line")
 
 
 def _twist(study):
     beyond = study.isel(scale=np.flatnonzero((study.scale > 1.5).values))
-    lives = beyond.elimination_time.values
+    lifetimes = beyond.elimination_time.values
     return (
-        "Beyond a scale of 1.5, to and past the end of the twist, converse KAM eliminates all "
-        f"starts in {np.isfinite(lives).sum()} of {lives.size} cases, within {np.max(lives):g} "
-        f"steps; {int((beyond.circle == _OK).sum())} circles are certified, though Birkhoff "
-        f"averages show up to {float(beyond.digits.max()):.0f} digits for other regular orbits."
+        "Beyond a scale of 1.5, up to and past the end of the twist, converse KAM eliminates all "
+        f"starts in {np.isfinite(lifetimes).sum()} of {lifetimes.size} cases, within "
+        f"{np.max(lifetimes):g} steps; {int((beyond.circle == _OK).sum())} circles are certified, "
+        f"although Birkhoff averages have up to {float(beyond.digits.max()):.0f} digits for other "
+        "regular orbits."
     )
 
 
 def _draw_missed(axes, study):
-    axes.plot(study.kept, 100 * study.missed, "o-", label="searches that miss 1% of the lifetime")
-    axes.plot(study.kept, 100 * study.worst, "s--", mfc="none", label="largest part missed")
+    axes.plot(
+        study.kept,
+        100 * study.missed,
+        "o-",
+        label="searches that miss more than 1% of the lifetime",
+    )
+    axes.plot(study.kept, 100 * study.worst, "s--", mfc="none", label="largest fraction missed")
     axes.set_xscale("log", base=2)
     axes.set(xlabel="starts kept", ylabel="percent")
     axes.set_title(f"Beam search of converse KAM, {study.attrs['searches']} searches")
@@ -186,9 +192,9 @@ def _draw_missed(axes, study):
 def _missed(study):
     pairs = zip(study.kept.values.tolist(), study.missed.values, strict=True)
     return (
-        "The search of converse KAM for the longest lifetime misses 1% of it or more in these "
-        f"shares of {study.attrs['searches']} searches, by the number of starts it keeps (32 in "
-        f"use): {', '.join(f'{_percent(part)} with {number}' for number, part in pairs)}."
+        "The beam search of converse KAM underestimates the longest lifetime by more than 1% in "
+        f"this fraction of {study.attrs['searches']} searches, by the number of starts kept (32 by "
+        f"default): {', '.join(f'{_percent(part)} with {number}' for number, part in pairs)}."
     )
 
 
@@ -199,17 +205,18 @@ def _draw_disorder(axes, study):
             y = study[name].isel(noise=j)
             axes.plot(study.scale, y, style, color=COLOURS[i], ms=4, label=label)
     noises = " and ".join(f"{noise:g}" for noise in study.noise.values)
-    axes.set(xlabel="scale $s$ of $s(1, 0.5)$", ylabel="part of starts")
-    axes.set_title(f"Newton for 13/21, starts off by {noises}")
+    axes.set(xlabel="scale $s$ of $s(1, 0.5)$", ylabel="fraction of starts")
+    axes.set_title(f"Newton's method for 13/21, starts off by {noises}")
 
 
 def _disorder(study):
     trials, worst = study.attrs["trials"], study.refused.max("noise")
     return (
-        "From bad starts Newton's method ends on an orbit of another order in up to "
-        f"{_percent(worst.max())} of trials, from the scale "
-        f"{float(study.scale.where(worst > 0).min()):.2g} on; of all {trials * study.refused.size} "
-        f"the order check lets {round(float(study.accepted.sum()) * trials)} wrong ones pass."
+        "From bad starts Newton's method converges to an orbit of another order in up to "
+        f"{_percent(worst.max())} of trials, at scales from "
+        f"{float(study.scale.where(worst > 0).min()):.2g}; in all {trials * study.refused.size} "
+        f"trials the order check accepts {round(float(study.accepted.sum()) * trials)} wrong "
+        "orbits."
     )
 
 
@@ -222,10 +229,15 @@ def _draw_tori(axes, study):
         axes.plot(place, here.lower, "^", label=name, **style)
         axes.plot(place, here.upper, "v", mfc="none", **style)
         _mark_silent(axes, place[here.lower.isnull().values], colour)
-    marks = {"^": "certified", "v": "no torus left", "s": "breakup", "x": "no torus (on the axis)"}
+    marks = {
+        "^": "certified",
+        "v": "no torus (converse KAM)",
+        "s": "breakup",
+        "x": "none certified (on the axis)",
+    }
     key(axes, marks, "vs")
     axes.set(xscale="log", xlabel=r"distance $\delta$ from the resonance", ylabel="scale $s$")
-    axes.set(ylim=(0, None), title="Tori next to a resonance, on 45°")
+    axes.set(ylim=(0, None), title="Tori near a resonance, ray of 45°")
 
 
 def _tori(study):
@@ -235,10 +247,10 @@ def _tori(study):
         shown, known = _nearest(here, here.lower.notnull()), _nearest(here, here.status == _OK)
         parts.append(f"{name} down to {shown:.0e} (with a value, {known:.0e})")
     return (
-        f"Next to a resonance tori are certified for {'; '.join(parts)}; nearer, the status says "
-        f"why not. Of those {int((study.lower >= study.upper).sum())} are beyond what converse KAM "
-        f"leaves of their Ω; past that {int((study.past == _OK).sum())} of {study.past.size} are "
-        "certified, on any grid."
+        f"Near a resonance tori are certified for {'; '.join(parts)}; closer to it the status "
+        f"gives the reason. Of these tori {int((study.lower >= study.upper).sum())} lie beyond the "
+        f"converse KAM bound for their Ω. Past that bound {int((study.past == _OK).sum())} of "
+        f"{study.past.size} attempts certify a torus, on any grid."
     )
 
 

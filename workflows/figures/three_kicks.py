@@ -7,7 +7,7 @@ from workflows.figures.rotating import where_above
 
 
 def draw_three_kicks(three, two):
-    """Draw the boundaries in the (κ̄, Δκ) plane, and by angle the brackets in parts of that of T.
+    """Draw the boundaries in the (κ̄, Δκ) plane, and by angle the brackets relative to that of T.
 
     Colours are those of the last circles.
     """
@@ -41,14 +41,14 @@ def draw_three_kicks(three, two):
         strip.set_ylabel(rf"$\varphi_0 = {exact[i]}$")
     style.name_circles(plane, {text: look for text, look in styles.items() if text})
     if three.ratio.isnull().any():
-        style.key(plane, {"v": "converse KAM alone", "x": "no answer"}, "v")
+        style.key(plane, {"v": "converse KAM only", "x": "no answer"}, "v")
     plane.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     plane.set_title("Onset of global transport, coloured by the last circle")
     handles, labels = plane.get_legend_handles_labels()
     style.outer_legend(figure, 5, 2, handles=handles, labels=labels)
     strips[-1].set(xlabel=r"angle $\theta$ of the ray in the plane (degrees)", xlim=(0, 180))
     strips[-1].set_xticks(range(0, 181, 30))
-    strips[0].set_title("Bracket over that of $T$; above 1 the map outlasts $T$")
+    strips[0].set_title("Bracket relative to $T$; above 1 the barrier outlasts that of $T$")
     return figure
 
 
@@ -61,10 +61,11 @@ def three_kicks_caption(three):
     return (
         "Boundary of global transport of rotating standard maps for several phases φ0, against "
         "that of T (Ω = 1/2, black): in the plane of the mean strength κ̄ and the amplitude Δκ, and "
-        "as the ratio of the scales along rays (κ̄, Δκ) = s·(cos θ, sin θ), from the certified "
-        "circle to converse KAM; in colours the last circle, triangles where converse KAM alone "
-        f"has an answer. Of {known.size} rays {int(known.sum())} have a value; the bracket's width "
-        f"is {float(width.median()):.1e} of the scale in the median, at most "
-        f"{float(width.max()):.1e}. The map outlasts T, a certified circle of it beyond "
-        f"converse KAM of T: {' '.join(where)}"
+        "as the ratio of the scales along rays (κ̄, Δκ) = s·(cos θ, sin θ), bracketed by a "
+        "certified circle (below) and converse KAM (above). Colours show the last circle; "
+        "triangles, rays where only converse KAM has an answer. Of "
+        f"{known.size} rays {int(known.sum())} have a value; the relative width of the bracket is "
+        f"{float(width.median()):.1e} in the median and at most {float(width.max()):.1e}. Barriers "
+        "of three kicks outlast those of T (certified circle above the converse KAM bound of T): "
+        f"{' '.join(where)}"
     )

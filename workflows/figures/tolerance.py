@@ -30,10 +30,10 @@ def _draw_losses(axes, cube, laws):
     d, exponent = np.array([lost.parameter.min(), 1e-2]), float(laws.predicted.sel(period=2))
     look = {"color": "0.4", "lw": 1, "ls": "--", "label": rf"$\propto d^{{\,{exponent:.3f}}}$"}
     axes.plot(d, 0.01 * (d / 1e-3) ** exponent, **look)
-    axes.set(xscale="log", yscale="log", title="What a ripple costs")
+    axes.set(xscale="log", yscale="log", title="Cost of a ripple")
     axes.set_xlabel(r"ripple $d$ (rms over mean)")
-    axes.set_ylabel(r"loss of threshold, $1 - s_c\,\mathrm{rms}/\kappa_G$")
-    style.legend_below(axes, 3, 2, title="powers: renormalisation", title_fontsize="small")
+    axes.set_ylabel(r"relative loss, $1 - s_c\,\mathrm{rms}/\kappa_G$")
+    style.legend_below(axes, 3, 2, title="exponents from renormalisation", title_fontsize="small")
 
 
 def _draw_strengths(axes, tried):
@@ -42,19 +42,19 @@ def _draw_strengths(axes, tried):
     # Circles are looked for at 1.001 κ_G at most: one that breaks there breaks at 1 or before.
     escaping = upper <= 1
     kinds = {"ripple below 10%": near & escaping, "larger ripple": ~near & escaping}
-    kinds |= {"hatched: or before, by converse KAM": near & ~escaping, "": ~near & ~escaping}
+    kinds |= {"hatched: upper bounds, by converse KAM": near & ~escaping, "": ~near & ~escaping}
     look = {"color": 2 * [style.colour_of(3), style.colour_of(0)], "stacked": True, "ec": "white"}
     look |= {"lw": 0.3, "hatch": ["", "", "////", "////"], "label": [*kinds]}
     held = np.isinf(upper)
     axes.hist([np.minimum(upper[kind & ~held], 1) for kind in kinds.values()], _BINS, **look)
     if held.any():
-        axes.hist(np.full(held.sum(), 1.01), [1, 1.025], color="black", label="a barrier is left")
+        axes.hist(np.full(held.sum(), 1.01), [1, 1.025], color="black", label="a barrier exists")
     axes.axvline(1, color="black", lw=1, label="constant kicks")
     look = {"transform": axes.get_xaxis_transform(), "clip_on": False, "ls": "", "ms": 5}
-    look |= {"marker": "|", "color": style.VERMILION, "label": "ends of climbs"}
+    look |= {"marker": "|", "color": style.VERMILION, "label": "results of hill climbs"}
     upper = np.minimum(ends.upper / tried.golden, 1)
     axes.plot(upper, np.full(upper.size, -0.02), **look)
-    axes.set(xlabel=r"rms strength without a barrier, over $\kappa_G$", xlim=(0, 1.03))
+    axes.set(xlabel=r"rms strength without a barrier, relative to $\kappa_G$", xlim=(0, 1.03))
     axes.set(yscale="log", ylabel="random forcings of 2 to 8 kicks")
     axes.set_title("Random forcings against constant kicks")
     axes.tick_params(axis="x", pad=6)

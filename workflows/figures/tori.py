@@ -20,7 +20,7 @@ def draw_breakups(breakups):
         axes.plot(*(here.lower.values * direction), ".", color=colour, ms=4)
         axes.plot(*(here.upper.values * direction), "v" if few else ":", color=colour, lw=1, ms=4)
     marks = "s" if few else "-", ".", "v" if few else ":"
-    words = "breakup", "last torus that is certified", r"no torus of that $\Omega$ beyond"
+    words = "breakup", "last certified torus", r"no torus of that $\Omega$ beyond"
     key(axes, dict(zip(marks, words, strict=True)), "s")
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     axes.set(xlim=(0, None), ylim=(0, None), title="Breakup of two-dimensional tori")
@@ -30,7 +30,7 @@ def draw_breakups(breakups):
 
 def breakups_caption(breakups):
     wide = 100 * float((breakups.error / breakups.critical_scale).median())
-    error = f"estimated error {wide:.2g}% in the median" if np.isfinite(wide) else "none found"
+    error = f"median estimated error {wide:.2g}%" if np.isfinite(wide) else "none found"
     n_certified = f"{int(np.isfinite(breakups.lower).sum())} of {breakups.lower.size}"
     silent = int(breakups.critical_scale.isnull().sum())
     gaps = (
@@ -38,9 +38,9 @@ def breakups_caption(breakups):
     )
     return (
         "Breakup of invariant tori of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) on rays (κ̄, Δκ) = s·(cos θ, "
-        f"sin θ), by continuation (lines, or squares of few rays; {error}{gaps}), and the last "
-        f"torus that is certified on each ray (dots; on {n_certified}). Beyond the dotted lines, "
-        "or triangles, converse KAM leaves no torus of that Ω that is a graph, whatever its ω."
+        f"sin θ), by continuation (lines, or squares on few rays; {error}{gaps}), and the last "
+        f"certified torus on each ray (dots; {n_certified}). Beyond the dotted lines, or "
+        "triangles, converse KAM excludes every torus of that Ω that is a graph, whatever its ω."
     )
 
 
@@ -56,16 +56,16 @@ def draw_pictures(torus):
     drawn[0].set_ylabel(r"$\varphi$ (turns)")
     where = {"location": "bottom", "aspect": 40} if in_column() else {}
     figure.colorbar(picture, ax=drawn, label=r"$h - \theta$ (turns)", **where)
-    figure.suptitle("A torus on the way to its breakup")
+    figure.suptitle("A torus approaching its breakup")
     return figure
 
 
 def pictures_caption(torus):
     known = torus.least_slope.fillna(0).values
-    slopes = ", ".join(f"{slope:.3f}" if slope else "not known (no torus)" for slope in known)
+    slopes = ", ".join(f"{slope:.3f}" if slope else "unknown (no torus)" for slope in known)
     return (
         f"The torus of rotation vector ({torus.attrs['vector']}) on the ray of "
-        f"{torus.attrs['angle']:g}°: h(θ, φ) - θ at 0.7, 0.95 and 0.99 times the last scale at "
-        f"which it is certified. The least slope of h along θ, positive as long as h is monotonic, "
-        f"is {slopes}."
+        f"{torus.attrs['angle']:g}°: h(θ, φ) - θ at 0.7, 0.95 and 0.99 times the last certified "
+        f"scale. The minimum slope ∂h/∂θ is {slopes}; it stays positive as long as h is monotonic, "
+        "and vanishes at the breakup."
     )

@@ -4,7 +4,7 @@ import numpy as np
 
 from workflows.figures.style import in_column, outer_legend, panels
 
-# Colour of a method, by how its name begins; its better answer is drawn filled, the other hollow.
+# Colour of a method, by the beginning of its name; its better answer is filled, the other hollow.
 _METHOD_COLOURS = {
     "direct, 100 orbits, near": "#E69F00",
     "direct, 100 orbits, single": "#8B0000",

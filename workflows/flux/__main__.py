@@ -1,11 +1,11 @@
-"""How much passes through the last circle once it is broken? The flux ΔW and its law.
+"""How much flux passes through the last circle after its breakup? ΔW and its power law.
 
-Just beyond CB_gt a cantorus is left: the area that passes it in one step is the difference in
+Just beyond CB_gt a cantorus remains: the area that crosses it in one step is the difference in
 action of minimax and minimizing orbits, and grows like (s/s_c - 1)^η, η = 3.01. An outlook of
-arXiv:1606.04824, Sec. VII, by MacKay, Meiss & Percival, Physica D 13 (1984) 55.
+arXiv:1606.04824, Sec. VII; the method is that of MacKay, Meiss & Percival, Physica D 13 (1984) 55.
 
-Two cubes, two tables and a figure in OUT. Distances beyond the breakup go up to 0.5. The defaults
-take about a CPU minute.
+Two cubes, two tables and a figure in OUT. Distances beyond the breakup range up to 0.5, relative to
+it. The defaults take about a CPU minute.
 """
 
 from math import ceil, log10
@@ -16,7 +16,7 @@ from workflows.shared.cli import command, real, sweeps, whole
 @command()
 @real("--angle", (0, 20, 30, 40, 45), 0, 180, "A ray, in degrees; may be repeated.", multiple=True)
 @real("--least-excess", 1e-4, 1e-5, 0.1, "Smallest distance beyond the breakup, relative to it.")
-@whole("--q-max", 200_000, 100, 10**6, "Longest period of the orbits; 10/LEAST_EXCESS or more.")
+@whole("--q-max", 200_000, 100, 10**6, "Longest period of the orbits; at least 10/LEAST_EXCESS.")
 @sweeps
 def main(run, angle, least_excess, q_max):
     import numpy as np

@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 
 from workflows.shared import power_law
-from workflows.shared.rays import with_tie
+from workflows.shared.rays import with_degenerate
 
 
 def law(excess, flux):
@@ -30,7 +30,7 @@ def laws(fluxes):
     fits = np.transpose([law(fluxes.excess.values, row.values) for row in fluxes.flux])
     names = "amplitude", "exponent", "amplitude_error", "exponent_error"
     columns = {name: ("angle", fit) for name, fit in zip(names, fits, strict=True)}
-    named = map(with_tie, fluxes.circle.values.tolist(), fluxes.angle.values)
+    named = map(with_degenerate, fluxes.circle.values.tolist(), fluxes.angle.values)
     columns["circle_and_tie"] = ("angle", list(named))
     coords = {"angle": fluxes.angle, "circle": fluxes.circle}
     return xr.Dataset(columns, coords, {"predicted_exponent": power_law.FLUX})

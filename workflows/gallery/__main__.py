@@ -1,9 +1,9 @@
-"""The paper, regenerated: every figure with its caption, its command and its numbers, on one page.
+"""The paper reproduced: every figure with its caption, its command and its numbers, on one page.
 
-Runs one command after the other (arXiv:1606.04824, Figs. 1 to 11, and what goes beyond them), each
-into a directory of its own in OUT, all on the same workers, and writes OUT/index.html. Each of them
-resumes by itself. Below its figures are the lines that read its cubes and draw their essence, to be
-run in OUT: OUT/recipes has them as scripts and notebooks.
+Runs the commands one after another (arXiv:1606.04824, Figs. 1 to 11, and beyond), each in a
+directory of its own in OUT, all on the same workers, and writes OUT/index.html. Each command
+resumes an earlier run. Below its figures the page shows a few lines of Python that read its cubes
+and redraw the main result; OUT/recipes has them as scripts and notebooks, to be run in OUT.
 
 By default a preview of everything, about ten CPU minutes.
 """
@@ -65,17 +65,15 @@ def shown(exhibit, out, quick):
 
 _NAMES = [exhibit.name for exhibit in EXHIBITS]
 _RELEASE = (
-    "Make in DIR, instead, what is published under a DOI: the boundary, the six circles' and the "
-    "proved map down to 1/128, with certificates and checksums; 70 MB, ten CPU minutes."
+    "Write to DIR, instead, the data set for a DOI: CB_gt, the CB_ω of the six circles, and the "
+    "proved map with cells of 1/128, with certificates and checksums; 70 MB, ten CPU minutes."
 )
 
 
 @command()
-@flag("--full", "The size of the paper, some four CPU hours; needs --yes or --scheduler.")
+@flag("--full", "The sizes of the paper, about four CPU hours; needs --yes or --scheduler.")
 @flag("--yes", "Run --full although it takes hours.")
-@choice(
-    "--exhibit", _NAMES, (), "A command to run; may be repeated.  [default: all]", multiple=True
-)
+@choice("--exhibit", _NAMES, (), "Command to run; may be repeated.  [default: all]", multiple=True)
 @click.option("--release", metavar="DIR", type=DIRECTORY, help=_RELEASE)
 @flag("--quick", "A preview of the release: a few rays and cells.")
 @directory("Directory of the page, and of the commands' folders; each is resumed.")

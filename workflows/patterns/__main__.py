@@ -1,14 +1,15 @@
-"""When does transport begin under the kicks that laboratories give? Signs, pairs and bursts.
+"""When does transport begin under the kicks of laboratory experiments? Signs, pairs and bursts.
 
 κ_n = s·profile_n for profiles of 1, -1 and 0, as in experiments with cold atoms: the sign flipped
 after every M kicks (arXiv:2202.02820) or of one kick in P; pairs of kicks a fraction ε of the
 period apart, the 2δ-kicked rotor (arXiv:physics/0408088, physics/0703105); bursts of kicks.
 
 Pairs, in units of their period: p' = p + K sin 2πx/2π, then x' = x + εp', and once more with 1 - ε.
-To first order in K they drive resonances at all whole p = k, as strong as those of a standard map
-of 2K|cos πkε|, whose orbits of period one have R = K|cos πkε|/2. Those near p = 1/(2ε), where the
-two kicks cancel, are the weakest. To second order two kicks that cancel leave K²ε/2 sin 4πx as
-ε → 0: a standard map of 2x and 2p of strength K²ε. So circles there should break at √(κ_G/ε).
+To first order in K they drive resonances at all integers p = k, as strong as those of a standard
+map of strength 2K|cos πkε|, whose orbits of period one have R = K|cos πkε|/2. Those near
+p = 1/(2ε), where the two kicks cancel, are the weakest. There the second order in K, as ε → 0, is a
+kick of K²ε/2 sin 4πx: a standard map in 2x and 2p of strength K²ε. So circles there should break at
+√(κ_G/ε).
 
 A cube, a table, a figure in OUT. The defaults take about ten CPU minutes, --quick one.
 """
@@ -17,8 +18,8 @@ from workflows.shared.cli import command, flag, real, sweeps
 
 
 @command()
-@flag("--quick", "A preview: some of the forcings.")
-@real("--tol", 1e-2, 1e-5, 0.1, "Width of the bracket to aim at, relative to the scale.")
+@flag("--quick", "A preview: fewer forcings.")
+@real("--tol", 1e-2, 1e-5, 0.1, "Target width of the bracket, relative to the scale.")
 @sweeps
 def main(run, quick, tol):
     from pipeline.cubes import barrier, forcings
@@ -29,4 +30,4 @@ def main(run, quick, tol):
     with run.sweeping(job):
         cube = barrier.with_circles(run.sweep(job))
         run.table("patterns", cube.assign(per_period=cube.critical_scale * cube.period))  # K_c
-        run.figure("patterns", draw_patterns, cube, caption=study.found(cube))
+        run.figure("patterns", draw_patterns, cube, caption=study.findings(cube))

@@ -1,4 +1,4 @@
-"""The forcings of `patterns`, and what is found of them."""
+"""The forcings of `patterns`, and their findings."""
 
 from math import gcd
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from workflows.figures.patterns import BURSTS, CONSTANT, FLIPS, PAIRS, SIGNS
 from workflows.figures.style import of_family
-from workflows.shared.rules import finding
+from workflows.shared.judgement import finding
 
 PARAMETER = f"ε of {PAIRS}, P of {SIGNS}, M of {FLIPS}, share of the period kicked in {BURSTS}"
 
@@ -17,7 +17,7 @@ def pair(p, q):
 
 
 def patterns(quick):
-    """List all forcings as (family, parameter, profile); few of them if `quick`."""
+    """List all forcings as (family, parameter, profile), or fewer of them if `quick`."""
     apart = [(p, q) for q in range(2, 9) for p in range(1, 1 + q // 2) if gcd(p, q) == 1]
     apart += [(1, q) for q in (9, 10, 11, 12, 16, 24, 48, 64)]
     given = [
@@ -30,26 +30,29 @@ def patterns(quick):
     return [forcing for forcing in given if not quick or len(forcing[2]) in (1, 2, 3, 4, 6)]
 
 
-def found(cube):
-    """Say what the cube shows, with a verdict on each claim; on 1/3 by the brackets alone."""
+def findings(cube):
+    """Describe the cube, with a verdict on each claim; on 1/3 from the brackets alone."""
     pairs = of_family(cube, PAIRS)
     lower, upper = (pairs[side] * pairs.period for side in ("lower", "upper"))
     third = np.isclose(pairs.parameter, 1 / 3)
-    gone, others = upper.values[third], lower.values[~third]
+    third_upper, others = upper.values[third], lower.values[~third]
     width = (2 * (cube.upper - cube.lower) / (cube.upper + cube.lower)).dropna("forcing")
     return " ".join([
         f"Of {cube.family.size} forcings {int(cube.critical_scale.notnull().sum())} have a value, "
-        f"and {width.size} a bracket, of {100 * float(width.max()):.2g}% at most, whose middle is "
-        "drawn. K is in units of the period, κ in units of the time from kick to kick; with atoms "
-        "K is the phase depth of a pulse times 8ω_r times that time, ω_r the recoil frequency.",
+        f"and {width.size} a bracket, at most {100 * float(width.max()):.2g}% wide, whose middle "
+        "is "
+        "drawn. K is in units of the period, κ in units of the time between kicks; for cold atoms "
+        "K is 8ω_r times that time times the phase depth of a pulse, ω_r the recoil frequency.",
         finding(
             "pairs a third of the period apart lose their last barrier first",
-            f"theirs breaks below K = {gone.item():.4g}, and circles are certified up to "
-            f"{others.min():.4g} or more for the {others.size} other spacings; to first order none "
-            "of its resonances is weaker than K, and the one at p = P/2 is missing for even P",
-            bool((gone < others).all()),
-            known=bool(np.isfinite([*gone, *others]).all()),
+            f"their last barrier breaks below K = {third_upper.item():.4g}; for the {others.size} "
+            f"other spacings circles are certified up to {others.min():.4g} or more. To first "
+            "order "
+            "the resonances of 1/3 are all at least as strong as K, while even P lack the one at "
+            "p = P/2",
+            bool((third_upper < others).all()),
+            known=bool(np.isfinite([*third_upper, *others]).all()),
         ),
-        "Not tried: kicks of finite length, spacings that are no fractions with q ≤ 8 or 1/P, and "
-        "quantum effects.",
+        "Not tried: kicks of finite duration, spacings other than 1/P and fractions with q ≤ 8, "
+        "and quantum effects.",
     ])  # fmt: skip

@@ -1,10 +1,10 @@
 """What do the orbits look like? Phase portraits of T_{κ1κ2}, Figs. 1 and 2.
 
 Fig. 1: T_{κ1κ2} and T_{κ2κ1} beside the nonautonomous map itself (arXiv:1606.04824, Eq. (1)), whose
-orbits are theirs after an even and an odd number of kicks. Fig. 2: four forcings that the
-symmetries of Sec. III take to each other, each iterated on its own.
+orbits are those of the first after even kicks and of the second after odd ones. Fig. 2: four
+forcings related by the symmetries of Sec. III, each iterated independently.
 
-Two cubes and two figures in OUT, in a few seconds.
+Two cubes and two figures in OUT, in a few CPU seconds.
 """
 
 from workflows.shared.cli import command, whole, writes

@@ -1,12 +1,11 @@
-"""How fast may the kicks grow, and how regular must they be, for a barrier to last?
+"""How fast may the kicks grow, and how smooth must the forcing be, for a barrier to persist?
 
 While circles exist, the barriers are families of invariant graphs, one before each kick. Converse
 KAM for sequences (`nasm.converse_kam.aperiodic`) excludes them: in a ramp κ_n = κ_G + r·n through
-the breakup, and under forcings of less and less smoothness, down to random ones. It does not
-exclude curves that fold; orbits that escape across them do. The exponent of slow ramps is below the
-predicted one, as the area under the golden circle falls by 0.0073 per unit of κ meanwhile: where
-phases followed it, graphs were excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates from 10⁻² to
-10⁻⁷).
+the breakup, and under forcings of decreasing smoothness, down to random ones. It does not exclude
+curves that fold; orbits that cross do. In slow ramps the exponent is below the predicted one, since
+the area under the golden circle decreases by 0.0073 per unit of κ; with phases that follow it,
+graphs were excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates from 10⁻² to 10⁻⁷).
 
 Two cubes and a figure in OUT. The defaults take about a CPU minute, --quick ten seconds.
 """
@@ -15,7 +14,9 @@ from workflows.shared.cli import command, flag, writes
 
 
 @command()
-@flag("--quick", "Growth from 0.01 to 1e-4 a kick, not 1e-7, and fewer ripples and kicks.")
+@flag(
+    "--quick", "A preview: growth rates down to 1e-4 per kick, not 1e-7; fewer ripples and kicks."
+)
 @writes
 def main(run, quick):
     import numpy as np

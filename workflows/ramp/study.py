@@ -1,4 +1,4 @@
-"""Lives of families of graphs, and escapes: in ramps through the breakup, and by smoothness."""
+"""Lifetimes of families of invariant graphs, and escapes: in ramps, and by smoothness."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from nasm.converse_kam import aperiodic
 from nasm.numbers import parse
 from pipeline.cubes.cube import text
 from workflows.shared import power_law
-from workflows.shared.rules import finding, span
+from workflows.shared.judgement import finding, span
 from workflows.shared.tables import dataset
 
 _GOLDEN = float(parse("gamma"))
@@ -25,17 +25,17 @@ SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
 
 
 def ramps(rates):
-    """Find what κ_n = κ_G + r·n does to barriers: a Dataset with the dim rate."""
+    """Find how long barriers persist under κ_n = κ_G + r·n: a Dataset with the dim rate."""
     critical = critical_scale((1.0,), 1e-4).value
     patience = (6 * rates**-ESCAPES).astype(int)
     crossed = [_escape(critical + r * np.arange(n)) for r, n in zip(rates, patience, strict=True)]
-    words = "kicks from κ_G until one of 64 orbits is past all circles"
+    words = "kicks from κ_G until one of 64 orbits has crossed all circles"
     found = np.array([lost(critical, rate) for rate in rates])
     return dataset(
-        "When barriers are lost in a ramp",
+        "When barriers are excluded in a ramp",
         {"rate": (rates, "growth of κ per kick")},
         {
-            "lost": ("rate", found, "kicks from κ_G until no graphs are left"),
+            "lost": ("rate", found, "kicks from κ_G until all graphs are excluded"),
             "escaped": ("rate", np.array(crossed), words),
         },
         {"critical_scale": critical, "exponents": [EXPONENT, ESCAPES]},
@@ -43,7 +43,7 @@ def ramps(rates):
 
 
 def lost(critical, rate):
-    """Return the kick after κ_G by which no graphs are left, by the line that denies them first."""
+    """Return the kicks after κ_G until all graphs are excluded, on the line where it is first."""
     unit = rate**-EXPONENT
     n = np.arange(-int(5 * unit), int(5 * unit) + 1)
 
@@ -61,8 +61,8 @@ def _escape(kappa):
 def irregular(ripples, kicks):
     """Find how long barriers last under κ_n = 0.3·(1 + ripple·f_n): dims (kind, ripple).
 
-    life : on the line that denies graphs first, of eight in the middle of the kicks; escapes are
-    looked for in 20 times as many.
+    life : the shortest of the lifetimes on eight lines in the middle of the kicks; escapes are
+    looked for in 20 times as many kicks.
     """
     shapes = _shapes(np.arange(20 * kicks))
     kappas = [[0.3 * (1 + ripple * f) for ripple in ripples] for f in shapes.values()]
@@ -72,14 +72,17 @@ def irregular(ripples, kicks):
         return min(aperiodic.longest_lived(kappa[:kicks], 0.0, site)[2] for site in sites)
 
     lives, crossed = ([list(map(found, row)) for row in kappas] for found in (life, _escape))
-    dims, graphs = ("kind", "ripple"), "kicks on either side until no family of graphs is left"
-    words = "kicks until one of 64 orbits is past all circles; inf if none is"
+    dims, graphs = (
+        ("kind", "ripple"),
+        "kicks on either side until all families of graphs are excluded",
+    )
+    words = "kicks until one of 64 orbits has crossed all circles; inf if none has"
     kind = text("kind", shapes, "forcing, f_n")
     return dataset(
-        "Lives of barriers by the smoothness of the forcing",
+        "Lifetimes of barriers by the smoothness of the forcing",
         {"kind": kind, "ripple": (ripples, "largest deviation, relative")},
         {
-            "life": (dims, np.array(lives), f"{graphs}; inf if they last"),
+            "life": (dims, np.array(lives), f"{graphs}; inf if they persist"),
             "escaped": (dims, np.array(crossed), words),
         },
         {"kicks": kicks},
@@ -102,35 +105,35 @@ def _shapes(n):
 
 
 def findings(ramp, lives):
-    """Judge what was foreseen; lines of text."""
+    """Judge the predictions; lines of text."""
     jumps, smooth = (lives.sel(kind=[*kinds]) for kinds in (JUMPS, SMOOTH))
     gone, through = np.isfinite(jumps.life), np.isfinite(jumps.escaped)
     lived, crossed = (span(values, ".0f") for values in (jumps.life.values, jumps.escaped.values))
     kept, kicks = np.isinf(smooth.life) & np.isinf(smooth.escaped), lives.attrs["kicks"]
     return "\n".join([
-        _power("graphs are lost", ramp.lost, EXPONENT),
+        _power("graphs are excluded", ramp.lost, EXPONENT),
         _power("the first of 64 orbits crosses", ramp.escaped, ESCAPES),
         finding(
-            "smoothness in the phase decides, not quasi-periodicity",
-            "with jumps, square or Fibonacci, as with Thue-Morse and random kicks, graphs are lost "
-            f"in {lived} kicks under {int(gone.sum())} of {gone.size} forcings, orbits cross in "
-            f"{crossed} under {int(through.sum())}; with coefficients like k^-2 or smaller graphs "
-            f"last {kicks // 2} kicks, and nothing crosses in {20 * kicks}, under "
-            f"{int(kept.sum())} of {kept.size}",
+            "smoothness in the phase decides, not quasiperiodicity",
+            "with jumps (square, Fibonacci, Thue-Morse and random kicks) graphs are excluded "
+            f"within {lived} kicks under {int(gone.sum())} of {gone.size} forcings, and orbits "
+            f"cross within {crossed} kicks under {int(through.sum())}; with Fourier coefficients "
+            f"that fall like k^-2 or faster graphs persist for {kicks // 2} kicks and no orbit "
+            f"crosses in {20 * kicks} kicks, under {int(kept.sum())} of {kept.size}",
             bool(gone.all() and through.all() and kept.all()),
             float(gone.mean()) > 0.5 and bool(kept.all()),
         ),
-        "Not tried: kicks that fall again, other circles than the golden one, coloured noise.",
+        "Not tried: decreasing ramps, circles other than the golden one, coloured noise.",
     ])  # fmt: skip
 
 
-def _power(claim, kicks, foreseen):
+def _power(claim, kicks, predicted):
     slope, error = power_law.exponent(kicks.rate.values, kicks.values)
     return finding(
-        f"{claim} ~ r^-{foreseen:.3f} kicks after κ_G",
-        f"the exponent is {-slope:.3f} ± {error:.3f} in {int(np.isfinite(kicks).sum())} rates from "
-        f"{float(kicks.rate.max()):.0e} to {float(kicks.rate.min()):.0e}",
-        abs(slope + foreseen) < 2 * error < 0.04,
-        abs(slope + foreseen) < 0.06,
+        f"{claim} ~ r^-{predicted:.3f} kicks after κ_G",
+        f"the exponent is {-slope:.3f} ± {error:.3f} for {int(np.isfinite(kicks).sum())} rates "
+        f"from {float(kicks.rate.max()):.0e} to {float(kicks.rate.min()):.0e}",
+        abs(slope + predicted) < 2 * error < 0.04,
+        abs(slope + predicted) < 0.06,
         bool(np.isfinite(slope)),
     )

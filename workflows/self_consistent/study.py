@@ -44,7 +44,7 @@ def fields(couplings, n_particles, n_max):
 
     Also spectrum (coupling, frequency) of the second half of kappa; x, y (coupling, particle) after
     the last kick, x from the wave's phase; and of each coupling escape, the kick after which the
-    first of these particles has gone 2 further than it started; inf if none has.
+    first of these particles has moved by more than 2 in y; inf if none has.
     """
     couplings = np.unique(couplings)
     x, y = escape.ensemble(n_particles)
@@ -63,7 +63,7 @@ def fields(couplings, n_particles, n_max):
     ]
     from_phase = [(run.x[:_SHOWN] - run.phase) % 1 for run in runs]
     per_kick, per_particle = ("coupling", "kick"), ("coupling", "particle")
-    escaped = "kick after which the first particle is 2 further in y"
+    escaped = "kick after which the first particle has moved by more than 2 in y"
     spectrum = "power of κ_n in the second half of the kicks"
     conserved = "change of 2π Σγy + κ²/2, which is conserved"
     coords = {
@@ -86,11 +86,11 @@ def fields(couplings, n_particles, n_max):
 
 
 def verdicts(fields):
-    """Ask converse KAM for barriers in the recorded field, and in a periodic one fitted to it.
+    """Search for barriers by converse KAM in the recorded field, and in a fitted periodic one.
 
-    Starts are on lines before kicks in the middle of the second half: `kicks` are the kicks in
-    either direction that it takes until all on one of them are eliminated, inf if it never happens.
-    x, y, dims (coupling, step), is the orbit of the longest-lived start, seen from the wave.
+    Starts are on lines before kicks in the middle of the second half. `kicks` counts the kicks in
+    either direction until all starts on one of these lines are eliminated, inf if they never are.
+    x, y, dims (coupling, step), is the orbit of the longest-lived start in the frame of the wave.
     """
     half = fields.kick.size // 2
     frequencies = fields.frequency.values
@@ -119,8 +119,8 @@ def verdicts(fields):
         rows.append([*row, fitted, orbit[1].mean() % 1, float(here.escape)])
     variables = columns("coupling", _VERDICTS, zip(*rows, strict=True))
     for name, values in zip("xy", np.stack(orbits, axis=1) % 1, strict=True):
-        words = f"{name} of the longest-lived start's orbit, from the wave's"
-        variables[name] = ("coupling", "step"), values, words
+        label = f"{name} of the orbit of the longest-lived start, in the frame of the wave"
+        variables[name] = ("coupling", "step"), values, label
     asked = {"asked": half // 2, "horizon": aperiodic.HORIZON}
     coords = {"coupling": fields.coupling}
     return dataset("Barriers in the recorded field", coords, variables, asked)
@@ -140,7 +140,7 @@ def settling():
     """Pull the golden circle of κ = 0.9 back through κ_n = 0.9 + 0.5 e^(-n/5).
 
     x, y with dims (curve, point): before the first kick, before kick `asked`, and the circle;
-    denied: whether converse KAM, asked at the first kick, denies the point.
+    excluded: whether converse KAM, applied at the first kick, excludes the point.
     """
     kappa = LIMIT + EXCESS * np.exp(-np.arange(40 * TIME) / TIME)
     angle = np.arange(POINTS) / POINTS
@@ -148,14 +148,14 @@ def settling():
     x = angle + fourier.resample(x - np.arange(x.size) / x.size, POINTS)
     y = fourier.resample(y, POINTS)
     curves = [aperiodic.asymptotic(kappa[n:], 0.0, LIMIT, x, y) for n in (0, ASKED)]
-    denied = np.isfinite(aperiodic.elimination_time(kappa, 0.0, 0, *curves[0]))
+    excluded = np.isfinite(aperiodic.elimination_time(kappa, 0.0, 0, *curves[0]))
     xs, ys = np.stack([*curves, (x, y)], axis=1)
     slopes = 1 + fourier.derivative(xs - angle)
     dims, life = ("curve", "point"), aperiodic.longest_lived(kappa, 0.0, ASKED)[2]
     variables = {
         "x": (dims, xs, "x on the lift"),
         "y": (dims, ys, "y"),
-        "denied": ("point", denied.astype("int8"), "excluded by converse KAM"),
+        "excluded": ("point", excluded.astype("int8"), "excluded by converse KAM"),
         "area": ("curve", np.mean(ys * slopes, axis=1), "area below the curve"),
         "kicks": ((), life, f"kicks that eliminate all starts on a line before kick {ASKED}"),
     }

@@ -1,4 +1,4 @@
-"""The command line that all commands share: options, and how a command is made.
+"""The command line that all commands share: options, and the decorator that makes a command.
 
 Heavy imports wait until the options are parsed, so that --help is fast.
 """
@@ -6,31 +6,39 @@ Heavy imports wait until the options are parsed, so that --help is fast.
 import functools
 import os
 import sys
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
+if TYPE_CHECKING:
+    from nasm.planes import Plane
+    from pipeline.sweep.grid import Axis
+
 for name in ("nasm", "pipeline"):
-    ours, found = Path(__file__).parents[2] / name, getattr(find_spec(name), "origin", None)
-    if found is None or not ours.samefile(Path(found).parent):
-        words = f"the package {name} in {ours} is hidden by another one of that name, {found}"
-        sys.exit(f"{words}; install this program into an environment of its own")
+    own, imported = Path(__file__).parents[2] / name, getattr(find_spec(name), "origin", None)
+    if imported is None or not own.samefile(Path(imported).parent):
+        reason = f"the package {name} in {own} is hidden by another package {name}, {imported}"
+        sys.exit(f"{reason}; install this program into a separate environment")
 
 if sys.flags.optimize:
-    words = "python -O, or PYTHONOPTIMIZE, removes checks that libraries rely on; run without it"
-    sys.exit(words)
+    reason = "python -O, or PYTHONOPTIMIZE, removes checks that libraries rely on; run without it"
+    sys.exit(reason)
 
 from nasm import __version__  # noqa: E402
 from nasm.arithmetic.memory import keep_freed_memory  # noqa: E402
 from nasm.texts import abbreviate, parse_float, parse_integer, short_repr  # noqa: E402
 from workflows.shared import streams  # noqa: E402
 
-COMMON = {"help_option_names": ["-h", "--help"]}
-# Options that nobody needs daily.
+Decorator = Callable[[Any], Any]
+
+COMMON: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
+# Options that are rarely needed.
 _ADVANCED = (
     *("follow", "max_cpu_seconds", "n_cusp_rays", "picture_angle", "precision", "release"),
     *("scheduler", "store", "tile", "tls", "yes"),
@@ -39,72 +47,78 @@ version = click.version_option(__version__, message="nasm %(version)s")
 
 
 class Strength(click.ParamType):
-    """A number, which may be negative; what begins with a dash and is none, is an option."""
+    """A number, which may be negative; any other word that begins with a dash is an option."""
 
     name = "number"
 
-    def convert(self, value, parameter, context):
+    def convert(
+        self, value: Any, parameter: click.Parameter | None, context: click.Context | None
+    ) -> float:
+        """Parse a number; raise NoSuchOption for a mistyped option."""
         try:
             return parse_float(value)
         except ValueError as error:
-            if str(value).startswith("-"):
+            if context is not None and str(value).startswith("-"):
                 raise no_such_option(context, value) from None
             return self.fail(str(error), parameter, context)
 
 
-def no_such_option(context, word):
-    """Return the error of a mistyped option, which names the options nearest to it."""
+def no_such_option(context: click.Context, word: str) -> click.NoSuchOption:
+    """Return the error for a mistyped option, which suggests similar options."""
     word = word.partition("=")[0]
     names = [name for parameter in context.command.get_params(context) for name in parameter.opts]
-    near = get_close_matches(word, [name for name in names if name.startswith("-")])
-    return click.NoSuchOption(word, possibilities=near, ctx=context)
+    similar = get_close_matches(word, [name for name in names if name.startswith("-")])
+    return click.NoSuchOption(word, possibilities=similar, ctx=context)
 
 
 class _Command(streams.Prepared, click.Command):
-    """A command that names the options nearest to a mistyped one, also after a single dash; its
-    help shows `advanced` options last."""
+    """A command that suggests options for a mistyped one, also after a single dash, and lists
+    advanced options last in its help."""
 
-    def format_options(self, context, formatter):
-        shown = {"Options": [], "Advanced options": []}
+    def format_options(self, context: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options under two headings."""
+        sections: dict[str, list] = {"Options": [], "Advanced options": []}
         for option in self.get_params(context):
             if row := option.get_help_record(context):
                 heading = "Advanced options" if option.name in _ADVANCED else "Options"
-                shown[heading].append(row)
-        for heading, rows in shown.items():
+                sections[heading].append(row)
+        for heading, rows in sections.items():
             if rows:
                 with formatter.section(heading):
                     formatter.write_dl(rows)
 
-    def parse_args(self, context, args):
+    def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
+        """Parse the options; suggest others for a mistyped one."""
         words = [*args]
         try:
             return super().parse_args(context, args)
-        except click.NoSuchOption as error:  # of "-out" click has seen "-o" alone
+        except click.NoSuchOption as error:  # of "-out" click reports "-o" alone
             typed = error.option_name
-            whole = next((word for word in words if word.startswith(typed)), typed)
-            raise no_such_option(context, whole) from None
+            word = next((word for word in words if word.startswith(typed)), typed)
+            raise no_such_option(context, word) from None
 
 
-def command(**settings):
-    """Make a click command of a function, and run it if its module is run by `python -m`.
+def command(**settings: Any) -> Decorator:
+    """Turn a function into a click command, and run it if its module is run by `python -m`.
 
-    Its help is what its module says, and --out is out/COMMAND, a folder of its own, unless
-    `settings` have another default. Ctrl-C ends it with code 130, a lack of FLINT with 1, and one
-    of Numba's compiler with 2.
+    The help is the docstring of the module. --out defaults to out/COMMAND unless `settings` have
+    another default. Exit codes: 130 after Ctrl-C, 1 if FLINT is missing, 2 if Numba's compiler is.
     """
 
-    def decorate(function):
+    def decorate(function: Callable[..., Any]) -> Any:
         module = sys.modules[function.__module__]
-        own = {"default_map": {"out": f"out/{_name_of(Path(module.__file__))}"}}
+        name = _name_of(Path(str(module.__file__)))
+        defaults = {"default_map": {"out": f"out/{name}"}}
+        context_settings = COMMON | defaults | settings
 
-        @click.command(cls=_Command, help=module.__doc__, context_settings=COMMON | own | settings)
+        @click.command(cls=_Command, help=module.__doc__, context_settings=context_settings)
         @version
         @functools.wraps(function)
-        def wrapped(**options):
+        def wrapped(**options: Any) -> Any:
             keep_freed_memory()
             os.environ.pop("MPLBACKEND", None)  # figures go to files; an unknown one is an error
-            # The user's file may not even be text, which ends the import of matplotlib.
-            origin = Path(find_spec("matplotlib").origin)
+            # A user's matplotlibrc that is not even text would break the import of matplotlib.
+            origin = Path(str(find_spec("matplotlib").origin))  # type: ignore[union-attr]
             os.environ["MATPLOTLIBRC"] = str(origin.parent / "mpl-data" / "matplotlibrc")
             try:
                 return function(**options)
@@ -125,105 +139,165 @@ def command(**settings):
     return decorate
 
 
-def commands():
-    """Return the names of all commands: each .py of `workflows`, and each package that runs."""
-    here = Path(__file__).parents[1]
-    return sorted(map(_name_of, [*here.glob("[!_]*.py"), *here.glob("*/__main__.py")]))
+def commands() -> list[str]:
+    """Return the names of all commands: modules of `workflows`, and packages with a __main__."""
+    folder = Path(__file__).parents[1]
+    return sorted(map(_name_of, [*folder.glob("[!_]*.py"), *folder.glob("*/__main__.py")]))
 
 
-def _name_of(file):
+def _name_of(file: Path) -> str:
     """Return the name of the command in a file, NAME.py or NAME/__main__.py."""
     return file.parent.name if file.stem == "__main__" else file.stem
 
 
-def main_of(name):
+def main_of(name: str) -> click.Command:
     """Return the click command of `workflows.NAME`, a module or a package."""
     module = import_module(f"workflows.{name}")
     return getattr(module, "main", None) or import_module(f"{module.__name__}.__main__").main
 
 
-def together(*options):
-    """Make one decorator of several options; --help shows them in this order."""
-    return lambda function: functools.reduce(lambda f, option: option(f), options[::-1], function)
+def together(*options: Decorator) -> Decorator:
+    """Combine several options in one decorator; --help shows them in this order."""
+
+    def decorate(function: Any) -> Any:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return decorate
 
 
-def _number(kind, name, default, low, high, help, multiple=False):
+def _number(
+    kind: Callable[[Any, Any], click.ParamType],
+    name: str,
+    default: Any,
+    low: float,
+    high: float,
+    help: str,
+    multiple: bool = False,
+) -> Decorator:
     return click.option(
         name, default=default, show_default=True, type=kind(low, high), help=help, multiple=multiple
     )
 
 
 class _WholeRange(click.IntRange):
-    def convert(self, value, parameter, context):
+    def convert(
+        self, value: Any, parameter: click.Parameter | None, context: click.Context | None
+    ) -> int:
         try:
-            return parse_integer(str(value), self.min, self.max)
+            return parse_integer(str(value), self.min, self.max)  # type: ignore[arg-type]
         except ValueError as error:
             return self.fail(str(error), parameter, context)
 
 
 class _RealRange(click.FloatRange):
-    def convert(self, value, parameter, context):
+    def convert(
+        self, value: Any, parameter: click.Parameter | None, context: click.Context | None
+    ) -> float:
         try:
             number = parse_float(value)
         except ValueError as error:
             return self.fail(str(error), parameter, context)
-        if not self.min <= number <= self.max:  # NaN neither
-            words = f"{short_repr(value)} must be a number from {self.min} to {self.max}"
-            self.fail(words, parameter, context)
+        if not self.min <= number <= self.max:  # type: ignore[operator]  # also refuses NaN
+            message = f"{short_repr(value)} must be a number from {self.min} to {self.max}"
+            self.fail(message, parameter, context)
         return number
 
 
-# Options that take a number from low to high; `multiple` lets them be repeated.
+# Options that take a number from low to high; with `multiple` they may be repeated.
 whole = functools.partial(_number, _WholeRange)
 real = functools.partial(_number, _RealRange)
 
 
-def choice(name, values, default, help, multiple=False):
+def choice(
+    name: str, values: Sequence[str], default: Any, help: str, multiple: bool = False
+) -> Decorator:
     """Make an option that takes one of the texts `values`, or several of them."""
-    how = {"type": click.Choice(values), "help": help, "multiple": multiple}
-    return click.option(name, default=default, show_default=not multiple, **how)
+    return click.option(
+        name,
+        default=default,
+        show_default=not multiple,
+        type=click.Choice(values),
+        help=help,
+        multiple=multiple,
+    )
 
 
-def flag(name, help):
-    """Make an option that is given or not."""
+def flag(name: str, help: str) -> Decorator:
+    """Make an option without a value."""
     return click.option(name, is_flag=True, help=help)
 
 
-def parsed(name, default, parse, metavar, help, multiple=False, shown=True):
-    """Make an option whose text, or tuple of texts, `parse` reads or refuses by ValueError.
+def parsed(
+    name: str,
+    default: Any,
+    parse: Callable[[Any], Any],
+    metavar: str,
+    help: str,
+    multiple: bool = False,
+    shown: bool | str = True,
+) -> Decorator:
+    """Make an option whose value is parsed by a function.
 
-    name : of the option, or several with spaces between. shown : the default in words, if it is not
-    to be written out.
+    Parameters
+    ----------
+    name : str
+        Of the option; several names are separated by spaces.
+    default : str or tuple of str
+        The text that is parsed by default.
+    parse : callable
+        Function of the text, or of the tuple of texts; it raises ValueError for a bad one.
+    metavar, help : str
+        As shown by --help.
+    multiple : bool
+        Whether the option may be repeated.
+    shown : bool or str
+        Whether --help shows the default, or what it shows in its place.
     """
 
-    def callback(context, parameter, text):
+    def callback(context: click.Context, parameter: click.Parameter, text: Any) -> Any:
         try:
             return parse(text)
         except ValueError as error:
             raise click.BadParameter(str(error)) from None
 
-    how = {"show_default": shown, "metavar": metavar, "help": help, "multiple": multiple}
-    return click.option(*name.split(), default=default, callback=callback, **how)
+    return click.option(
+        *name.split(),
+        default=default,
+        callback=callback,
+        show_default=shown,
+        metavar=metavar,
+        help=help,
+        multiple=multiple,
+    )
 
 
-def several(name, default, read, metavar, help, shown=True):
-    """Make an option that may be repeated: {text: the number that it spells}, in increasing order.
+def several(
+    name: str,
+    default: Iterable[str] | None,
+    read: Callable[[str], Any],
+    metavar: str,
+    help: str,
+    shown: bool | str = True,
+) -> Decorator:
+    """Make an option that may be repeated: {text: number}, in increasing order.
 
-    read : function of a text, which refuses it by ValueError. Equal numbers count once.
-    shown : as of `parsed`.
+    `read` parses one text and raises ValueError for a bad one; equal numbers count once. The other
+    parameters are those of `parsed`.
     """
 
-    def parse(texts):
+    def parse(texts: Iterable[str]) -> dict[str, Any]:
         numbers = {read(text): text for text in texts}
         return {numbers[number]: number for number in sorted(numbers, key=float)}
 
     return parsed(name, default, parse, metavar, f"{help} May be repeated.", True, shown)
 
 
-def axis(name, default, help):
-    """Make an option LO:HI:N, which is read as a grid.Axis."""
+def axis(name: str, default: str, help: str) -> Decorator:
+    """Make an option LO:HI:N, which is parsed as a grid.Axis."""
 
-    def parse(text):
+    def parse(text: str) -> "Axis":
         from pipeline.sweep.grid import parse_axis
 
         return parse_axis(text)
@@ -231,31 +305,31 @@ def axis(name, default, help):
     return parsed(name, default, parse, "LO:HI:N", help)
 
 
-def increasing(name, default, largest, help):
-    """Make an option N[,N...], which is read as a list of increasing whole numbers, or None."""
+def increasing(name: str, default: str | None, largest: int, help: str) -> Decorator:
+    """Make an option N[,N...], which is parsed as a list of increasing whole numbers, or None."""
 
-    def parse(text):
+    def parse(text: str | None) -> list[int] | None:
         if not text:
             return None
         with suppress(ValueError):
             numbers = [parse_integer(n, 1, largest) for n in text.split(",")]
             if sorted({*numbers}) == numbers:
                 return numbers
-        words = f"must be increasing whole numbers from 1 to {largest}, e.g. 100,1000"
-        raise ValueError(f"{short_repr(text)} {words}")
+        rule = f"must be increasing whole numbers from 1 to {largest}, e.g. 100,1000"
+        raise ValueError(f"{short_repr(text)} {rule}")
 
     return parsed(name, default, parse, "N[,N...]", help)
 
 
-def _plane(text):
+def _plane(text: str | None) -> "Plane | None":
     from nasm.planes import from_json, parse
 
     try:
         if text is None or not text.endswith(".json"):
-            return text and parse(text)
+            return parse(text) if text else None
         return from_json(Path(_at_home(text)).read_bytes())
     except (OSError, ValueError) as error:
-        raise ValueError(f"{abbreviate(text)}: {error}") from None
+        raise ValueError(f"{abbreviate(str(text))}: {error}") from None
 
 
 _PLANES = "two-kicks, rotating:1/3,1/48 (frequency, phase), three-kicks:0.2 or FILE.json."
@@ -263,24 +337,30 @@ plane_option = parsed("--plane", "two-kicks", _plane, "PLANE", f"Plane of forcin
 point_option = parsed("--plane", None, _plane, "PLANE", f"KAPPA is a point of it: {_PLANES}")
 
 
-def preset(name, what, **settings):
-    """Make a flag by which other options have other defaults; `what` they make, in words."""
+def preset(name: str, purpose: str, **settings: Any) -> Decorator:
+    """Make a flag that changes the defaults of other options; `purpose` begins its help."""
 
-    def callback(context, parameter, value):
+    def callback(context: click.Context, parameter: click.Parameter, value: bool) -> None:
         if value:
-            context.default_map = settings | (context.default_map or {})
+            context.default_map = {**settings, **(context.default_map or {})}
 
-    words = " ".join(
+    options = " ".join(
         f"--{name.replace('_', '-')} {each}"
         for name, value in settings.items()
         for each in ([value] if isinstance(value, str | int | float) else value)
     )
-    how = {"is_eager": True, "expose_value": False, "callback": callback}
-    return click.option(name, is_flag=True, help=f"{what}: {words}, unless given.", **how)
+    return click.option(
+        name,
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=callback,
+        help=f"{purpose}: defaults become {options}.",
+    )
 
 
-def ray_options(default):
-    """Make --n-rays and --n-cusp-rays, the rays that `rays.ray_angles` returns."""
+def ray_options(default: int) -> Decorator:
+    """Make --n-rays and --n-cusp-rays, the arguments of `rays.ray_angles`."""
     return together(
         whole(
             *("--n-rays", default, 2, 10**6),
@@ -293,18 +373,20 @@ def ray_options(default):
     )
 
 
-def plane_options(n_max, tile, levels, precision):
-    """Make the options of a plane of escape times, as `plane.grid_of` takes them."""
+def plane_options(n_max: int, tile: int, levels: int, precision: str) -> Decorator:
+    """Make the options of a plane of escape times, the arguments of `escape_field.grid_of`."""
     return together(
         axis("--first", "-1.1:1.1:256", "First coordinate: lower end, upper end, cells."),
         axis("--second", "0:1.1:128", "Second coordinate: the same."),
         whole("--n-max", n_max, 1, 10**12, "Steps (periods of the forcing) of each orbit."),
-        increasing("--n-orbits", "64", 10**8, "Orbits; several: nested ensembles."),
+        increasing(
+            "--n-orbits", "64", 10**8, "Orbits per forcing; several numbers: nested ensembles."
+        ),
         choice(
             *("--precision", ["double", "single"], precision),
             "Floating-point precision; single is 2.5 times faster, allowed up to 10⁶ steps.",
         ),
-        whole("--tile", tile, 1, 4096, "Cells along each side of a tile, at least."),
+        whole("--tile", tile, 1, 4096, "Minimum number of cells along each side of a tile."),
         whole("--levels", levels, 1, 12, "Levels of refinement; 1 computes every cell."),
         increasing(
             *("--follow", None, 10**12),
@@ -313,18 +395,20 @@ def plane_options(n_max, tile, levels, precision):
     )
 
 
-def _at_home(path):
-    """Return the path with ~ as the home directory, which a shell leaves as it is after --out=."""
+def _at_home(path: str) -> str:
+    """Expand ~ in a path to the home directory, which shells do not do after --out=."""
     if (expanded := os.path.expanduser(path)).startswith("~"):
-        words = f"{path}: no such home directory is known; write ./{path} for a folder of that name"
-        raise click.BadParameter(words)
+        reason = f"{path}: no such home directory; write ./{path} for a folder of that name"
+        raise click.BadParameter(reason)
     return expanded
 
 
 class _File(click.Path):
     """A file that exists."""
 
-    def convert(self, value, parameter, context):
+    def convert(
+        self, value: Any, parameter: click.Parameter | None, context: click.Context | None
+    ) -> Any:
         return super().convert(_at_home(value), parameter, context)
 
 
@@ -333,12 +417,14 @@ class _Directory(click.ParamType):
 
     name = "directory"
 
-    def __init__(self, url=False):
+    def __init__(self, url: bool = False) -> None:
         self.url = url
 
-    def convert(self, value, parameter, context):
+    def convert(
+        self, value: Any, parameter: click.Parameter | None, context: click.Context | None
+    ) -> str:
         if not value:
-            self.fail("it is empty, as if a variable is not set; write . for the current directory")
+            self.fail("it is empty, perhaps an unset variable; write . for the current directory")
         if "://" not in value:
             return _at_home(value)
         if not self.url:  # the message does not repeat a URL, which may hold a password
@@ -351,14 +437,15 @@ class _Directory(click.ParamType):
 FILE, DIRECTORY = _File(exists=True, dir_okay=False), _Directory()
 _WORKERS = "Worker processes on this machine.  [default: one per core]"
 _OUT = "Directory of the results; an earlier run in it is resumed."
-_RUNS = "Directory of a run, or of several: all folders in it that hold cubes."
+_RUNS = "Directory of one run or several: all folders in it that hold cubes."
 _STORE = """Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), or in another
-directory, not in OUT. Credentials come from the environment."""
-_SCHEDULER = """Compute on a running dask scheduler, tcp://HOST:PORT, tls://HOST:PORT or the path of
-its scheduler file, whose workers see the same files, instead of on this machine."""
+directory instead of OUT. Credentials come from the environment."""
+_SCHEDULER = """Compute on a running dask cluster instead of this machine: address of its scheduler,
+tcp://HOST:PORT or tls://HOST:PORT, or path of its scheduler file. Its workers must see the same
+files."""
 _TLS = "Certificate files for a tls:// scheduler."
-_YES = "Run although it is predicted to take more than ten minutes, as --full does on few cores."
-# The options that make a run shorter, if they are smaller or fewer; and if they are larger.
+_YES = "Run even if the predicted time exceeds ten minutes."
+# Options that shorten a run if they are reduced, and if they are increased.
 _SMALLER = (
     *("--n-rays", "--n-cusp-rays", "--first", "--second", "--primary", "--secondary", "--cells"),
     *("--n-max", "--n-orbits", "--n-particles", "--q-max", "--max-denominator"),
@@ -376,15 +463,14 @@ _SMALLER = (
 _LARGER = "--tol", "--least-excess", "--distance"
 
 
-def directory(help):
-    """Make the option --out of a command whose directory is for what `help` says."""
-    how = {"metavar": "DIR", "show_default": True, "type": DIRECTORY, "help": help}
-    return click.option("--out", **how)
+def directory(help: str) -> Decorator:
+    """Make the option --out, a directory whose use `help` explains."""
+    return click.option("--out", metavar="DIR", show_default=True, type=DIRECTORY, help=help)
 
 
 out_option = directory(_OUT)
 store_option = click.option("--store", metavar="URL", type=_Directory(url=True), help=_STORE)
-_COLUMN = "Figures for a column of a journal: 3.4 in wide, 8 pt, without titles."
+_COLUMN = "Draw figures for one journal column: 3.4 in wide, 8 pt, without titles."
 column_option = flag("--column", _COLUMN)
 place_options = together(directory(_RUNS), store_option)
 cluster_options = together(
@@ -397,19 +483,20 @@ cluster_options = together(
 quiet_option = flag("--quiet", "Print findings and errors only, no progress.")
 
 
-def shortening(context):
-    """Return by which of its options the run of a command takes less time, in words."""
+def shortening(context: click.Context) -> str:
+    """Return advice on the options that shorten the run of a command."""
     names = [option.opts[0] for option in context.command.params]
-    full = "--full" in names and context.get_parameter_source("full").name == "COMMANDLINE"
+    source = context.get_parameter_source("full") if "--full" in names else None
+    full = source is not None and source.name == "COMMANDLINE"
     ways = ["leave --full out"] if full else ["add --quick"] if "--quick" in names else []
-    for change, which in (("reduce", _SMALLER), ("increase", _LARGER)):
-        if found := [name for name in names if name in which]:
-            ways.append(f"{change} {' or '.join(found)}")
+    for change, options in (("reduce", _SMALLER), ("increase", _LARGER)):
+        if own := [name for name in names if name in options]:
+            ways.append(f"{change} {' or '.join(own)}")
     return "; ".join(ways)
 
 
-def announce_kernels(quiet=False):
-    """Load what kernels need, and say so if they have to be compiled first."""
+def announce_kernels(quiet: bool = False) -> None:
+    """Load what kernels need, and announce it if they have to be compiled first."""
     from nasm.arithmetic.kernels import are_missing, begin_without_scipy
 
     begin_without_scipy()
@@ -417,8 +504,8 @@ def announce_kernels(quiet=False):
         click.echo("compiling kernels, once per machine: about 20 s", err=True)
 
 
-def writes(function):
-    """Add --out and --column, and pass a Run without workers on as `run`."""
+def writes(function: Callable[..., Any]) -> Any:
+    """Add --out, --column and other options of a run, and pass a Run as `run`."""
 
     @column_option
     @out_option
@@ -426,9 +513,11 @@ def writes(function):
     @flag("--yes", _YES)
     @flag("--dry-run", "Estimate tiles, files, disk space and CPU time, then exit.")
     @functools.wraps(function)
-    def wrapped(out, column, quiet, yes, dry_run, **options):
-        of_sweeps = "store", "workers", "scheduler", "tls"
-        store, workers, scheduler, tls = (options.pop(name, None) for name in of_sweeps)
+    def wrapped(
+        out: str, column: bool, quiet: bool, yes: bool, dry_run: bool, **options: Any
+    ) -> Any:
+        sweep_options = "store", "workers", "scheduler", "tls"
+        store, workers, scheduler, tls = (options.pop(name, None) for name in sweep_options)
         if not (dry_run or quiet):
             click.echo(f"loading; results go to {out}", err=True)  # the imports take seconds
         from workflows.shared.run import Run, place_of
@@ -447,6 +536,6 @@ def writes(function):
     return wrapped
 
 
-def sweeps(function):
-    """Add --out, --store and the options of the cluster, and pass a Run on as `run`."""
+def sweeps(function: Callable[..., Any]) -> Any:
+    """As `writes`, with --store and the options of the cluster."""
     return writes(together(store_option, cluster_options)(function))

@@ -1,38 +1,42 @@
-"""What one orbit is, in plain words."""
+"""One orbit described in a sentence."""
 
 from fractions import Fraction
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from nasm import fixed_points, orbits
 
-_AVERAGED = 10_000  # steps of the orbit
-_LARGEST = 100  # q of p/q that an orbit is said to belong to
-_CLOSES = 1e-9  # turns, by which a periodic orbit may miss its start
+_STEPS = 10_000  # of the orbit that is averaged
+_MAX_Q = 100  # of the p/q whose islands are recognized
+_CLOSURE = 1e-9  # turns by which a periodic orbit may miss its start
 
 
-def orbit_words(kappa, x, y):
-    """Say by weighted Birkhoff averages whether an orbit is chaotic, on a circle, or on islands.
+def describe_orbit(kappa: ArrayLike, x: float, y: float) -> str:
+    """Classify the orbit of (x, y) as chaotic, on a circle or on islands, in words.
 
-    An orbit that comes back to its start (x, y) has its residue told, too.
+    The classification uses weighted Birkhoff averages. For a periodic orbit the text also gives
+    the residue.
     """
-    omega, digits = (float(found) for found in orbits.rotation_number(kappa, x, y, _AVERAGED))
+    averages = orbits.rotation_number(kappa, x, y, _STEPS)
+    omega, digits = (float(average) for average in averages)
     if np.isnan(omega):
-        return f"chaotic (averages over {_AVERAGED} steps agree to {digits:.1f} digits)"
+        return f"chaotic (averages over {_STEPS} steps agree to {digits:.1f} digits)"
     places = int(digits)
-    words = f"ω = {omega:.{places}f} per step, regular ({places} digits, by Birkhoff averages)"
-    near = Fraction(omega).limit_denominator(_LARGEST)
-    if abs(omega - float(near)) > 10.0**-places:
-        return f"{words}, a circle"
-    whole = np.tile(kappa, near.denominator)
-    away = np.diff(orbits.orbit(whole, x, y, 1))
-    if np.hypot(*(away - np.rint(away))) > _CLOSES:
-        return f"{words}, on the islands of {near}"
-    return f"{words}, periodic with {near}: {residue_words(fixed_points.residue(whole, x, y))}"
+    text = f"ω = {omega:.{places}f} per step, regular ({places} digits, by Birkhoff averages)"
+    fraction = Fraction(omega).limit_denominator(_MAX_Q)
+    if abs(omega - float(fraction)) > 10.0**-places:
+        return f"{text}, a circle"
+    repeated = np.tile(kappa, fraction.denominator)
+    distance = np.diff(orbits.orbit(repeated, x, y, 1))
+    if np.hypot(*(distance - np.rint(distance))) > _CLOSURE:
+        return f"{text}, on the islands of {fraction}"
+    residue = float(fixed_points.residue(repeated, x, y))
+    return f"{text}, periodic with {fraction}: {describe_residue(residue)}"
 
 
-def residue_words(residue):
-    """Say what Greene's residue says of stability."""
+def describe_residue(residue: float) -> str:
+    """Return Greene's residue and the stability that it implies, in words."""
     if abs(residue) < 1e-12:
         return f"residue {residue:.1g}, parabolic"
     kind = "elliptic" if 0 < residue < 1 else "hyperbolic" + " with reflection" * bool(residue >= 1)

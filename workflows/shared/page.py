@@ -1,7 +1,8 @@
-"""Pages of HTML that need nothing but themselves: jinja2 templates in which all text is escaped."""
+"""Self-contained HTML pages, from jinja2 templates in which all text is escaped."""
 
 import re
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
@@ -11,15 +12,15 @@ from workflows.figures import files
 _SUBSCRIPT = re.compile(r"\(\w{2,}_\w+\)|_\{([^}]*)\}|_([κωγε½A-Za-z0-9]+)")
 
 
-def render(template, path, **values):
-    """Write the page of a template, named by its path in `workflows`."""
+def render(template: str, path: str | Path, **values: Any) -> None:
+    """Render a template, named by its path in `workflows`, and write the page to `path`."""
     files.write(path, _ENVIRONMENT.get_template(template).render(values))
 
 
-def formula(text):
-    """Set the subscripts of T_κ1κ2, x_n and R_{-½} in plain text; labels (sim_M) stay."""
+def formula(text: str) -> Markup:
+    """Typeset the subscripts of T_κ1κ2, x_n and R_{-½} in plain text; labels (sim_M) stay."""
 
-    def lowered(match):
+    def lowered(match: re.Match[str]) -> str:
         below = match[1] or match[2]
         return f"<sub>{below}</sub>" if below else match[0]
 

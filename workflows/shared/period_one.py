@@ -1,17 +1,20 @@
 """Period-one orbits over the plane: exact formulas, and one equation to solve."""
 
 import numpy as np
+import xarray as xr
 
 from nasm import fixed_points
 from nasm.planes import TWO_KICKS_AXES
+from nasm.types import FloatArray
 from pipeline.cubes.cube import text
+from pipeline.sweep.grid import Axis
 from workflows.shared.tables import dataset
 
 _SOURCE = "arXiv:1606.04824, Sec. IV.A"
 _RESIDUE = "Greene's residue; stable if 0 < R < 1"
 
 
-def primary_dataset(axis):
+def primary_dataset(axis: Axis) -> xr.Dataset:
     """Compute residues of the primary points over axis × axis; dims (point, kappa2, kappa1)."""
     kappa2, kappa1 = np.meshgrid(axis.centres, axis.centres, indexing="ij")
     points = [f"({x:g}, {y:g})" for x, y in fixed_points.PRIMARY]
@@ -22,8 +25,8 @@ def primary_dataset(axis):
     return dataset("Primary period-one orbits", coords, residues, source)
 
 
-def secondary_dataset(axis):
-    """Find the secondary point next to (1/2, 0) over axis × axis; NaN where it does not exist."""
+def secondary_dataset(axis: Axis) -> xr.Dataset:
+    """Find the secondary point next to (1/2, 0) over axis × axis; NaN where none exists."""
     kappa2, kappa1 = np.meshgrid(axis.centres, axis.centres, indexing="ij")
     z, x, y = fixed_points.secondary(kappa1, kappa2)
     residue = np.full(z.shape, np.nan)
@@ -41,5 +44,5 @@ def secondary_dataset(axis):
     return dataset("Secondary period-one orbits", _plane(axis), variables, source)
 
 
-def _plane(axis):
-    return {name: (axis.centres, words) for name, words in TWO_KICKS_AXES.items()}
+def _plane(axis: Axis) -> dict[str, tuple[FloatArray, str]]:
+    return {name: (axis.centres, label) for name, label in TWO_KICKS_AXES.items()}

@@ -1,87 +1,126 @@
-"""What there is to see in a piece of phase space: orbits with their rotation numbers, as Datasets.
+"""Orbits in a box of phase space with their rotation numbers, as Datasets.
 
-The starts are those of `orbits.portrait` in the whole cell. In a box they are spread over the box,
-and only points in it are kept, so that as many are seen however small it is.
+In the whole cell the starts are those of `orbits.portrait`. In a smaller box they are spread over
+the box, and only points inside it are kept, so that a small box shows as many points.
 """
 
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+
 import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
 
 from nasm import orbits
 from nasm.action import LostError, ordered_orbits
 from nasm.maps import forcing
+from nasm.types import FloatArray
 from workflows.shared.tables import dataset, described
 
-CELL = (0.0, -0.25, 1.0, 1.0)
-"""Left, bottom, width, height: it does not cut the circles of 0 ≤ ω/P ≤ 1/2."""
+Box = tuple[float, float, float, float]
+"""Left, bottom, width and height of a part of phase space."""
 
-_ORBITS, _STEPS = 80, 600
-_AVERAGED = 2000, 10**5  # steps, the least and the most
-_MOST_KICKS, _ENOUGH = 10**8, 2 * 10**5  # a second or two; points for a screen
+CELL: Box = (0.0, -0.25, 1.0, 1.0)
+"""The unit cell, placed so that it does not cut the circles of 0 ≤ ω/P ≤ 1/2."""
+
+_N_ORBITS, _STEPS = 80, 600
+_MIN_AVERAGED, _MAX_AVERAGED = 2000, 10**5  # steps over which ω is averaged
+_MAX_KICKS = 10**8  # a second or two
+_MAX_POINTS = 2 * 10**5  # enough for a screen
 
 
-def portrait(kappa):
-    """Return the portrait of the whole cell, as the figure of `ask` has it; see `portraits`."""
+def portrait(kappa: ArrayLike) -> xr.Dataset:
+    """Return the portrait of the whole cell, as in the figure of `ask`; see `portraits`."""
     return next(portraits(kappa, first=_STEPS))
 
 
-def portraits(kappa, box=CELL, added=(), every=None, first=1000):
+def portraits(
+    kappa: ArrayLike,
+    box: Box = CELL,
+    added: ArrayLike = (),
+    every: int | None = None,
+    first: int = 1000,
+) -> Iterator[xr.Dataset]:
     """Yield the portrait of a box with more and more points, each time with twice the steps.
 
-    kappa : one period of kicks. box : as for `orbits.passages`. added : (x, y) of more starts.
-    every : kicks from one point to the next, default one step. first : points of each orbit, in the
-    box or not, when it is yielded for the first time.
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        One period of kicks.
+    box : (left, bottom, width, height)
+        As for `orbits.passages`.
+    added : array_like, shape (n, 2)
+        More starts (x, y).
+    every : int, optional
+        Kicks from one point to the next; by default one step.
+    first : int
+        Points of each orbit, in the box or not, at the first yield.
 
-    A Dataset of x and y (point), which, the number of its orbit (point); start_x, start_y, omega,
-    NaN if chaotic, and near (orbit): ω in [0, P/2], as ±ω and all ω + P·n are alike. ω is averaged
-    over as many steps as are drawn, 2000 to 10⁵.
+    Yields
+    ------
+    xarray.Dataset
+        `x`, `y` and `which`, the number of the orbit, dim (point); `start_x`, `start_y`, `omega`,
+        NaN if chaotic, and `near`, ω reduced to [0, P/2] since ±ω and ω + P·n are equivalent, dim
+        (orbit). ω is averaged over as many steps as are drawn, 2000 to 10⁵.
     """
     kappa = forcing(kappa)
     starts = np.concatenate([_starts(box), np.reshape(added, (-1, 2))]).T
-    found, state, done, over = [], starts, 0, False
+    passages, state, done, over = [], starts, 0, False
     while not over:
-        *more, state = orbits.passages(kappa, *state, done or first, box, every)
-        found.append(more)
+        *more, state = orbits.passages(kappa, state[0], state[1], done or first, box, every)
+        passages.append(more)
         done += done or first
-        omega, _ = orbits.rotation_number(kappa, *starts, int(np.clip(done, *_AVERAGED)))
-        which, x, y = map(np.concatenate, zip(*found, strict=True))
+        n_averaged = int(np.clip(done, _MIN_AVERAGED, _MAX_AVERAGED))
+        omega, _ = orbits.rotation_number(kappa, starts[0], starts[1], n_averaged)
+        which, x, y = map(np.concatenate, zip(*passages, strict=True))
         yield _dataset(kappa, box, starts, omega, which, x, y)
         kicks = done * starts[0].size * (every or kappa.size)
-        over = 2 * kicks > _MOST_KICKS or which.size > _ENOUGH
+        over = 2 * kicks > _MAX_KICKS or which.size > _MAX_POINTS
 
 
 def _starts(box):
     """Return starts, shape (n, 2): on x = 0 and 1/2 in the whole cell, else all over the box."""
     if tuple(box[2:]) == CELL[2:]:
-        x, y = orbits.portrait([0.0], _ORBITS, 0)
+        x, y = orbits.portrait([0.0], _N_ORBITS, 0)
         return np.stack([x[0], y[0]], axis=1)
     left, bottom, width, height = box
     # Multiples of powers of the plastic number, mod 1, fill a square as evenly as γ's do a line.
-    places = np.arange(1, _ORBITS + 1)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])
+    steps = np.array([0.7548776662466927, 0.5698402909980532])
+    places = np.arange(1, _N_ORBITS + 1)[:, None] * steps
     return np.array([left, bottom]) + places % 1 * np.array([width, height])
 
 
 def _dataset(kappa, box, starts, omega, which, x, y):
     half = kappa.size / 2
     near = abs((omega + half) % (2 * half) - half)
-    words = "rotation number per step, by weighted Birkhoff average; NaN: chaotic"
+    label = "rotation number per step, by weighted Birkhoff average; NaN: chaotic"
     variables = {
         "x": ("point", x, described("x", "turn")),
         "y": ("point", y, "y, mod 1"),
         "which": ("point", which.astype("int32"), "orbit of the point"),
         "start_x": ("orbit", starts[0], described("x of the orbit's start", "turn")),
         "start_y": ("orbit", starts[1], "y of the orbit's start"),
-        "omega": ("orbit", omega, words),
-        "near": ("orbit", near, "the same in [0, P/2], up to its sign and to P"),
+        "omega": ("orbit", omega, label),
+        "near": ("orbit", near, "omega reduced to [0, P/2], up to sign and multiples of P"),
     }
     attrs = {"kappa": kappa.tolist(), "box": list(box)}
     attrs["source"] = "arXiv:1606.04824, Eqs. (1) and (23)"
     return dataset("Orbits in a box of phase space", {}, variables, attrs)
 
 
-def in_box(box, x, y):
-    """Return a curve as a line in the box: x and y of its points, with NaN where it leaves.
+def in_box(box: Box, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Clip a curve to a box.
 
-    x, y : arrays, on the lift, in order along the curve.
+    Parameters
+    ----------
+    box : (left, bottom, width, height)
+    x, y : arrays, shape (n,)
+        Points on the lift, in order along the curve.
+
+    Returns
+    -------
+    x, y : arrays
+        The points in the box, with NaN where the curve leaves it.
     """
     left, bottom, width, height = box
     middle = left + width / 2, bottom + height / 2
@@ -97,11 +136,17 @@ def in_box(box, x, y):
     return middle[0] + u[kept], middle[1] + v[kept]
 
 
-def periodic_orbits(kappa, fractions):
-    """Return the ordered orbits of the fractions p/q, a list of (p/q, family, x, y, residue), and a
-    list of sentences, one for each fraction whose orbits are missing, and why.
+def periodic_orbits(
+    kappa: ArrayLike, fractions: Iterable[Fraction]
+) -> tuple[list[tuple[Fraction, str, FloatArray, FloatArray, float]], list[str]]:
+    """Find the ordered orbits of the fractions p/q.
 
-    family : "minimizing" or "minimax".
+    Returns
+    -------
+    found : list of (p/q, family, x, y, residue)
+        The family is "minimizing" or "minimax".
+    missing : list of str
+        A sentence for each fraction whose orbits are missing: why.
     """
     found, missing = [], []
     for fraction in fractions:

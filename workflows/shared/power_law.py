@@ -2,14 +2,24 @@
 
 import numpy as np
 
+from nasm.types import FloatArray
+
 FLUX = 3.01172
 """ln αβ/ln δ of the flux through the golden circle beyond its breakup, by MacKay's constants."""
 
 
-def exponent(x, y):
-    """Fit y ~ x^a by a straight line through the logarithms: a and its standard error.
+def exponent(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Fit y ~ x^a by a straight line through the logarithms.
 
-    x, y : arrays (n,), positive; NaN and inf in y are left out. NaN, twice, of fewer than 4 points.
+    Parameters
+    ----------
+    x, y : arrays, shape (n,)
+        Positive numbers; NaN and inf in y are ignored.
+
+    Returns
+    -------
+    a, error : float
+        The exponent and its standard error; NaN for fewer than 4 points.
     """
     known = np.isfinite(y)
     if known.sum() < 4:

@@ -1,25 +1,29 @@
-"""The run of a command: it holds the store, sweeps, and writes tables, figures and findings.
+"""The run of a command: it locks the store, sweeps, and writes tables, figures and findings.
 
-Exit codes: 0 done; 1 tiles or figures failed, or the workers are gone, or the disk or the object
-store failed; 2 bad input, nothing touched; 130 stopped by Ctrl-C.
+Exit codes: 0 success; 1 tiles or figures failed, or the workers were lost, or the disk or the
+object store failed; 2 bad input, nothing was changed; 130 stopped by Ctrl-C.
 """
 
 import hashlib
 import os
 import sys
 import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cache, partial
 from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import click
 import numpy as np
+import xarray as xr
 from dask.system import CPU_COUNT
 
 from pipeline import store
+from pipeline.cubes.cube import Cube, Job
 from pipeline.sweep.cluster import ClusterError, connect, write_credentials
 from pipeline.sweep.grid import tile_coords
 from pipeline.sweep.progress import Progress, duration, plural
@@ -27,14 +31,17 @@ from pipeline.sweep.sweep import COMMIT_SECONDS, sweep
 from workflows.figures.style import drawn
 from workflows.shared.tables import write
 
-MAX_REASONS = 10  # failed tiles whose reasons are printed
-_PROBING = 0.3  # CPU seconds for which an estimate of a sweep's time looks at its tiles
-_LONG = 5  # CPU seconds of work that are announced
-_DRAWING = 2  # CPU seconds, as of a run with one or two figures
-LONGEST = 600  # seconds that a run may take if it is not said that it may take longer
+Wanted = set[tuple[int, ...]] | None
+"""Indices of tiles; None for all."""
 
-# What decides cubes without tiles: besides the mathematics all of this package but the figures,
-# which draw what the cubes hold.
+MAX_REASONS = 10  # failed tiles whose reasons are printed
+_ESTIMATE_SECONDS = 0.3  # CPU time spent on predicting the time of one sweep
+_MIN_ANNOUNCED_SECONDS = 5  # predicted CPU time from which a run is announced
+_DRAWING_SECONDS = 2  # typical CPU time of findings and one or two figures
+LONGEST = 600  # seconds that a run may take without --yes
+
+# Cubes without tiles depend on the mathematics and on this package, except the figures, which only
+# draw what the cubes hold.
 _FOLDER = Path(__file__).parents[1]
 _SOURCES = sorted([*_FOLDER.glob("**/*.py"), *_FOLDER.glob("**/*.toml")])
 _STUDIES = b"".join(path.read_bytes() for path in _SOURCES if path.parent.name != "figures")
@@ -44,18 +51,18 @@ _CODE = {  # attributes of these cubes
 }
 
 
-def place_of(out, url=None):
-    """Return the Place of the cubes: the URL if there is one, or else the directory `out`."""
+def place_of(out: str | Path, url: str | None = None) -> store.Place:
+    """Return the Place of the cubes: the URL if there is one, otherwise the directory `out`."""
     with usage_errors(url or out):
         return store.place_of(url or out)
 
 
 @contextmanager
-def runs_of(out, url):
-    """Yield the Places in `out`, or at the URL, that hold cubes, by what tells their names apart.
+def runs_of(out: str, url: str | None) -> Iterator[dict[str, store.Place]]:
+    """Yield the Places that hold cubes, in all folders of `out` or at the URL.
 
-    {path below `out`, with a / at its end: Place}; the path of `out` itself is "". Of a directory
-    these are all folders in it. A usage error if there are none.
+    {path below `out`, with a / at its end: Place}; the path of `out` itself is "". If there are no
+    cubes, the program ends with a usage error.
     """
     with usage_errors(place := place_of(out, url)):
         places = {"": place}
@@ -67,43 +74,72 @@ def runs_of(out, url):
         yield runs
 
 
-def _folders(place):
-    """Return the paths of the folders below a directory, of cubes and in them excepted."""
-    found = []
+def _folders(place: store.Place) -> list[str]:
+    """Return the paths of the folders below a directory, except cubes and folders in them."""
+    paths: list[str] = []
     for folder, below, _ in os.walk(place.root):
         below[:] = sorted(name for name in below if not name.endswith(".zarr"))
-        found += [os.path.relpath(os.path.join(folder, name), place.root) for name in below]
-    return found
+        paths += [os.path.relpath(os.path.join(folder, name), place.root) for name in below]
+    return paths
 
 
 class Run:
-    """The run of one command: what it writes, and the cubes that it keeps or sweeps in its place.
+    """The run of one command: its files, and the cubes that it keeps or sweeps in its place.
 
-    out : directory of tables and figures; it must exist when something is written.
-    place : Place of the cubes.
-    cluster : arguments of `cluster.connect`.
-    dry : only say what would be computed, and end.
-    column : draw figures for a column of a journal.
-    quiet : write no progress.
-    shorter : by which options it takes less time, in words: it ends before it begins if it is
-        predicted to take longer than LONGEST. None if it may.
+    Parameters
+    ----------
+    out : str or Path
+        Directory of tables and figures; it must exist when something is written.
+    place : Place
+        Of the cubes.
+    cluster : dict
+        Arguments of `cluster.connect`.
+    dry : bool
+        Print what would be computed, and end.
+    column : bool
+        Draw figures for one journal column.
+    quiet : bool
+        Print no progress.
+    shorter : str, optional
+        Advice on how to shorten the run; it is then refused if it is predicted to take longer than
+        LONGEST. Without it any run is allowed.
     """
 
-    def __init__(self, out, place, cluster, dry, column=False, quiet=False, shorter=None):
-        self.out, self.words, self.written = out, [], {}
-        self.quiet = quiet
-        self.figures, self.column = {}, column
+    line: Progress
+
+    def __init__(
+        self,
+        out: str | Path,
+        place: store.Place,
+        cluster: dict[str, Any],
+        dry: bool,
+        column: bool = False,
+        quiet: bool = False,
+        shorter: str | None = None,
+    ) -> None:
+        self.out, self.quiet, self.column = out, quiet, column
+        self.findings: list[str] = []
+        self.written: dict[str, dict[str, None]] = {}
+        self.figures: dict[str, tuple[Callable[[], Any], str]] = {}
         self.place, self.cluster, self.dry, self.shorter = place, cluster, dry, shorter
-        self.client, self.started = None, False
-        self.plan, self.begun, self.studies = {}, {}, {}
+        self.client: Any = None
+        self.started = False
+        self.plan: dict[str, tuple[float, float, float, float]] = {}
+        self.begun: dict[str, int] = {}
+        self.studies: dict[str, float] = {}
 
     @contextmanager
-    def driving(self, *studies, drawing=_DRAWING):
-        """Hold the place as its one driver; at the end print what was found, and where it is, and
-        then draw the figures.
+    def driving(
+        self, *studies: tuple[Cube, float], drawing: float = _DRAWING_SECONDS
+    ) -> Iterator["Run"]:
+        """Lock the place as its only driver; at the end print the findings and draw the figures.
 
-        studies : what is computed without sweeps, (Cube as `kept` takes it, CPU seconds, about).
-        drawing : CPU seconds in which findings are put into words and figures drawn, about.
+        Parameters
+        ----------
+        studies : (Cube, float)
+            What `kept` will compute without sweeps, and its approximate CPU seconds.
+        drawing : float
+            Approximate CPU seconds of findings and figures.
         """
         with usage_errors(self.place):
             self.studies = {cube.name: cost for cube, cost in studies if not self.holds(cube)}
@@ -112,84 +148,102 @@ class Run:
             with store.driver_lock(self.place):
                 self.started = True
                 os.makedirs(self.out, exist_ok=True)
-                foreseen = {name: cpu for name, (*_, cpu) in self.plan.items()}
+                predicted = {name: cpu for name, (*_, cpu) in self.plan.items()}
                 stream = None if self.quiet else sys.stderr
                 after = seconds + drawing
-                with Progress("computing", stream, foreseen, after) as self.line:
+                with Progress("computing", stream, predicted, after) as self.line:
                     yield self
                     self.line.hide()
-                    for line in "\n".join(self.words).splitlines():
+                    for line in "\n".join(self.findings).splitlines():
                         click.echo(click.wrap_text(line, 100))
                     for kind, paths in self.written.items():
                         _echo_paths(kind, paths)
                     self._draw()
 
     @contextmanager
-    def sweeping(self, *jobs, later=(), studies=(), drawing=_DRAWING):
-        """As `driving`, with workers for the sweeps; refuse a place with other settings first.
+    def sweeping(
+        self,
+        *jobs: Job,
+        later: Iterable[tuple[Job, Wanted]] = (),
+        studies: Iterable[tuple[Cube, float]] = (),
+        drawing: float = _DRAWING_SECONDS,
+    ) -> Iterator["Run"]:
+        """As `driving`, with workers for the sweeps; a place with other settings is refused first.
 
-        jobs : the Jobs of sweeps.
-        later : of further sweeps, which depend on the results of these: (Job that costs about as
-            much, the set of tiles that it will want, or None for all).
+        Parameters
+        ----------
+        jobs : Job
+            Of the sweeps.
+        later : iterable of (Job, set of tiles or None)
+            Further sweeps that depend on the results of these: a job of about the same cost, and
+            the tiles it will want, or None for all.
+        studies, drawing
+            As for `driving`.
         """
         with usage_errors(self.place):
             for job in jobs:
                 self.check(job.cube)
             for job, wanted in [*((job, None) for job in jobs), *later]:
-                self.plan[job.cube.name] = _expected(self.place, job, wanted)
+                self.plan[job.cube.name] = _estimate(self.place, job, wanted)
             with connect(**self.cluster) as client, self.driving(*studies, drawing=drawing):
                 self.client = cache(partial(self._connected, client))
                 yield self
 
-    def _announce(self, besides):
-        """Say how long it will take; end the program here if this is all that was asked for, or if
-        it would take too long.
+    def _announce(self, serial: float) -> None:
+        """Print the predicted time; end the program after a dry run, or if the run is too long.
 
-        besides : CPU seconds of what is not swept, and so computed by one process.
+        serial : CPU seconds of what one process computes, without sweeps.
         """
-        total = np.sum([(0, 0, 0, besides), *self.plan.values()], axis=0)
+        total = np.sum([(0, 0, 0, serial), *self.plan.values()], axis=0)
         if self.dry:
-            for name, (tiles, files, size, seconds) in {**self.plan, "in all": total}.items():
+            for name, (tiles, files, size, seconds) in {
+                **self.plan,
+                "in all": tuple(total),
+            }.items():
                 n_tiles, n_files = plural(tiles, "tile", "8.0f"), plural(files, "file", "9.0f")
                 hours = f"{seconds / 3600:.2g} CPU hours"
                 click.echo(f"{name:24} {n_tiles:14} {n_files:15} {size:9.3g} MB {hours:>18}")
             sys.exit()
         tiles, _, _, seconds = total
         workers = self.cluster.get("n_workers") or CPU_COUNT
-        elapsed = besides + (seconds - besides) / workers
+        elapsed = serial + (seconds - serial) / workers
         if self.shorter is not None and elapsed > LONGEST:
             raise click.UsageError(
-                f"predicted to take {duration(elapsed)} on {plural(workers, 'core')}, "
-                f"{duration(seconds)} of CPU time, which is more than {duration(LONGEST)}. To "
-                f"shorten it, {self.shorter}. To run it as it is, add --yes"
+                f"predicted to take {duration(elapsed)} on {plural(workers, 'core')} "
+                f"({duration(seconds)} of CPU time), more than {duration(LONGEST)}. To shorten the "
+                f"run, {self.shorter}. To run it anyway, add --yes"
             )
-        if seconds > _LONG:
+        if seconds > _MIN_ANNOUNCED_SECONDS:
             swept = plural(len(self.plan), "sweep"), plural(tiles, "tile", ".0f")
             parts = [*swept * bool(self.plan), f"about {duration(seconds)} of CPU time"]
             self.tell(", ".join(parts))
 
-    def tell(self, words):
-        """Print what is under way, unless this run is quiet."""
+    def tell(self, message: str) -> None:
+        """Print a message on stderr, unless this run is quiet."""
         if not self.quiet:
-            click.echo(words, err=True)
+            click.echo(message, err=True)
 
-    def check(self, cube):
-        """Refuse to go on if the place holds this cube with other settings; true if it is there."""
+    def check(self, cube: Cube) -> dict[str, Any]:
+        """Return the attributes of the cube in the place, {} if there is none.
+
+        A cube with other settings is refused.
+        """
         return store.check(self.place, cube, store.COMPUTED_BY)
 
-    def _connected(self, connect):
-        """Connect to the workers; show that they, and their kernels, are waited for."""
-        shown = self.line.name
-        here = self.cluster.get("scheduler") is None
-        self.line.show("starting workers on this machine" if here else "connecting to the workers")
+    def _connected(self, connect: Callable[[], Any]) -> Any:
+        """Connect to the workers, and show meanwhile that they are starting."""
+        previous = self.line.name
+        is_local = self.cluster.get("scheduler") is None
+        message = "starting workers on this machine" if is_local else "connecting to the workers"
+        self.line.show(message)
         client = connect()
-        self.line.show(shown)
+        self.line.show(previous)  # type: ignore[arg-type]
         return client
 
-    def sweep(self, job, wanted=None):
-        """Compute the missing tiles of the job's cube, or those `wanted`; return it as a Dataset.
+    def sweep(self, job: Job, wanted: Wanted = None) -> xr.Dataset:
+        """Compute the missing tiles of the job's cube, or those `wanted`; return the cube.
 
-        The program ends if tiles fail, and on Ctrl-C, and says how to resume.
+        If tiles fail, or on Ctrl-C, the program ends and prints how to resume.
         """
         name = job.cube.name
         number = self.begun.setdefault(name, len(self.begun) + 1)
@@ -204,38 +258,49 @@ class Run:
         if len(failed) > MAX_REASONS:
             click.echo(f"... and {len(failed) - MAX_REASONS} more", err=True)
         if outcome.interrupted:
-            missing = f"stopped with {plural(outcome.remaining, 'tile')} of this sweep missing"
+            missing = f"stopped; {plural(outcome.remaining, 'tile')} of this sweep missing"
             click.echo(f"{missing}; run the same command again to resume", err=True)
             sys.exit(130)
         if failed:
-            missing = f"not computed, as they failed: {plural(len(failed), 'tile')}"
+            missing = f"{plural(len(failed), 'tile')} failed"
             click.echo(f"{missing}; run the same command again to retry", err=True)
             sys.exit(1)
         self.note("cubes", self.place.cube(name))
         return store.read(self.place, name)
 
-    def holds(self, cube, *parts):
-        """Tell whether the place holds a cube that `kept` wrote, sound, and by the code as it is.
+    def holds(self, cube: Cube, *parts: str) -> bool:
+        """Return whether the place holds an undamaged cube that this version of `kept` wrote.
 
-        parts : names of the sweeps that it was made from, of which no tile may be missing.
-        A usage error if the cube has other settings.
+        A cube with other settings is refused.
+
+        Parameters
+        ----------
+        cube : Cube
+            As for `kept`.
+        parts : str
+            Names of the sweeps that it was made from; no tile of these may be missing.
         """
-        here = self.check(cube)
-        if any(here.get(name) != by for name, by in _CODE.items()):
+        attributes = self.check(cube)
+        if any(attributes.get(name) != by for name, by in _CODE.items()):
             return False
-        if parts:  # else the store need not be listed
+        if parts:  # otherwise the store need not be listed
             known = [state for state in store.status(self.place) if not state.damage]
             done = {state.name for state in known if state.done >= state.tiles}
             if not done.issuperset(parts):
                 return False
         return not any(store.verify(self.place, cube.name))
 
-    def kept(self, cube, compute, *parts):
-        """Return a cube that no sweep computes, as a Dataset: as the place `holds` it, or else
-        computed, and written whole.
+    def kept(self, cube: Cube, compute: Callable[[], xr.Dataset], *parts: str) -> xr.Dataset:
+        """Return a cube that is computed without a sweep: from the place, if it `holds` the cube.
 
-        cube : its name and all settings that decide it, by `pipeline.cubes.cube.untiled`.
-        compute : () → Dataset.
+        Parameters
+        ----------
+        cube : Cube
+            Its name and all settings that decide it, by `pipeline.cubes.cube.untiled`.
+        compute : callable
+            () → Dataset; called if the place does not hold the cube, which is then written.
+        parts : str
+            As for `holds`.
         """
         if not self.holds(cube, *parts):
             filled = replace(cube, template=compute().assign_attrs(studied_by=_CODE["studied_by"]))
@@ -244,21 +309,24 @@ class Run:
         self.note("cubes", self.place.cube(cube.name))
         return store.read(self.place, cube.name).load()
 
-    def table(self, name, dataset):
+    def table(self, name: str, dataset: xr.Dataset) -> None:
         """Write a Dataset as OUT/NAME.csv."""
         write(dataset, self.path("tables", f"{name}.csv"))
 
-    def figure(self, name, draw, *data, caption=""):
-        """Have `draw(*data)` drawn at the end, as OUT/NAME.png and .pdf with the caption beside
-        them; the caption is printed before."""
+    def figure(self, name: str, draw: Callable[..., Any], *data: Any, caption: str = "") -> None:
+        """Schedule `draw(*data)`: OUT/NAME.png and .pdf, with the caption beside them.
+
+        Figures are drawn at the end of the run, when all captions have been printed.
+        """
         self.figures[name] = partial(draw, *data), caption
         self.say(caption)
 
-    def _draw(self):
+    def _draw(self) -> None:
         """Draw all figures, and end the program with code 1 if one cannot be drawn."""
         if self.figures:
             self.line.show("drawing figures")
-        paths, reasons = [], []
+        paths: list[str] = []
+        reasons: list[str] = []
         for name, (draw, caption) in self.figures.items():
             saved, reason = drawn(draw, self.out, name, caption, column=self.column)
             paths += saved
@@ -269,67 +337,73 @@ class Run:
         if reasons:
             raise click.ClickException("\n".join(reasons))
 
-    def path(self, kind, name):
-        """Return the path OUT/NAME of a file, named at the end among those of its kind."""
+    def path(self, kind: str, name: str) -> str:
+        """Return the path OUT/NAME of a file, and list it at the end among those of its kind."""
         return self.note(kind, f"{self.out}/{name}")
 
-    def say(self, words):
+    def say(self, finding: str) -> None:
         """Print a finding at the end, before the paths."""
-        self.words.append(words)
+        self.findings.append(finding)
 
-    def note(self, kind, path):
-        """Have the path named after what was found, among those of its kind; return it."""
+    def note(self, kind: str, path: str) -> str:
+        """List a path at the end, among those of its kind; return it."""
         self.written.setdefault(kind, {})[path] = None  # once, in order
         return path
 
 
-def _echo_paths(kind, paths):
+def _echo_paths(kind: str, paths: Iterable[str]) -> None:
     click.echo(f"{kind + ':':9}{', '.join(paths)}")
 
 
 @contextmanager
-def usage_errors(place):
-    """End the program with one line and exit code 2 or 1 for what the user can mend."""
+def usage_errors(place: Any) -> Iterator[None]:
+    """Turn errors that a user can mend into one line and exit code 2 or 1.
+
+    place : Place or str, for the messages.
+    """
     try:
         with store.store_errors(place):
             yield
     except (store.Refused, ClusterError) as error:
         raise click.UsageError(store.printable(str(error))) from None
     except store.StoreFailed as fault:
-        words = f"{fault}. What is committed stays; run the same command again to resume"
-        raise click.ClickException(store.printable(words)) from None
+        message = f"{fault}. Finished tiles are kept; run the same command again to resume"
+        raise click.ClickException(store.printable(message)) from None
     except OSError as error:  # no workers, or no room for a table
         raise click.ClickException(str(error)) from None
 
 
 @contextmanager
-def shared_workers(scheduler, n_workers, tls):
-    """Yield the options by which several commands, run in turn, compute on the same workers."""
+def shared_workers(
+    scheduler: str | None, n_workers: int | None, tls: tuple[str, str, str] | None
+) -> Iterator[list[str]]:
+    """Yield the options with which several commands, run in turn, share the same workers."""
     if scheduler is not None:
         yield ["--scheduler", scheduler, *(["--tls", *tls] if tls else [])]
         return
     with connect(n_workers=n_workers) as client, TemporaryDirectory() as folder:
-        tls = write_credentials(client(), folder)
-        yield ["--scheduler", client().scheduler.address, "--tls", *tls]
+        files = write_credentials(client(), folder)
+        yield ["--scheduler", client().scheduler.address, "--tls", *files]
 
 
-def _expected(place, job, wanted):
-    """Return what is to be computed of the job's cube: tiles, files, MB, CPU seconds.
+def _estimate(place: store.Place, job: Job, wanted: Wanted) -> tuple[float, float, float, float]:
+    """Return how much of the job's cube remains to be computed: tiles, files, MB, CPU seconds.
 
-    The seconds are predicted from some of the tiles. wanted : set of tiles, or None for all.
+    The CPU time is predicted from a sample of the tiles.
     """
     cube = job.cube
     tiles = np.argwhere(np.ones(cube.tile_counts))
-    with suppress(store.Refused):  # the place does not exist, or the cube was deleted under way
+    with suppress(store.Refused):  # the place does not exist, or the cube was just deleted
         if cube.name in store.names(place):
             tiles = store.missing(place, cube)
     if wanted is not None:
         tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
-    costs, end = [], time.thread_time() + _PROBING
+    costs: list[float] = []
+    end = time.thread_time() + _ESTIMATE_SECONDS
     for _, coords in tile_coords(cube, np.random.default_rng(0).permutation(tiles)):
         costs.append(float(job.predict(coords, cube.settings)))
         if time.thread_time() > end:
             break
-    files = len(tiles) * (len(cube.computed) + 1)  # the commit record is one, too
+    files = len(tiles) * (len(cube.computed) + 1)  # and the commit record
     size = cube.template.nbytes / 1e6 * len(tiles) / prod(cube.tile_counts)
     return len(tiles), files, size, len(tiles) * (sum(costs) / max(1, len(costs)) + COMMIT_SECONDS)

@@ -1,9 +1,9 @@
 """Standard output and error in any state that a session leaves them in.
 
-What the encoding of a stream lacks, as κ in latin-1, is written as \\u03ba. A reader that goes away
-(`| head -1`), or a terminal, ends nothing: what is written after it is dropped, and files are kept.
-A closed stream is /dev/null. Where findings cannot be written, as on a full disk, is an error; of
-messages it is none.
+Letters that the encoding of a stream lacks, as κ in latin-1, are written as \\u03ba. If the reader
+(`| head -1`) or the terminal disappears, the run continues: later output is dropped, and files are
+still written. A closed stream is replaced by /dev/null. If findings cannot be written, as on a full
+disk, the command fails; messages that cannot be written are ignored.
 """
 
 import errno
@@ -11,37 +11,38 @@ import io
 import os
 import select
 import sys
+from typing import Any
 
 import click
 
-_GONE = errno.EPIPE, errno.EIO, errno.ECONNRESET  # the reader, or the terminal
+_READER_GONE = errno.EPIPE, errno.EIO, errno.ECONNRESET  # or the terminal
 
 
 class _Stream(io.FileIO):
-    """A descriptor to which writing goes on, and does nothing, once it has failed."""
+    """A file descriptor that ignores all writes after the first failed one."""
 
     failed = False
 
-    def write(self, data):
+    def write(self, data: Any) -> int:
         while not self.failed:
             try:
                 if (written := super().write(data)) is not None:
                     return written
-                select.select([], [self], [])  # it does not block, which others may have asked for
+                select.select([], [self], [])  # another process may have made it non-blocking
             except OSError as error:
                 self.failed = True
-                if self.fileno() == 1 and error.errno not in _GONE:
-                    words = f"standard output cannot be written: {error.strerror}"
-                    raise click.ClickException(words) from None
+                if self.fileno() == 1 and error.errno not in _READER_GONE:
+                    reason = f"standard output cannot be written: {error.strerror}"
+                    raise click.ClickException(reason) from None
         return len(data)
 
 
-def prepare():
-    """Make the standard streams of this process safe, but for those that a program has replaced."""
+def prepare() -> None:
+    """Make the standard streams of this process safe, except those that a program has replaced."""
     for descriptor in range(3):
         try:
             os.fstat(descriptor)
-        except OSError:  # closed: the next file that is opened would get its number
+        except OSError:  # closed: the next file opened would take its number
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
     for name, descriptor in (("stdout", 1), ("stderr", 2)):
         if (stream := getattr(sys, name)) is getattr(sys, f"__{name}__"):
@@ -52,8 +53,9 @@ def prepare():
 
 
 class Prepared:
-    """A click command, or a group of them, that prepares the streams before it writes anything."""
+    """A click command, or group, that prepares the streams before it writes anything."""
 
-    def main(self, *args, **how):
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Prepare the streams and run the command."""
         prepare()
-        return super().main(*args, **how)
+        return super().main(*args, **kwargs)  # type: ignore[misc]  # of click.Command

@@ -1,29 +1,52 @@
 """What Datasets have in common: labelled variables, outcomes as CF flags, and CSV tables."""
 
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from nasm.planes import TWO_KICKS_AXES
 from pipeline.cubes.cube import FLAGS
 from workflows.figures import files
 
 
-def described(long_name, units="1", **more):
+def described(long_name: str, units: str = "1", **more: Any) -> dict[str, Any]:
     """Return the attributes of a variable."""
     return {"long_name": long_name, "units": units, **more}
 
 
-def dataset(title, coords, variables, attrs=None):
+def dataset(
+    title: str,
+    coords: Mapping[str, Any],
+    variables: Mapping[str, Any],
+    attrs: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
     """Return a labelled Dataset.
 
-    coords : {dimension: (values, label)}, or a labelled Variable, or that of another Dataset.
-    variables : {name: (dims, values, label)}, or labelled Variables.
-    attrs : more attributes of the Dataset.
+    Parameters
+    ----------
+    title : str
+        Of the Dataset.
+    coords : dict
+        {dimension: (values, label)}, or labelled Variables, or coordinates of another Dataset.
+    variables : dict
+        {name: (dims, values, label)}, or labelled Variables.
+    attrs : dict, optional
+        More attributes of the Dataset.
 
+    Returns
+    -------
+    xarray.Dataset
+
+    Notes
+    -----
     A label is the long name of a number without unit, or the attributes by `described`.
     """
 
-    def labelled(dims, values, label):
+    def labelled(dims: Any, values: ArrayLike, label: str | dict[str, Any]) -> tuple:
         return dims, values, described(label) if isinstance(label, str) else label
 
     own = {dim: labelled(dim, *coord) for dim, coord in coords.items() if isinstance(coord, tuple)}
@@ -31,31 +54,38 @@ def dataset(title, coords, variables, attrs=None):
         name: variable if isinstance(variable, xr.Variable) else labelled(*variable)
         for name, variable in variables.items()
     }
-    return xr.Dataset(variables, coords | own, {"title": title, **(attrs or {})})
+    return xr.Dataset(variables, {**coords, **own}, {"title": title, **(attrs or {})})
 
 
-def columns(dims, labels, values):
-    """Return variables {name: label} of the same dimensions with their values, in that order."""
-    named = zip(labels.items(), values, strict=True)
-    return {name: (dims, np.array(one), label) for (name, label), one in named}
+def columns(
+    dims: str | Sequence[str], labels: Mapping[str, str], values: Iterable[ArrayLike]
+) -> dict[str, tuple]:
+    """Return the variables {name: label} of the same dimensions, filled with `values` in order."""
+    pairs = zip(labels.items(), values, strict=True)
+    return {name: (dims, np.array(column), label) for (name, label), column in pairs}
 
 
-def strengths(dims, a, b, axes=TWO_KICKS_AXES):
-    """Return the variables of a plane's axes, kappa1 and kappa2 by default, labelled."""
+def strengths(
+    dims: str | Sequence[str],
+    a: ArrayLike,
+    b: ArrayLike,
+    axes: Mapping[str, str] = TWO_KICKS_AXES,
+) -> dict[str, tuple]:
+    """Return the labelled variables of a plane's axes, kappa1 and kappa2 by default."""
     return columns(dims, axes, (a, b))
 
 
-def outcomes(dims, codes):
+def outcomes(dims: str | Sequence[str], codes: ArrayLike) -> tuple:
     """Return a variable of status codes, see `cube.status_code`, with their meanings."""
     return dims, np.asarray(codes).astype("int8"), described("outcome", **FLAGS)
 
 
-def write(dataset, path):
-    """Write a Dataset as CSV: outcomes as words."""
+def write(dataset: xr.Dataset, path: str | Path) -> None:
+    """Write a Dataset as CSV, with outcomes as words."""
     table = dataset.to_dataframe()
     for name in table:
-        words = dataset[name].attrs.get("flag_meanings")
-        if words is not None:
+        meanings = dataset[name].attrs.get("flag_meanings")
+        if meanings is not None:
             codes = dataset[name].attrs["flag_values"]
-            table[name] = table[name].map(dict(zip(codes, words.split(), strict=True)))
+            table[name] = table[name].map(dict(zip(codes, meanings.split(), strict=True)))
     files.write(path, table.to_csv(float_format="%.12g"))

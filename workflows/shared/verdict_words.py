@@ -1,12 +1,21 @@
-"""A verdict in plain sentences."""
+"""A verdict in sentences."""
 
 from math import inf, isfinite, log10
+from typing import Any
 
+from nasm.critical import CriticalScale
+from nasm.numbers import RotationNumber
+from nasm.planes import Plane
 from nasm.texts import rounded_bracket
-from nasm.verdicts import Answer, Evidence
+from nasm.types import FloatArray
+from nasm.verdicts import Answer, Evidence, Verdict
 from pipeline.sweep.progress import plural
 
-SHOWN = 8  # kicks that are named one by one
+MAX_LISTED = 8
+"""Kicks up to which a forcing is written out."""
+
+Point = tuple[Plane, tuple[float, float]] | None
+"""A plane and the two coordinates of a forcing in it; None for a forcing in no plane."""
 
 _MEANINGS = {
     Answer.BARRIER: "a rotational invariant circle exists; no orbit crosses it",
@@ -15,27 +24,24 @@ _MEANINGS = {
 }
 
 
-def name_of(kappa, point):
-    """Return the forcing in words, e.g. "(kappa1, kappa2) = (0.3, 0.5)".
-
-    point : (Plane, its two coordinates), or None for a forcing that is in none.
-    """
+def forcing_text(kappa: FloatArray, point: Point) -> str:
+    """Return the forcing as text, e.g. "(kappa1, kappa2) = (0.3, 0.5)"."""
     strengths = ", ".join(map(str, kappa.tolist()))
-    if kappa.size > SHOWN:
+    if kappa.size > MAX_LISTED:
         kicks = f"kappa of {kappa.size} kicks, from {kappa.min():.6g} to {kappa.max():.6g}"
     else:
         kicks = f"kappa = {strengths}" if kappa.size == 1 else f"kappa = ({strengths})"
     if point is None:
         return kicks
     plane, (a, b) = point
-    words = f"({', '.join(plane.axes)}) = ({a}, {b})"
-    return f"{words}, {kicks}" if any(plane.origin) else words
+    coordinates = f"({', '.join(plane.axes)}) = ({a}, {b})"
+    return f"{coordinates}, {kicks}" if any(plane.origin) else coordinates
 
 
-def sentences(kappa, point, verdict):
-    """Put the verdict into words, a list of lines."""
+def sentences(kappa: FloatArray, point: Point, verdict: Verdict) -> list[str]:
+    """Return the verdict on a forcing as a list of sentences."""
     boundary, omega = verdict.boundary, verdict.boundary.omega
-    lines = [f"{verdict.answer.name} at {name_of(kappa, point)}: {_MEANINGS[verdict.answer]}."]
+    lines = [f"{verdict.answer.name} at {forcing_text(kappa, point)}: {_MEANINGS[verdict.answer]}."]
     if omega is not None:
         barrier = verdict.answer is Answer.BARRIER
         circle = "Barrier" if barrier else "Last circle to break on the ray through this forcing"
@@ -47,27 +53,32 @@ def sentences(kappa, point, verdict):
             "symmetry."
         )
     lines.append(f"Evidence: {verdict.evidence.value}.")
-    if verdict.proof is not None and not verdict.proof.proved:
-        lines.append(f"A proof was tried: {verdict.proof.why}.")
+    proof: Any = verdict.proof
+    if proof is not None and not proof.proved:
+        lines.append(f"A proof was attempted: {proof.why}.")
     if verdict.evidence is Evidence.CIRCLE_PROVED:
-        words, below = "That proof says nothing of weaker kicks.", verdict.proved_below
-        if below > 0:
-            words = f"So it is for all kicks from 0 to {int(below * 1e4) / 1e4} times as strong."
-        lines.append(words)
+        below = verdict.proved_below
+        lines.append(
+            "A barrier is also proved to exist for all weaker kicks, from 0 to "
+            f"{int(below * 1e4) / 1e4} times these strengths."
+            if below > 0
+            else "This proof makes no statement about weaker kicks."
+        )
     if verdict.steps < inf:
-        lifetime = lifetime_of(kappa, verdict.steps)
+        lifetime = lifetime_text(kappa, verdict.steps)
         lines.append(f"Converse KAM eliminates even the longest-lived start after {lifetime}.")
     if verdict.evidence is Evidence.INTEGRABLE:
         return lines
-    # Where the last circle breaks on the ray, in multiples of the strengths asked about.
+    # Where the last circle breaks on the ray, in multiples of these strengths.
     if isfinite(boundary.value):
         lines.append(
-            f"The last circle breaks at {scale_of(boundary)} ± {boundary.error:.1g} times these "
+            f"The last circle breaks at {scale_text(boundary)} ± {boundary.error:.1g} times these "
             f"strengths, by {boundary.method} (a criterion, not a proof)."
         )
     else:
         lines.append(
-            f"Where the last circle breaks on the ray is not known: {boundary.status.value}."
+            "The scale at which the last circle on this ray breaks is not known: "
+            f"{boundary.status.value}."
         )
     lower, upper = bracket_of(boundary)
     if lower:
@@ -77,30 +88,31 @@ def sentences(kappa, point, verdict):
     return lines
 
 
-def spelt_out(omega):
+def spelt_out(omega: RotationNumber) -> str:
     """Return an irrational number as a continued fraction without parentheses: [0;2,1,1,1,…]."""
     first, *rest = omega.prefix + omega.tail * max(2, 4 - len(omega.tail))
     return f"[{first};{','.join(map(str, rest))},…]"
 
 
-def steps_of(kappa, steps):
-    """Return a number of periods of the forcing in words, "35 steps of 2 kicks", or "35 kicks"."""
+def steps_text(kappa: FloatArray, steps: float) -> str:
+    """Return a number of periods of the forcing as text, "35 steps of 2 kicks", or "35 kicks"."""
     if kappa.size == 1:
         return plural(steps, "kick", ".0f")
     return f"{plural(steps, 'step', '.0f')} of {kappa.size} kicks"
 
 
-def lifetime_of(kappa, steps):
-    """Return how long a start lives, in kicks, as it may end within a step: "1 kick"."""
+def lifetime_text(kappa: FloatArray, steps: float) -> str:
+    """Return a lifetime in kicks, since a start may be eliminated within a step: "1 kick"."""
     return plural(round(steps * kappa.size), "kick")
 
 
-def scale_of(boundary):
-    """Return the scale at which the last circle breaks, with the digits that its error leaves."""
+def scale_text(boundary: CriticalScale) -> str:
+    """Return the scale at which the last circle breaks, with the digits that its error allows."""
     digits = 2 + int(min(10, max(0, log10(boundary.value / max(boundary.error, 1e-300)))))
     return f"{boundary.value:.{digits}g}"
 
 
-def bracket_of(boundary):
+def bracket_of(boundary: CriticalScale) -> tuple[str, str]:
     """Return the ends of the bracket as texts, "" for an end that is not known."""
-    return rounded_bracket(boundary.lower, boundary.upper)
+    lower, upper = rounded_bracket(boundary.lower, boundary.upper)
+    return lower, upper

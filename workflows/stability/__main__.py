@@ -1,9 +1,9 @@
-"""Where does each method stop being right? Seven small studies of failure, in three figures.
+"""Where does each method fail? Seven small studies, in three figures.
 
-Next to the cusp at 45°, on either side of the breakup, at fractions disguised as irrational, beyond
-the end of the twist (single kicks keep theirs, which is what converse KAM needs), in the searches
-of converse KAM and of Newton's method, and for tori next to a resonance. What they found is
-printed, and is the caption.
+Near the cusp at 45°; on either side of the breakup; for irrational numbers close to fractions;
+beyond the end of the twist of a step (converse KAM needs that of single kicks only); in the
+searches of converse KAM and of Newton's method; and for tori near a resonance. The captions state
+the results.
 
 Seven cubes and three figures in OUT. About four CPU minutes, --quick one.
 """

@@ -1,10 +1,10 @@
-"""How exact must repeated kicks be? The price of a ripple, and whether constant kicks are the best.
+"""How uniform must repeated kicks be? The cost of a ripple, and whether constant kicks are optimal.
 
-κ_n = s(1 + d·f_n) with Σf = 0 and Σf² = P over a period of P kicks: by which part is the rms
-strength of the last breakup below κ_G? By renormalisation (see `response`) the loss goes like
-d^(ln δ/ln λ), times a function of ln d that repeats when the convergents meet the same phases of
-the ripple again. The conjecture is that no forcing of the same rms strength holds a barrier longer
-than constant kicks: random ones are tried, and climbs to better ones.
+κ_n = s(1 + d·f_n) with Σf = 0 and Σf² = P over a period of P kicks: by what fraction is the rms
+strength at the last breakup below κ_G? By renormalisation (see `response`) the loss scales like
+d^(ln δ/ln λ), times a periodic function of ln d. Conjecture: no forcing keeps a barrier up to a
+larger rms strength than constant kicks. Random forcings test it, and hill climbs towards better
+ones.
 
 Cubes, tables and a figure in OUT. The defaults take about ten CPU minutes, --quick one.
 """
@@ -14,7 +14,7 @@ from workflows.shared.cli import command, flag, sweeps, whole
 
 @command()
 @whole("--n-forcings", 10_000, 10, 10**6, "Random forcings to try.")
-@whole("--n-climbs", 1000, 2, 10**5, "Climbs to forcings that hold longer.")
+@whole("--n-climbs", 1000, 2, 10**5, "Hill climbs to forcings with a larger threshold.")
 @flag("--quick", "A preview: few forcings, climbs and ripples.")
 @sweeps
 def main(run, n_forcings, n_climbs, quick):
@@ -26,7 +26,7 @@ def main(run, n_forcings, n_climbs, quick):
 
     if quick:
         n_forcings, n_climbs = min(n_forcings, 400), min(n_climbs, 40)
-    words, golden = "rms of the deviations, over the mean", study.golden()
+    words, golden = "rms deviation over the mean", study.golden()
     ripples = last_barriers("tolerance", study.ripples(quick), words, 3e-3)
     tried, words = study.forcings(n_forcings, n_climbs), f"{words}; the seed of a climb"
     bounds = against_constant("tolerance_random", tried, words, golden, tries=500)
@@ -39,4 +39,4 @@ def main(run, n_forcings, n_climbs, quick):
         for name, table in {"": cube, "_laws": laws, "_random": tried}.items():
             run.table(f"tolerance{name}", table)
         found = cube, laws, tried
-        run.figure("tolerance", draw_tolerance, *found, caption=study.found(*found))
+        run.figure("tolerance", draw_tolerance, *found, caption=study.findings(*found))

@@ -1,9 +1,9 @@
-"""The forcings of `tolerance`, the law that renormalisation predicts, and what is found."""
+"""The forcings of `tolerance`, the law that renormalisation predicts, and the findings."""
 
 import numpy as np
 
 from nasm import periodic
-from workflows.shared.rules import finding, span
+from workflows.shared.judgement import finding, span
 from workflows.shared.tables import columns, dataset
 from workflows.tolerance.response import DELTA, finer, golden, growth, modes, steps
 
@@ -98,17 +98,18 @@ def _loss(period, circle, d):
     return 1 - scale.value * unit / golden(), scale.error * unit / golden()
 
 
-def found(cube, laws, tried):
-    """Say what a ripple costs and how the conjecture stands, with a verdict on each claim."""
+def findings(cube, laws, tried):
+    """Describe the cost of a ripple and the test of the conjecture, with verdicts."""
     known = cube.loss_error < 0.2 * cube.loss
     percent = 100 * cube.loss[np.isclose(cube.parameter, 0.01)]
     two, longer = (percent.values[here] for here in (percent.period == 2, percent.period > 2))
     return " ".join([
-        f"Of {known.size} ripples {int(known.sum())} have a loss with an error below a fifth of "
-        f"it; one of 1% costs {two.item():.2g}% if it alternates, and {span(longer)}% if not.",
+        f"Of {known.size} ripples {int(known.sum())} have a loss with a relative error below 20%. "
+        f"A ripple of 1% costs {two.item():.2g}% of the threshold if it alternates, and "
+        f"{span(longer)}% otherwise.",
         _law(laws),
         _conjecture(tried),
-        "Not tried: more than 8 kicks, kicks that do not recur, P > 2 below 0.003, other laws.",
+        "Not tried: more than 8 kicks, aperiodic forcing, P > 2 below d = 0.003, other shapes.",
     ])  # fmt: skip
 
 
@@ -123,16 +124,16 @@ def _law(laws):
         for row in table.dropna(subset=["measured"]).itertuples()
     )
     vague = ", ".join(map(str, table.index[~sharp & table.measured.notnull()]))
-    unsettled = f"Errors above a tenth settle nothing for P = {vague}. " if vague else ""
+    unsettled = f"For P = {vague} errors above 10% decide nothing. " if vague else ""
     others = table.orbits[table.measured.isnull()]
     long = ", ".join(f"{round(n, -3):.0f} for {period}" for period, n in others.items())
     words = (
-        f"from a ripple to the next repeat of the law the loss has the exponents {said}, as "
-        "measured (predicted), errors by losses, their size and larger ripples (shorter orbits). "
-        f"{unsettled}Others are not measured: the next repeat after 1% takes orbits of some {long} "
-        "periods and more"
+        f"over one period of the law the loss has the exponents {said}, measured (predicted); the "
+        "errors include those of the losses, their size and larger ripples (shorter orbits). "
+        f"{unsettled}Others are not measured: the next period of the law after 1% needs orbits of "
+        f"period about {long} or more"
     )
-    claim = "a ripple costs what renormalisation predicts, a power of it that depends on P"
+    claim = "the loss is the power of the ripple that renormalisation predicts for each P"
     return finding(claim, words, fits and sharp.all(), fits, bool(sharp.any()))
 
 
@@ -141,11 +142,11 @@ def _conjecture(tried):
     random, ends = (upper[tried.family == family] for family in ("random", "climb"))
     beaten, stay = int(np.isinf(upper).sum()), ends > 1
     words = (
-        f"{beaten} of {random.size} random forcings of 2 to 8 kicks and {ends.size} climbs hold a "
-        "barrier at 1.001 times the rms strength of constant kicks. Orbits escape under "
-        f"{int((random <= 1).sum())} random ones; converse KAM finds no circle left under the "
-        f"others, nor at the ends of {stay.sum()} climbs, from which none escapes; from the other "
-        f"ends orbits do, at {ends[~stay].max(initial=0):.2f} of κ_G or less"
+        f"{beaten} of {random.size} random forcings of 2 to 8 kicks and {ends.size} hill climbs "
+        "have a barrier at 1.001 times the rms strength of constant kicks. Orbits escape under "
+        f"{int((random <= 1).sum())} of the random forcings; converse KAM excludes all circles "
+        f"under the others, and at the ends of {stay.sum()} climbs without escape. At the ends of "
+        f"the other climbs orbits escape, at {ends[~stay].max(initial=0):.2f} κ_G or less"
     )
-    claim = "constant kicks hold a barrier longest at equal rms strength"
+    claim = "constant kicks keep a barrier up to the largest rms strength"
     return finding(claim, words, beaten == 0, known=ends.size > 0)

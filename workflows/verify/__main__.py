@@ -1,10 +1,10 @@
-"""Is every number in the store still what was written?
+"""Is the store intact? Do its certificates prove what it claims?
 
 All chunks of a run, or of all runs in a folder, are read and compared with their checksums. With
---repair damaged tiles become missing: the next run of the command that computed them computes them
-again, and no others. Metadata and coordinates are compared with their digests; where they were
-changed no tile is touched, and the next run of the command restores them. With --proofs what is
-called proved is compared with the certificates, and these are checked by a second program.
+--repair damaged tiles are marked as missing: the next run of the command that computed them
+recomputes these tiles only. Metadata and coordinates are compared with their digests; if they were
+changed, no tile is touched, and the next run of the command restores them. With --proofs, proved
+results are compared with their certificates, which a second program checks.
 
 The exit code is 1 if damage is found and not repaired.
 """
@@ -17,8 +17,8 @@ import click
 from workflows.shared.cli import command, flag, place_options, real
 
 _NO_DIGESTS = (
-    "its metadata cannot be checked, so its tiles are not repaired: an earlier version noted no "
-    "digests of them; run again the command that computed it, which adds these"
+    "its metadata cannot be checked, so its tiles are not repaired: an earlier version stored no "
+    "digests; run the command that computed it again, which adds them"
 )
 
 
@@ -53,10 +53,10 @@ def examine(path, place, repair, proofs, longest):
 
 
 @command(default_map={"out": "out"})
-@flag("--repair", "Mark what is damaged as missing, to be computed again.")
-@flag("--proofs", "Check certificates too, with the extra `proof`.")
+@flag("--repair", "Mark damaged tiles as missing, to be recomputed.")
+@flag("--proofs", "Check certificates too; needs the extra `proof`.")
 @real(
-    "--max-cpu-seconds", 60, 0, 1e9, "CPU seconds: certificates that take longer are not checked."
+    "--max-cpu-seconds", 60, 0, 1e9, "CPU time limit per certificate; longer ones are not checked."
 )
 @place_options
 def main(out, store, repair, proofs, max_cpu_seconds):
@@ -73,7 +73,7 @@ def main(out, store, repair, proofs, max_cpu_seconds):
             n_damaged, n_repairable = n_damaged + damaged, n_repairable + repairable
     n_left = n_damaged - n_repairable if repair else n_damaged
     if n_damaged:
-        again = "run again the commands that computed these cubes"
+        again = "run the commands that computed these cubes again"
         if repair:
             click.echo(f"{'not all is ' if n_left else ''}repaired: now {again}", err=True)
         else:

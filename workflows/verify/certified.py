@@ -1,4 +1,4 @@
-"""Certificates of a store: whether they are there, and whether they prove what the cubes say."""
+"""Certificates of a store: whether they exist, and whether they prove what the cubes claim."""
 
 import sys
 import time

@@ -1,10 +1,10 @@
-"""How much does each method compute for an accuracy? Speed against error, all methods on six rays.
+"""How much CPU time does each method need for a given accuracy? All methods on six rays.
 
-All answers are judged by Greene's residue with periods up to 30 000. Circles and residues need ω as
-input: that of the circle which `nasm.barriers` names as the last to break. Five rays are of two
-kicks, the sixth of three kicks, (1, 0.7, 0.3), which have no symmetry line. Seconds are CPU seconds
-of one thread, the median of several runs; a first run, which compiles, is measured apart.
-Single precision serves direct iteration alone, whose error is far above rounding.
+The reference is Greene's residue with periods up to 30 000. Circles and residues need ω as input:
+that of the last circle by `nasm.barriers`. Five rays are of two kicks, the sixth of three kicks,
+(1, 0.7, 0.3), which have no symmetry line. Times are CPU seconds of one thread, medians of several
+runs; the first run, which compiles the kernels, is measured separately. Single precision is used in
+direct iteration alone, whose error is far above rounding.
 
 A cube, two tables and a figure in OUT. The defaults take about 90 CPU seconds.
 """
@@ -20,9 +20,9 @@ _ALL = "may be repeated.  [default: all]"
 
 
 @command()
-@flag("--full", "The largest effort of each method too: 15 CPU minutes.")
-@choice("--method", NAMES, NAMES, f"A method to measure; {_ALL}", True)
-@choice("--ray", RAYS, RAYS, f"A ray, in degrees or three-kicks; {_ALL}", True)
+@flag("--full", "Also the largest effort of each method: 15 CPU minutes.")
+@choice("--method", NAMES, NAMES, f"Method to measure; {_ALL}", True)
+@choice("--ray", RAYS, RAYS, f"Ray, in degrees, or three-kicks; {_ALL}", True)
 @writes
 def main(run, full, method, ray):
     from nasm.proofs.barrier import need_flint

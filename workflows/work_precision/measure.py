@@ -1,4 +1,4 @@
-"""Measure seconds and errors of all methods, and tell which is fastest for an accuracy."""
+"""Measure CPU times and errors of all methods, and find the fastest one for an accuracy."""
 
 from math import nan
 from statistics import median
@@ -96,7 +96,7 @@ def seconds_for(data, accuracy):
 
 
 def fastest(data):
-    """Say which answer to the question is the cheapest for which accuracy."""
+    """Describe which method is the fastest for each accuracy."""
     cheapest = {}
     for accuracy in ACCURACIES:
         seconds = seconds_for(data, accuracy)
@@ -106,10 +106,10 @@ def fastest(data):
     parts = [f"{accuracy:.0e} by {name} in {s}" for (name, s), accuracy in cheapest.items()]
     rays = ", ".join(f"{name}°" if name.isdigit() else name for name in data.ray.values)
     return (
-        "CPU time until the relative error of the last breakup is small on each ray on which there "
-        f"is an answer, of {rays}, judged by Greene's residue to "
-        f"{float(data.judge_error.max()):.0e}. The cheapest: {'; '.join(parts) or 'none'}. Circles "
-        "and residues need ω as input, proofs a forcing; barriers and converse KAM need neither."
+        "CPU time to reach a given relative error of the last breakup on every ray with an answer, "
+        f"of {rays}; reference: Greene's residue, to {float(data.judge_error.max()):.0e}. Fastest: "
+        f"{'; '.join(parts) or 'none'}. Circles and residues need ω as input, proofs need a "
+        "forcing; barriers and converse KAM need neither."
     )
 
 
