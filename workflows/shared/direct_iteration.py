@@ -39,13 +39,13 @@ def bias_job(plane: Plane, scales: Mapping[float, float], sizes: Sequence[int], 
     scales : {angle: critical scale}. sizes : of the nested ensembles.
     """
     excesses = geometric(0.01, 1, 121)
-    return escape_times("escape_rays", plane, scales, excesses, sizes, n_max)
+    return escape_times("escape_rays", plane, scales, excesses, sizes, n_max)  # type: ignore[arg-type]
 
 
 def boundary_job(plane: Plane, scales: Mapping[float, float], n_max: int, n_orbits: int) -> Job:
     """Return the job of `direct_boundary`: one ensemble, thirty excesses per decade from 1%."""
     excesses = geometric(0.01, 1, 61)
-    return escape_times("direct_boundary", plane, scales, excesses, [n_orbits], n_max)
+    return escape_times("direct_boundary", plane, scales, excesses, [n_orbits], n_max)  # type: ignore[arg-type]
 
 
 def sweep_inwards(run: Run, job: Job) -> xr.Dataset:

@@ -102,7 +102,7 @@ def resonance(
     return drawn | {"lobes": {"x": [x for x, _ in lobes], "y": [y for _, y in lobes]}}, text
 
 
-def residues(start: ArrayLike, profile: ArrayLike, omega: RotationNumber) -> dict[str, list]:
+def residues(start: FloatArray, profile: FloatArray, omega: RotationNumber) -> dict[str, list]:
     """Compute residues of the minimax orbits of convergents of ω along a segment of forcings.
 
     Parameters
@@ -124,5 +124,5 @@ def residues(start: ArrayLike, profile: ArrayLike, omega: RotationNumber) -> dic
     values = np.full((len(names) - first, at.size), np.nan)
     for n, i in np.ndindex(values.shape):
         with suppress(action.LostError):
-            values[n, i] = minimax.at(first + n, at[i], -1).residue
+            values[n, i] = minimax.at(first + n, float(at[i]), -1).residue
     return {"at": [at.tolist()] * len(values), "residue": values.tolist(), "orbit": names[first:]}
