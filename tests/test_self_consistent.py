@@ -164,7 +164,7 @@ def test_momentum_is_conserved_and_only_weak_fields_leave_graphs():
     np.testing.assert_allclose(settling.area, settling.area[2], rtol=1e-12)
     assert 0.05 < settling.excluded.mean() < 0.2
     caption = self_consistent_caption(fields, verdicts, settling)
-    assert "rules out every family of graphs in the recorded field from Γ = 1.3 on" in caption
+    assert "excludes every family of graphs in the recorded field from Γ = 1.3 on" in caption
 
 
 def test_a_job_of_one_core_of_many_runs_one_thread(monkeypatch):
