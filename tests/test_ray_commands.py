@@ -78,7 +78,7 @@ def test_any_plane_is_swept_with_the_names_of_its_axes(tmp_path, workers):
     for precision in ("single", "double"):
         out = tmp_path / precision
         told = succeed("escape_plane", out, *options, "--precision", precision)
-        assert "the plane kappa_b = 0 to 2, kappa_a = -1 to 1: " in told.replace("\n", " ")
+        assert "the plane kappa_b = 0 to 2, kappa_a = -1 to 1 in which" in told.replace("\n", " ")
         cube = xr.open_zarr(out / "escape.zarr").load()
         assert plane_of(cube.attrs) == plane
         times = cube.escape_time.stack(cell=["kappa_b", "kappa_a"])
@@ -98,5 +98,5 @@ def test_stretches_are_where_the_ratio_is_above_one():
     angle, ratio = np.array([0.0, 10, 20, 30, 40, 50]), np.array([1.5, 1.2, 0.8, 0.9, 1.1, np.nan])
     assert where_above(angle, ratio) == "0°-10° (by 50% at 0°), 40°-40° (by 10% at 40°)"
     inside = np.array([0.9, 0.95, np.nan, 0.97, 0.9, 0.8])
-    assert where_above(angle, inside) == "nowhere (nearest, 0.970 of it, at 30°)"
+    assert where_above(angle, inside) == "nowhere (largest ratio 0.970, at 30°)"
     assert where_above(angle, np.nan * inside) == "unknown"
