@@ -104,7 +104,7 @@ def look_at_figures():
         return paths
 
     def twice(draw, out, name, caption="", column=False):
-        drawn(draw, out, name, caption, ["png"], not column)
+        drawn(draw, out, name, caption, not column)
         return drawn(draw, out, name, caption, column)
 
     style.save, style.drawn = looked_at, twice
