@@ -165,7 +165,7 @@ class CriticalScale(Result):
         lower, upper = rounded_bracket(self.lower, self.upper)
         bracket = f"bracket [{lower}, {upper}]" if lower and upper else ""
         parts = (
-            "no value" if math.isnan(self.value) else rounded_value(self.value, self.error),
+            self._value(),
             bracket or (f"lower {lower}" if lower else "") or (f"upper {upper}" if upper else ""),
             "" if self.omega is None else f"circle {_spell(self.omega, 6)}",
             self.method and f"method: {self.method}",
@@ -181,15 +181,16 @@ class CriticalScale(Result):
             f"none exists at {upper}" * bool(upper),
         )
         rows = {
-            "critical scale": "no value"
-            if math.isnan(self.value)
-            else rounded_value(self.value, self.error),
+            "critical scale": self._value(),
             "bracket": "; ".join(filter(None, shows)),
             "rotation number": "" if self.omega is None else _spell(self.omega, 12),
             "method": self.method,
             "status": self._outcome(),
         }
         return html_table(rows)
+
+    def _value(self) -> str:
+        return "no value" if math.isnan(self.value) else rounded_value(self.value, self.error)
 
     def _outcome(self) -> str:
         is_ok = self.status is Status.OK

@@ -1,42 +1,21 @@
-"""Name the kernels that tiles load after a worker's first call: `first_calls.py N COMMAND ...`.
+"""Name the kernels that tiles load after a worker's first call: `first_calls.py FILE`.
 
-Prints as JSON how many jobs the command plans, the name of the cube of job N, and the kernels that
-its first tiles had to load or compile. One job in each process: a kernel that another one has
-loaded would not be missed.
+FILE holds a pickled Job. Prints as a JSON list the kernels that its first tiles have to load, or
+compile. A process of its own shows them: one that has planned the job may have loaded some before.
 """
 
 import gc
 import json
+import pickle
 import sys
-from tempfile import TemporaryDirectory
+from pathlib import Path
 
 import numpy as np
-import pytest
 from numba.core.dispatcher import Dispatcher
 
 from pipeline.sweep.grid import tile_coords
-from workflows.shared.cli import main_of
-from workflows.shared.run import Run
 
 N_TILES = 4
-
-
-class Planned(Exception):
-    pass
-
-
-def jobs_of(command, options):
-    """List the jobs that a command plans."""
-
-    def plan(self, *jobs, later=(), **_):
-        raise Planned([*jobs, *(job for job, _ in later)])
-
-    with pytest.MonkeyPatch.context() as patch, TemporaryDirectory() as out:
-        patch.setattr(Run, "sweeping", plan)
-        try:
-            main_of(command).main([*options, "--out", out], standalone_mode=False)
-        except Planned as planned:
-            return planned.args[0]
 
 
 def loaded():
@@ -61,7 +40,4 @@ def late(job):
 
 
 if __name__ == "__main__":
-    number, command, *options = sys.argv[1:]
-    jobs = jobs_of(command, options)
-    job = jobs[int(number)]
-    print(json.dumps([len(jobs), job.cube.name, late(job)]))
+    print(json.dumps(late(pickle.loads(Path(sys.argv[1]).read_bytes()))))

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Self, TextIO
 
 _PREDICTION_WEIGHT = 0.02  # part of a sweep for which its prediction counts as much as measurements
-_LOADING = 5  # seconds: kernels that take longer to come are being compiled
+_LOADING = 5  # seconds: kernels that take longer to load are being compiled
 _BAR_LENGTH = 20  # characters
 
 

@@ -166,18 +166,18 @@ def _stop_at_signals(loop):
     """Stop the event loop at SIGINT or SIGTERM; if it is blocked, end the process `_GRACE` seconds
     later.
 
-    Blocked by Python, this thread still calls the handler of the signal; blocked by a kernel, which
-    releases Python's lock, another thread reads of the signal from a pipe. Either sets an alarm, by
-    which the system ends the process.
+    If Python code blocks the loop, its thread still runs the handler of the signal. If a compiled
+    kernel does, which releases Python's lock, Python writes the signal to a pipe that another
+    thread reads. Either sets an alarm, with which the system ends the process.
     """
-    hears, tells = os.pipe()
-    os.set_blocking(tells, False)
-    signal.set_wakeup_fd(tells)
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    signal.set_wakeup_fd(writer)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: signal.alarm(_GRACE))
 
     def listen():
-        while os.read(hears, 1):
+        while os.read(reader, 1):
             signal.alarm(_GRACE)
             loop.add_callback(loop.stop)
 
