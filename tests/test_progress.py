@@ -28,8 +28,8 @@ class Terminal(io.StringIO):
 def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
     """Simulate a sweep; yield (Progress, seconds that really remain) after each tile.
 
-    tiles : predicted CPU seconds. error : what they really take, over that. later : CPU seconds,
-    predicted rightly, of a sweep that follows.
+    tiles, later : predicted CPU seconds of tiles, and of a sweep that follows. error : what they
+    really take, over that. after : CPU seconds of the driver.
     """
     clock = Clock()
     line = Progress("run", None, {"one": sum(tiles), "two": later}, after, clock)
@@ -42,7 +42,7 @@ def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
         first = int(np.argmin(free))
         free[first] += tile * error * slowness
         ends.append((free[first], tile))
-    end = max(free) + (10 if later else 0) + slowness * (later / workers + after)
+    end = max(free) + slowness * (later * error / workers + after)
     for clock.now, tile in sorted(ends):
         line.advance(tile, tile * error, tile * error * slowness)
         yield line, end - clock.now
@@ -57,9 +57,22 @@ def test_from_a_tenth_on_what_remains_is_within_a_third(slowness, error, later):
     ratios = [
         line.remaining() / remains
         for line, remains in follow(tiles, slowness=slowness, error=error, later=later, after=4.0)
-        if line.current.done > 0.1 * tiles.sum()
+        if line.done > 0.1 * tiles.sum()
     ]
     assert 2 / 3 < min(ratios) <= max(ratios) < 3 / 2
+
+
+def test_other_programs_slow_the_driver_down_but_workers_do_not():
+    """Two workers with a program beside them have two thirds of a processor each."""
+    clock = Clock()
+    line = Progress("run", None, {"one": 10.0}, after=10.0, clock=clock)
+    line.begin_sweep("one", "one")
+    line.add_work(10.0, workers=2)
+    line.warmed_up()
+    for _ in range(5):
+        clock.now += 1.5
+        line.advance(2.0, used=2.0, wall=3.0)
+    assert line.remaining() == 10.0
 
 
 def test_what_the_driver_has_done_is_in_the_bar_and_no_longer_remains():

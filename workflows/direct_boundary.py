@@ -39,7 +39,7 @@ def main(run, n_max, n_orbits, plane, n_rays, n_cusp_rays):
     last = last_barrier(plane, all_rays, 1e-4)
     foreseen = direct_iteration.estimate_tiles(plane, spread.tolist(), n_max[-1], n_orbits)
     insets = untiled("direct_insets")
-    with run.sweeping(last, later=[foreseen], studies=[(insets, 10)]):
+    with run.sweeping(last, later=[foreseen], studies=[(insets, 15)]):
         barrier = unfolded(run.sweep(last), all_rays)
         known = barrier.sel(angle=spread).dropna("angle", subset=["critical_scale"])
         scales = known.critical_scale.to_series().to_dict()

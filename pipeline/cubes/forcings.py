@@ -102,8 +102,9 @@ def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
 
 
 def _predict_barriers(coords: Coords, settings: Settings) -> float:
-    """Predict by the period P: 0.2·P² s, no more from 16 on, at tol = 10⁻³ (medians)."""
-    return 0.2 * np.sum(np.minimum(coords["period"], 16) ** 2.0)
+    """Predict by the period P: 0.1 s up to two kicks, else 0.2·P² s, as of 16 at most (medians)."""
+    period = np.minimum(coords["period"], 16)
+    return np.where(period <= 2, 0.1, 0.2 * period**2.0).sum()
 
 
 def against_constant(
@@ -217,4 +218,4 @@ def _against_constant(coords: Coords, settings: Settings) -> Arrays:
 def _predict_against(coords: Coords, settings: Settings) -> float:
     """Predict CPU seconds by the random steps, and the periods of the forcings."""
     tries = settings["tries"] * np.sum(coords["family"] == "climb")
-    return 2e-4 * tries + np.sum(4e-3 + 3e-4 * coords["period"] ** 2.0)
+    return 4e-4 * tries + np.sum(4e-3 + 3e-4 * coords["period"] ** 2.0)

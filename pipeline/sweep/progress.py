@@ -1,14 +1,12 @@
 """How far a run is, and when it will end: one line, in predicted CPU seconds over all its sweeps.
 
-The remaining time is estimated from the batches of tiles that have come in:
+The remaining time of the sweeps is what is left of their prediction, times the pace so far:
 
-    remaining = pace · Σ correction · remaining CPU seconds
+    pace = seconds in which workers had work / predicted CPU seconds of the tiles that came in
 
-The pace is wall time over the CPU time of all workers together, in the run so far: other work on
-the machine raises it, and so does what workers wait for. The correction of the sweep under way is
-its CPU time over what was predicted for it; that of later ones is 1. Neither includes the time
-until a first worker has its kernels; each later sweep is expected to wait as long, or, where the
-first had to compile them, as long as loading takes.
+Predictions need only be right relative to each other: a slow processor, other programs on it, and
+what workers wait for between tiles, raise the pace alike. The time until a first worker has its
+kernels is not counted. What the driver does after the sweeps is added in seconds of its own.
 """
 
 import shutil
@@ -16,26 +14,10 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass
 from typing import Self, TextIO
 
-_PREDICTION_WEIGHT = 0.02  # part of a sweep for which its prediction counts as much as measurements
 _LOADING = 5  # seconds: kernels that take longer to load are being compiled
 _BAR_LENGTH = 20  # characters
-
-
-@dataclass
-class _Amounts:
-    """CPU seconds of one sweep, or of all.
-
-    begun : predicted, of all tiles. done : predicted, of tiles that have come in. used : measured,
-    of tiles that have come in. batches : number of batches that have come in.
-    """
-
-    begun: float = 0.0
-    done: float = 0.0
-    used: float = 0.0
-    batches: int = 0
 
 
 class Progress(AbstractContextManager):
@@ -79,14 +61,15 @@ class Progress(AbstractContextManager):
         self.name: str | None = name
         self.stream, self.clock = stream, clock
         self.predicted = dict[str | None, float]((predicted or {}).items())
-        self.after = after
+        self.after, self.studied = after, 0.0
         self.sweep: str | None = None
         self.workers = 1
-        self.all, self.current = _Amounts(), _Amounts()
-        self.wall = 0.0  # of batches, as `all.used`
+        self.begun = 0.0  # predicted CPU seconds of all tiles of the sweeps that have begun
+        self.done = 0.0  # predicted CPU seconds of the tiles that have come in
+        self.n_batches = 0  # in which they came
+        self.used = self.wall = 0.0  # CPU seconds and seconds that these batches took
         self.working = 0.0  # seconds in which workers had work
         self.warming: float | None = None  # since when the kernels of a sweep are waited for
-        self.warm_up = 0.0  # seconds for which those of the latest sweep were
         self.start = self.latest = clock()
         self.drawn = 0.0  # part of the bar
         self.is_terminal = stream is not None and stream.isatty()
@@ -110,7 +93,7 @@ class Progress(AbstractContextManager):
     def hide(self) -> None:
         """End the line, so that others may write; `show` begins a new one."""
         with self.lock:
-            if self.all.begun or self.is_terminal:
+            if self.begun or self.is_terminal:
                 self.write("\n")
             self.name = None
 
@@ -123,12 +106,12 @@ class Progress(AbstractContextManager):
         """Count tiles as those of this sweep from now on, and show `name`; it may be repeated."""
         if sweep != self.sweep:
             self.predicted.pop(self.sweep, None)  # it has ended
-            self.sweep, self.current = sweep, _Amounts()
+            self.sweep = sweep
         self.show(name)
 
     def end_sweep(self) -> None:
         """Write a line for the sweep in a log; show that the driver computes."""
-        if self.all.begun and not self.is_terminal:
+        if self.begun and not self.is_terminal:
             self.write("\n")
         self.show("computing")
 
@@ -144,16 +127,14 @@ class Progress(AbstractContextManager):
         """
         self.predicted[self.sweep] = max(0.0, self.predicted.get(self.sweep, 0.0) - seconds)
         self.workers, self.warming = workers, self.clock()
-        if self.all.batches:  # what the driver does between sweeps keeps them waiting
+        if self.n_batches:  # what the driver does between sweeps keeps them waiting
             self.working += self.warming - self.latest
-        self.all.begun += seconds
-        self.current.begun += seconds
+        self.begun += seconds
 
     def warmed_up(self) -> None:
         """Note that a worker has its kernels."""
         if self.warming is not None:
-            self.latest = self.clock()
-            self.warm_up, self.warming = self.latest - self.warming, None
+            self.latest, self.warming = self.clock(), None
 
     def advance(self, seconds: float, used: float, wall: float) -> None:
         """Count a batch of tiles as done.
@@ -166,43 +147,42 @@ class Progress(AbstractContextManager):
             Seconds that it took.
         """
         self.warmed_up()
-        for amounts in self.all, self.current:
-            amounts.done += seconds
-            amounts.used += used
-            amounts.batches += 1
-        before, self.latest = self.latest, self.clock()
+        self.n_batches += 1
+        self.done += seconds
+        self.used += used
         self.wall += wall
+        before, self.latest = self.latest, self.clock()
         self.working += self.latest - before
 
     def count_study(self, seconds: float) -> None:
         """Count predicted CPU seconds of the driver's own work as done."""
         seconds = min(seconds, self.after)
         self.after -= seconds
-        self.all.begun += seconds
-        self.all.done += seconds
+        self.studied += seconds
         self.latest = self.clock()
 
     def fraction(self) -> float:
         """Return the part of the run that is done, of predicted CPU seconds; it never decreases."""
-        total = self.all.begun + sum(self.predicted.values()) + self.after
-        self.drawn = max(self.drawn, self.all.done / total if total else 0.0)
+        done = self.done + self.studied
+        total = done + self._sweeps_left() + self.after
+        self.drawn = max(self.drawn, done / total if total else 0.0)
         return self.drawn
+
+    def _sweeps_left(self) -> float:
+        """Return the predicted CPU seconds of the tiles that have not come in."""
+        return self.begun - self.done + sum(self.predicted.values())
 
     def remaining(self) -> float | None:
         """Estimate the seconds until the run has ended; None until a first batch has come in."""
-        if not self.all.used:
+        if not (self.done and self.used):
             return None
-        current, later = self.current, dict(self.predicted)
-        predicted = current.begun + later.pop(self.sweep, 0.0)
-        prior = _PREDICTION_WEIGHT * predicted
-        correction = (current.used + prior) / (current.done + prior) if predicted else 1.0
-        cpu_seconds = correction * (predicted - current.done) + sum(later.values())
         # When a batch comes in, the other workers are halfway through theirs.
-        in_flight = (self.workers - 1) / (2 * self.all.batches)
-        pace = self.working / (self.all.used * (1 + in_flight))
-        seconds = pace * cpu_seconds + self.wall / self.all.used * self.after
-        loading = min(self.warm_up, _LOADING)
-        seconds += loading * sum(amount > 0 for amount in later.values())
+        in_flight = (self.workers - 1) / (2 * self.n_batches)
+        pace = self.working / (self.done * (1 + in_flight))
+        # Workers share the processors with each other and with other programs, the driver after
+        # them with these programs only.
+        driver_pace = max(1.0, self.wall / self.used - 1 + 1 / self.workers)
+        seconds = pace * self._sweeps_left() + driver_pace * self.after
         since = self.clock() - self.latest
         return max(seconds - since, seconds / 4)  # what takes longer than expected still takes long
 
@@ -212,14 +192,14 @@ class Progress(AbstractContextManager):
         if self.warming is not None:
             is_long = now - self.warming > _LOADING
             name += ", compiling kernels (about 20 s, once)" if is_long else ", loading kernels"
-        times = [f"{fraction:.0%}"] if self.all.begun else []
+        times = [f"{fraction:.0%}"] if self.begun else []
         times.append(f"elapsed {clock_time(now - self.start)}")
         if fraction < 1 and (remaining := self.remaining()) is not None:
             times.append(f"remaining about {clock_time(max(1.0, remaining))}")
         line = f"{name}: {', '.join(times)}"
         if not self.is_terminal:
             return line
-        if self.all.begun:
+        if self.begun:
             n_full = round(_BAR_LENGTH * fraction)
             line = f"[{'#' * n_full}{'-' * (_BAR_LENGTH - n_full)}] {line}"
         width = shutil.get_terminal_size().columns - 1  # a line that wraps is not rewritten
