@@ -184,7 +184,7 @@ class Progress(AbstractContextManager):
         driver_pace = max(1.0, self.wall / self.used - 1 + 1 / self.workers)
         seconds = pace * self._sweeps_left() + driver_pace * self.after
         since = self.clock() - self.latest
-        return max(seconds - since, seconds / 4)  # what takes longer than expected still takes long
+        return max(seconds - since, seconds / 2)  # what takes longer than expected still takes long
 
     def line(self) -> str:
         """Return the line: bar, what is under way, times."""
