@@ -42,7 +42,7 @@ def main(run, plane, n_rays, n_cusp_rays, tol, **options):
     else:
         circle_job = breakdown.by_continuation(plane, rays.PAPER_CIRCLES, angles, tol)
     last_job = last_barrier(plane, angles, tol)
-    with run.sweeping(last_job, circle_job, later=estimate_tiles(run, grid), drawing=11):
+    with run.sweeping(last_job, circle_job, later=estimate_tiles(run, grid), drawing=12):
         swept = run.sweep(last_job)
         barrier = run.kept(boundary, lambda: unfolded(swept, angles))
         circles = run.sweep(circle_job)

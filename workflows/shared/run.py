@@ -37,7 +37,7 @@ Wanted = set[tuple[int, ...]] | None
 MAX_REASONS = 10  # failed tiles whose reasons are printed
 _ESTIMATE_SECONDS = 0.3  # CPU time spent on predicting the time of one sweep
 _MIN_ANNOUNCED_SECONDS = 5  # predicted CPU time from which a run is announced
-_DRAWING_SECONDS = 6  # typical CPU time of findings, one or two figures, and the end of workers
+_DRAWING_SECONDS = 7  # typical CPU time of findings, one or two figures, and the end of workers
 LONGEST = 600  # seconds that a run may take without --yes
 
 # Cubes without tiles depend on the mathematics and on this package, except the figures, which only
