@@ -198,11 +198,11 @@ def test_a_series_of_sweeps_shares_its_progress_and_repeats_nothing(here, tmp_pa
         with Progress("series", report, {"toy": 1.0}) as progress:
             for wanted in ({(0, 0)}, {(1, 0), (2, 0)}):
                 sweep(here, place, toy.job(), progress, wanted)
-            begun = progress.all.begun
+            begun = progress.begun
             sweep(None, place, toy.job(), progress, {(1, 0)})  # no workers are asked for
-            assert progress.all.begun == begun
-        assert progress.all.done == pytest.approx(begun)
-        assert 0 < progress.all.used < progress.wall
+            assert progress.begun == begun
+        assert progress.done == pytest.approx(begun)
+        assert 0 < progress.used < progress.wall
         (told,) = report.getvalue().splitlines()
         assert re.match(r"series: \d+%, elapsed 0:\d\d, remaining about [\d:]+$", told)
         with Progress("toy", Full()) as progress:
