@@ -60,7 +60,7 @@ def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barri
     """
     is_short = len(plane.origin) <= 2  # some rays of longer ones repeat after one or two kicks
     warm_up = partial(load_search, sum(plane.ray(30.0))) if is_short else load_searches
-    seconds = 0.1 + 1.8e-5 / tol if is_short else 1 + 5e-4 / tol
+    seconds = 0.1 + 1.8e-5 / tol if is_short else 0.6 + 3e-4 / tol
     return job_of_barriers(name, plane, angles, seconds, {"tol": tol}, _compute, warm_up)
 
 

@@ -24,7 +24,7 @@ def main(run, **size):
 
     (jobs, rays), examined = planned(**size), untiled("claims", **size)
     steps_and_orbits = size["n_max"], size["n_orbits"]
-    with run.sweeping(*jobs.values(), studies=[(examined, 15)]):
+    with run.sweeping(*jobs.values(), studies=[(examined, 12)], drawing=2):
         cubes = {name: run.sweep(job).load() for name, job in jobs.items()}
         examined = run.kept(examined, lambda: examine(cubes, rays, *steps_and_orbits))
         options = " ".join(f"--{name.replace('_', '-')} {n}" for name, n in size.items())
