@@ -38,10 +38,11 @@ def main(run, cells, cpu_seconds, distance):
     angles = np.linspace(0, 45, 91)
     barriers = last_barrier(two_kicks(), angles, 1e-3)
     few = np.linspace(0, 45, 7).tolist()
-    guess = [(angle, critical_scale(ray(angle), 0.1).value) for angle in few]
+    last = [critical_scale(ray(angle), 0.1) for angle in few]
+    guess = [(angle, each.value) for angle, each in zip(few, last, strict=True)]
     then = (
         proved_map(guess, int(cells), cpu_seconds),
-        proved_triangles(guess, [""] * len(few), distance),
+        proved_triangles(guess, [str(each.omega or "") for each in last], distance),
     )
     with run.sweeping(barriers, later=[(job, None) for job in then]):
         barrier = unfolded(run.sweep(barriers), angles)

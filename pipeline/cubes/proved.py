@@ -225,7 +225,7 @@ def proved_triangles(
     settings = {"triangles": triangles, "nearest": nearest}
     cube = Cube("proved_triangles", template, {"triangle": 1}, settings)
     warm_up = partial(proofs.proved_below, "gamma", (0.5, 0.1), 1.0, 1e-3, (0.0, 0.1))
-    return Job(cube, _compute_triangle, lambda *_: _seconds(nearest), warm_up)
+    return Job(cube, _compute_triangle, lambda *_: 2 * _seconds(nearest), warm_up)
 
 
 def _seconds(nearest: float) -> float:
