@@ -203,7 +203,7 @@ def test_a_series_of_sweeps_shares_its_progress_and_repeats_nothing(here, tmp_pa
             assert progress.begun == begun
         assert progress.done == pytest.approx(begun)
         assert 0 < progress.used < progress.wall
-        (told,) = report.getvalue().splitlines()
+        told = report.getvalue().splitlines()[-1]  # a slow machine writes more of them
         assert re.match(r"series: \d+%, elapsed 0:\d\d, remaining about [\d:]+$", told)
         with Progress("toy", Full()) as progress:
             sweep(here, place, toy.job(), progress, {(3, 0)})
