@@ -46,11 +46,12 @@ def main(run, omega, plane, n_rays, n_cusp_rays, tol, q_max):
 
     angles = rays.ray_angles(plane, n_rays, n_cusp_rays)
     omega = list(omega.values()) or rays.PAPER_CIRCLES
-    wanted = [breakdown.by_residue(plane, omega, angles, q_max), last_barrier(plane, angles, 1e-3)]
+    # The first sweep loads the kernels of all.
+    wanted = [last_barrier(plane, angles, 1e-3), breakdown.by_residue(plane, omega, angles, q_max)]
     if not any(plane.origin):
-        wanted.insert(0, breakdown.by_continuation(plane, omega, angles, tol, q_max))
+        wanted.append(breakdown.by_continuation(plane, omega, angles, tol, q_max))
     with run.sweeping(*wanted):
-        *circles, residues, barrier = map(run.sweep, wanted)
+        barrier, residues, *circles = map(run.sweep, wanted)
         circles = circles[0] if circles else residues
         barrier = unfolded(barrier, angles)
         run.table("circle_boundaries", circles)
