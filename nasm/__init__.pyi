@@ -25,6 +25,7 @@ from . import texts as texts
 from . import tori as tori
 from . import types as types
 from . import verdicts as verdicts
+from . import versions as versions
 from .barriers import boundary as boundary
 from .barriers import critical_scale as critical_scale
 from .circles import InvariantCircle as InvariantCircle
@@ -41,5 +42,6 @@ from .verdicts import Answer as Answer
 from .verdicts import Evidence as Evidence
 from .verdicts import Verdict as Verdict
 from .verdicts import verdict as verdict
+from .versions import show_versions as show_versions
 
 __version__: str

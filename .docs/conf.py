@@ -1,0 +1,90 @@
+"""Settings of the site: python -m sphinx -W .docs out/site
+
+Everything that a page loads is in the site itself: no script, style or font comes from elsewhere.
+"""
+
+import re
+import shutil
+import sys
+from pathlib import Path
+
+from sphinx.errors import ExtensionError
+
+import nasm
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+import tables  # noqa: E402  (beside this file)
+
+project = "NASM"
+author = "The NASM developers"
+copyright = f"2026, {author}"
+version = release = nasm.__version__
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_click",
+]
+myst_enable_extensions = ["colon_fence", "deflist"]
+myst_heading_anchors = 3
+
+html_theme = "furo"
+html_title = "NASM"
+html_extra_path = ["live"]
+html_copy_source = False
+html_show_sourcelink = False
+# Pages are parts of others if they are in `generated`, but for those of modules.
+exclude_patterns = ["live", "reference/generated/*.md", "**/.ipynb_checkpoints"]
+
+# Pages with {code-cell} blocks are run by the build; the two notebooks keep their outputs, and the
+# tests run them.
+nb_execution_mode = "force"
+nb_execution_excludepatterns = ["tutorials/generated/*"]
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600
+nb_ipywidgets_js = {}  # no widgets, whose scripts are elsewhere
+
+autodoc_default_options = {"members": True}
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # docstrings have the types
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+
+
+def escape_marks(app, what, name, thing, options, lines):
+    """Escape |κ| and * in docstrings, which are plain text and no markup."""
+    for number, line in enumerate(lines):
+        if not line.lstrip().startswith(">>>"):
+            lines[number] = re.sub(r"(?<![\\*`])([|*])(?![*`])", r"\\\1", line)
+
+
+def refuse_what_is_elsewhere(app, error):
+    """Fail if a page would load a script, a style, a font or a picture from another place."""
+    if error or app.builder.name != "html":
+        return
+    loads = re.compile(
+        r"<(?:script|img|iframe|source)\b[^>]*\bsrc=[\"']?(?:https?:)?//"
+        r"|<link\b(?=[^>]*rel=[\"']?(?:stylesheet|preload|icon))[^>]*href=[\"']?(?:https?:)?//"
+        r"|@import\s+[^;]*//|url\([\"']?(?:https?:)?//"
+    )
+    for path in [*Path(app.outdir).rglob("*.html"), *Path(app.outdir).rglob("*.css")]:
+        if found := loads.search(path.read_text(encoding="utf-8")):
+            raise ExtensionError(f"{path} loads from elsewhere: {found.group()}")
+
+
+def copy_notebooks():
+    """Copy the notebooks of workflows/examples to where Sphinx reads pages."""
+    there = HERE / "tutorials" / "generated"
+    there.mkdir(exist_ok=True)
+    for path in (HERE.parent / "workflows" / "examples").glob("*.ipynb"):
+        shutil.copy(path, there)
+
+
+def setup(app):
+    copy_notebooks()
+    tables.write(HERE / "reference" / "generated")
+    app.connect("autodoc-process-docstring", escape_marks, priority=400)
+    app.connect("build-finished", refuse_what_is_elsewhere)

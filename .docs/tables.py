@@ -1,0 +1,121 @@
+"""The parts of the site that the program writes: tables of cubes, statuses and trust, modules."""
+
+import csv
+import sys
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from importlib import import_module
+from pathlib import Path
+from pkgutil import walk_packages
+
+import nasm
+import pipeline
+from nasm.critical import Status
+from nasm.numbers import parse
+from nasm.planes import two_kicks
+from pipeline.cubes import barrier, beyond, breakdown, escape, forcings, proved
+from pipeline.cubes.cube import Job
+from pipeline.sweep.grid import Axis
+
+ROOT = Path(__file__).parents[1]
+MEASURED = ROOT / "out" / "trust.csv"
+HOW_TO_MEASURE = "python .docs/measure_trust.py"
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    texts = ([str(cell).replace("|", "\\|") for cell in line] for line in lines)
+    return "".join(f"| {' | '.join(line)} |\n" for line in texts)
+
+
+def jobs() -> list[Job]:
+    """Return the plan of each kind of cube; nothing is computed."""
+    plane, angles, excesses = two_kicks(), [0.0, 45.0], [0.01]
+    scales, circles = {45.0: 1.374}, {45.0: "2gamma"}
+    axes = [Axis(0, 1, 8), Axis(0, 1, 8)]
+    random = [("random", 1.0, [1.0, 0.5, 0.2])]
+    return [
+        barrier.last_barrier(plane, angles, 1e-4),
+        breakdown.by_continuation(plane, [parse("gamma")], angles, 1e-4),
+        escape.over_plane("escape", plane, axes, [16], 1000, 4),
+        breakdown.by_escape(plane, angles, 1000, 100),
+        proved.proved_barrier(plane, angles, 1.0),
+        proved.proved_map([(0.0, 1.0), (45.0, 1.2)], 64, 1.0),
+        beyond.flux(plane, scales, circles, excesses, 3000),
+        beyond.diffusion(scales, excesses, 100, 10_000),
+        forcings.last_barriers("patterns", random, "parameter", 1e-3),
+    ]
+
+
+def cubes() -> str:
+    """Return the dims and variables of each kind of cube."""
+    parts = []
+    for job in jobs():
+        template = job.cube.template
+        rows = [
+            (f"`{name}`", ", ".join(map(str, array.dims)), array.attrs.get("units", ""), meaning)
+            for name, array in template.variables.items()
+            if (meaning := array.attrs.get("long_name"))
+        ]
+        title = template.attrs.get("title", "")
+        parts.append(f"## `{job.cube.name}`\n\n{title}.\n\n")
+        parts.append(markdown(("variable", "dims", "units", "meaning"), rows) + "\n")
+    return "".join(parts)
+
+
+def statuses() -> str:
+    return markdown(
+        ("code", "status", "meaning, and what to do"),
+        ((code, f"`{status.name}`", status.value) for code, status in enumerate(Status)),
+    )
+
+
+def trust() -> str:
+    """Return the table of kept promises, as far as it has been measured."""
+    if not MEASURED.exists():
+        return f"*Not measured in this copy of the site; `{HOW_TO_MEASURE}` does it.*\n"
+    with MEASURED.open(encoding="utf-8", newline="") as file:
+        head, *rows = csv.reader(file)
+    return f"Measured by `{HOW_TO_MEASURE}`.\n\n" + markdown(head, rows)
+
+
+def sample() -> str:
+    """Return how many judged forcings there are of each class, and how they were judged."""
+    sys.path.insert(0, str(ROOT / "tests"))
+    from judged import table
+
+    rows = table().values()
+    methods = sorted({row.method.split(" ")[0] for row in rows})
+    counts = Counter((row.kind, row.method.split(" ")[0]) for row in rows)
+    return markdown(
+        ("class of forcing", *methods),
+        (
+            (kind, *(counts[kind, method] or "" for method in methods))
+            for kind in dict.fromkeys(row.kind for row in rows)
+        ),
+    )
+
+
+def write_modules(folder: Path) -> str:
+    """Write a page for each module of `nasm` and `pipeline`; return the table that lists them."""
+    folder.mkdir(exist_ok=True)
+    rows = []
+    for package in nasm, pipeline:
+        for info in walk_packages(package.__path__, f"{package.__name__}."):
+            if info.ispkg:
+                continue
+            name = info.name
+            about = (import_module(name).__doc__ or "").partition("\n")[0]
+            page = f"# {name}\n\n```{{eval-rst}}\n.. automodule:: {name}\n```\n"
+            (folder / f"{name}.md").write_text(page, encoding="utf-8")
+            rows.append((f"[{name}](api/{name}.md)", about))
+    return markdown(("module", "it contains"), rows)
+
+
+def write(folder: Path) -> None:
+    """Write all tables into a folder, as files that pages include."""
+    folder.mkdir(exist_ok=True)
+    (folder / "modules.md").write_text(write_modules(folder / "api"), encoding="utf-8")
+    for table in cubes, statuses, trust, sample:
+        (folder / f"{table.__name__}.md").write_text(table(), encoding="utf-8")

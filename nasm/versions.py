@@ -1,0 +1,62 @@
+"""What a bug report needs: the versions of this program, of Python and of the libraries in use."""
+
+import os
+import platform
+import re
+import sys
+from importlib.metadata import PackageNotFoundError, requires, version
+
+from nasm import sources
+
+__all__ = ["show_versions"]
+
+DISTRIBUTION = "nasm-transport"
+
+
+def show_versions() -> None:
+    """Print the versions that a bug report needs, one to a line.
+
+    They are those of this program and of Python, the machine, and all libraries that the program
+    or one of its extras may use; "not installed" marks those of extras that are absent. `digest`
+    identifies the sources of `nasm`, which differ from the release if they were edited.
+
+    Examples
+    --------
+    >>> import nasm
+    >>> nasm.show_versions()  # doctest: +ELLIPSIS
+    nasm-transport ...
+    digest         ...
+    python         3...
+    machine        ...
+    cores          ...
+    ...
+    numba          ...
+    """
+    about = {
+        DISTRIBUTION: _version(DISTRIBUTION),
+        "digest": sources.digest().hexdigest()[:16],
+        "python": sys.version.split()[0],
+        "machine": f"{platform.system()} {platform.machine()}",
+        "cores": str(os.cpu_count()),
+    }
+    about |= {name: _version(name) for name in _libraries()}
+    width = max(map(len, about))
+    for name, value in about.items():
+        print(f"{name:{width}} {value}")
+
+
+def _libraries() -> list[str]:
+    """Return the names of the libraries that this program declares, without those of tests."""
+    try:
+        declared = requires(DISTRIBUTION) or []
+    except PackageNotFoundError:  # a copy of the sources that is not installed
+        return []
+    wanted = [line for line in declared if not re.search(r"extra == .(test|docs)", line)]
+    return sorted({re.split(r"[^\w.-]", line, maxsplit=1)[0] for line in wanted}, key=str.lower)
+
+
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,159 @@
+"""The documents agree with the program: README, checklists, versions."""
+
+import ast
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import tomllib
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+import nasm
+from workflows.shared.cli import commands, main_of
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+LINES = [line.partition("#")[0].strip() for line in README.splitlines()]
+PAGES = [path for path in sorted((ROOT / ".docs").rglob("*.md")) if "generated" not in path.parts]
+CALLS = re.findall(r"`(python -m workflows\.[^`]+)`", README)
+CALLS += [line for line in LINES if line.startswith("python -m workflows.")]
+
+
+def blocks(language, text):
+    """Return the code blocks of a language in a Markdown text."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.S | re.M)
+
+
+def test_the_readme_is_short():
+    assert len(README.encode()) <= 7000
+
+
+def test_the_readme_follows_the_order_in_which_a_stranger_reads():
+    heads = re.findall(r"^## (.+)$", README, re.M)
+    expected = ["Install", "Three things to try", "From Python", "Your own forcing"]
+    expected += ["What to trust", "Commands by question", "On a cluster", "Compare"]
+    assert heads == [*expected, "Cite, and contribute"]
+
+
+@pytest.mark.parametrize("call", dict.fromkeys(CALLS))
+def test_a_command_of_the_readme_is_one(call):
+    _, _, module, *options = shlex.split(call)
+    name = module.removeprefix("workflows.")
+    assert name in commands()
+    if "--scheduler" not in options:  # a path of a cluster, which is looked for
+        main_of(name).make_context(name, options)
+
+
+def test_what_the_readme_computes_is_what_it_shows(capsys):
+    """A line that prints ends in a comment with its output."""
+    (block,) = blocks("python", README)
+    shown = re.findall(r"^print\(.*\)  # (.+)$", block, re.M)
+    exec(block, {})
+    assert capsys.readouterr().out.splitlines() == shown
+    assert len(shown) == 2
+
+
+def test_links_of_the_documents_lead_somewhere():
+    documents = [ROOT / "README.md", *ROOT.glob("*/README.md"), *(ROOT / ".github").rglob("*.md")]
+    for document in documents:
+        text = document.read_text(encoding="utf-8")
+        for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
+            assert target.startswith("http") or (document.parent / target).exists(), target
+
+
+def test_every_command_has_its_row_and_every_module_its_equation():
+    rows = (ROOT / "workflows" / "README.md").read_text(encoding="utf-8")
+    assert [name for name in commands() if f"`{name}" not in rows] == []
+    table = (ROOT / "nasm" / "README.md").read_text(encoding="utf-8")
+    shared = {"__init__", "checks", "tables", "texts", "types", "versions"}  # no equation
+    names = {path.stem for path in (ROOT / "nasm").glob("*.py")} - shared
+    assert [name for name in sorted(names) if f"`{name}.py" not in table] == []
+
+
+def test_version_citation_and_changelog_agree():
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    version = PROJECT["version"]
+    assert re.search(r"^version: (.+)$", citation, re.M)[1] == version
+    assert re.search(r"^## ([\d.]+)", changelog, re.M)[1] == version
+    for text in README, (ROOT / ".docs" / "how-to" / "cite.md").read_text(encoding="utf-8"):
+        assert re.search(r"version = \{(.+?)\}", text)[1] == version
+
+
+def test_versions_name_every_library_in_use(capsys):
+    nasm.show_versions()
+    told = dict(line.split(None, 1) for line in capsys.readouterr().out.splitlines())
+    assert told["python"] == sys.version.split()[0]
+    extras = PROJECT["optional-dependencies"]
+    declared = [*PROJECT["dependencies"], *extras["proof"], *extras["explore"]]
+    names = {re.match(r"[\w-]+", line)[0] for line in declared}
+    assert names <= told.keys()
+    assert "sphinx" not in told
+    assert told["numpy"] == sys.modules["numpy"].__version__
+
+
+def test_a_copy_that_is_not_installed_tells_its_versions_too(monkeypatch, capsys):
+    monkeypatch.setattr("nasm.versions.DISTRIBUTION", "no-such-distribution")
+    nasm.show_versions()
+    assert "no-such-distribution not installed" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / ".docs").rglob("*.md")), ids=lambda path: path.stem)
+def test_python_on_a_page_is_run_by_the_build(page):
+    """Plain Python blocks, which nothing runs, are on no page; cells are valid Python."""
+    text = page.read_text(encoding="utf-8")
+    assert blocks("python", text) == []
+    cells = blocks(r"\{code-cell\} python", text)
+    assert bool(cells) == ("file_format: mystnb" in text)
+    for cell in cells:
+        ast.parse(cell)
+
+
+# Lines of shell that the tests do not run: `.ci/run` runs those that install, test and build, and
+# `test_explore_page` opens the explorer.
+RUN_ELSEWHERE = (
+    "python3 -m venv",
+    "pip ",
+    "python -m pytest",
+    "ruff ",
+    "python -m workflows.explore",
+)
+DOCUMENTS = [ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md", *PAGES]
+WITH_SHELL = [page for page in DOCUMENTS if blocks("sh", page.read_text(encoding="utf-8"))]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_SHELL, ids=lambda path: path.stem)
+def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
+    """In one folder, which has the page's JSON as its file; a cluster's are processes here."""
+    text = page.read_text(encoding="utf-8")
+    for block in blocks("json", text):
+        (tmp_path / "pairs.json").write_text(block, encoding="utf-8")
+    lines = [line for block in blocks("sh", text) for line in block.splitlines()]
+    script = []
+    for line in lines:
+        line = line.replace("/shared", str(tmp_path)).replace("--nworkers 16", "--nworkers 2")
+        if line.startswith("dask "):
+            script.append(f"{line} & while [ ! -e scheduler.json ]; do sleep 0.2; done")
+        elif not line.startswith(RUN_ELSEWHERE):
+            script.append(line)
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    with (tmp_path / "log").open("w") as log:
+        shell = subprocess.Popen(
+            ["bash", "-euc", "\n".join(script)],
+            stdout=log,
+            stderr=log,
+            cwd=tmp_path,
+            env=os.environ | {"PATH": path},
+            start_new_session=True,
+        )
+        code = shell.wait()
+        with suppress(ProcessLookupError):  # the scheduler and its workers
+            os.killpg(shell.pid, signal.SIGTERM)
+    assert code == 0, (tmp_path / "log").read_text()[-3000:]

@@ -1,0 +1,85 @@
+"""The live page computes what nasm computes: orbits, rotation numbers, verdicts. In Chromium."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import nasm
+from nasm import maps, orbits, verdict
+
+PAGE = Path(__file__).parents[1] / ".docs" / "live" / "live.html"
+
+
+@pytest.fixture(scope="module")
+def page(chromium):
+    tab = chromium.new_page()
+    errors = []
+    tab.on("pageerror", lambda error: errors.append(str(error)))
+    tab.goto(f"{PAGE.as_uri()}#0.2,0.3")
+    tab.locator("body[data-state=drawn]").wait_for()
+    yield tab
+    tab.close()
+    assert errors == []
+
+
+def test_one_step_is_that_of_the_map(page):
+    rng = np.random.default_rng(1)
+    for kappa, (x, y) in zip(
+        rng.uniform(-1, 1, (100, 2)), rng.uniform(0, 1, (100, 2)), strict=True
+    ):
+        seen = page.evaluate("([kappa, x, y]) => step(kappa, x, y)", [list(kappa), x, y])
+        assert seen == pytest.approx(maps.step(kappa, x, y), abs=1e-15)
+
+
+def test_regular_orbits_agree_over_a_hundred_steps(page):
+    rng = np.random.default_rng(2)
+    for x, y in rng.uniform(0, 1, (20, 2)):
+        kappa = [0.1, 0.05]
+        seen = page.evaluate("([kappa, x, y]) => orbit(kappa, x, y, 100)", [kappa, x, y])
+        expected = orbits.orbit(kappa, x, y, 100)
+        np.testing.assert_allclose(np.array(seen).T, expected, rtol=0, atol=1e-10)
+
+
+def test_a_rotation_number_is_the_weighted_birkhoff_average(page):
+    kappa, y = [0.1, 0.05], 0.3
+    seen = page.evaluate("([kappa, y]) => rotationNumber(kappa, 0, y, 4000)", [kappa, y])
+    omega, _ = orbits.rotation_number(kappa, 0.0, y, 4000)
+    assert seen == pytest.approx(float(omega), abs=1e-9)
+
+
+def test_escape_times_agree_where_they_are_short(page):
+    kappa, starts = [3.0, 2.0], np.linspace(0.01, 0.99, 30)
+    call = "([kappa, y]) => escapeTime(kappa, 0.2, y, 10)"
+    seen = [page.evaluate(call, [kappa, y]) for y in starts]
+    expected = nasm.escape_time(kappa, np.full(30, 0.2), starts, 10)
+    assert np.isfinite(expected).sum() > 5
+    np.testing.assert_array_equal(np.array(seen, float), expected)
+
+
+@pytest.mark.parametrize("n", [20, pytest.param(1000, marks=pytest.mark.slow)])
+def test_verdicts_contradict_none_of_nasm(page, n):
+    """Next to the line the page says UNDECIDED; that it may do on few forcings only."""
+    kappas = np.random.default_rng(n).uniform(-1.2, 1.2, (n, 2))
+    seen = page.evaluate("(kappas) => kappas.map(verdict)", kappas.tolist())
+    for kappa, answer in zip(kappas, seen, strict=True):
+        if answer != "UNDECIDED":
+            assert verdict(kappa).answer.name in (answer, "UNDECIDED"), kappa
+    assert seen.count("UNDECIDED") <= n / 10
+    assert {"BARRIER", "TRANSPORT"} <= set(seen)
+
+
+def test_a_click_chooses_the_forcing_and_the_address_keeps_it(page):
+    box = page.locator("#plane").bounding_box()
+    page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 0.25 * box["height"])
+    chosen = [float(page.locator(f"#kappa{i}").input_value()) for i in (1, 2)]
+    assert chosen == pytest.approx([0.6, 0.6], abs=0.01)
+    assert json.loads(f"[{page.evaluate('location.hash.slice(1)')}]") == chosen
+    assert page.locator("#verdict").inner_text().startswith("A barrier exists")
+
+
+def test_the_page_is_small_and_loads_nothing_from_elsewhere(page):
+    entries = page.evaluate("performance.getEntriesByType('resource').map((each) => each.name)")
+    assert all(name.startswith("file:") for name in entries)
+    assert sum(path.stat().st_size for path in PAGE.parent.iterdir()) < 50_000
