@@ -44,7 +44,7 @@ exclude_patterns = ["live", "reference/generated/*.md", "**/.ipynb_checkpoints"]
 nb_execution_mode = "force"
 nb_execution_excludepatterns = ["tutorials/generated/*"]
 nb_execution_raise_on_error = True
-nb_execution_timeout = 600
+nb_execution_timeout = -1  # seconds would depend on the machine
 nb_ipywidgets_js = {}  # no widgets, whose scripts are elsewhere
 
 autodoc_default_options = {"members": True}

@@ -16,6 +16,7 @@ from nasm.planes import two_kicks
 from pipeline.cubes import barrier, beyond, breakdown, escape, forcings, proved
 from pipeline.cubes.cube import Job
 from pipeline.sweep.grid import Axis
+from workflows.shared.cli import commands
 
 ROOT = Path(__file__).parents[1]
 MEASURED = ROOT / "out" / "trust.csv"
@@ -97,6 +98,18 @@ def sample() -> str:
     )
 
 
+def command_options() -> str:
+    """Return the help of each command, by sphinx-click."""
+    parts = []
+    for name in commands():
+        module = f"workflows.{name}"
+        if (ROOT / "workflows" / name).is_dir():
+            module += ".__main__"
+        directive = f".. click:: {module}:main\n   :prog: python -m workflows.{name}\n"
+        parts.append(f"```{{eval-rst}}\n{directive}```\n\n")
+    return "".join(parts)
+
+
 def write_modules(folder: Path) -> str:
     """Write a page for each module of `nasm` and `pipeline`; return the table that lists them."""
     folder.mkdir(exist_ok=True)
@@ -117,5 +130,5 @@ def write(folder: Path) -> None:
     """Write all tables into a folder, as files that pages include."""
     folder.mkdir(exist_ok=True)
     (folder / "modules.md").write_text(write_modules(folder / "api"), encoding="utf-8")
-    for table in cubes, statuses, trust, sample:
+    for table in command_options, cubes, statuses, trust, sample:
         (folder / f"{table.__name__}.md").write_text(table(), encoding="utf-8")

@@ -19,8 +19,7 @@ import xarray as xr
 from PIL import Image
 
 from pipeline.cubes.barrier import unfolded
-from workflows.figures import style
-from workflows.figures.critical_boundary import draw_critical_boundary
+from workflows.figures import planes, style
 from workflows.figures.proved_map import draw_proved_map
 from workflows.figures.work_precision import draw_work_precision
 
@@ -36,8 +35,23 @@ def keep(figure, name, dpi):
 
 
 def boundary(cube):
-    drawn = draw_critical_boundary(*map(cube, ("escape", "breakdown", "boundary")))
-    keep(drawn, "boundary", 100)
+    """Draw CB_gt alone, coloured and named by its last circles."""
+    barrier = cube("boundary")
+    figure = style.canvas(8, 5, 0)
+    axes = figure.subplots()
+    whole = planes.whole_of(barrier)
+    classes = np.array([style.circle_class(text, whole) for text in barrier.circle.values])
+    planes.fill_inside(axes, barrier)
+    axes.plot(*planes.in_plane(barrier), color="0.4", lw=0.8, zorder=2)
+    styles = style.circle_styles(barrier.circle.values, whole)
+    style.draw_points(axes, *planes.in_plane(barrier), classes, styles, 3.5, zorder=3)
+    axes.text(0, 0.2, "a barrier exists", ha="center")
+    axes.text(0, 0.85, "global transport", ha="center")
+    planes.label_plane(axes, barrier)
+    handles, labels = axes.get_legend_handles_labels()
+    title = rf"last circle: $\omega$, or ${whole} - \omega$"
+    style.outer_legend(figure, 4, 2, handles=handles, labels=labels, title=title)
+    keep(figure, "boundary", 100)
 
 
 def proved_map(cube):

@@ -102,7 +102,7 @@ def cut(omega: OmegaLike, n: int) -> int:
 
 
 def rotate(f: FloatArray, turn: NDArray[np.complex128]) -> FloatArray:
-    """Compute f(θ + ω), with turn = `turns`(ω); f(θ - ω) with its conjugate.
+    """Compute f(θ + ω), with the factors of `turns` for ω; f(θ - ω) with their conjugates.
 
     Examples
     --------
