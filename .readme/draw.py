@@ -48,6 +48,8 @@ def boundary(cube):
     axes.text(0, 0.2, "a barrier exists", ha="center")
     axes.text(0, 0.85, "global transport", ha="center")
     planes.label_plane(axes, barrier)
+    named = style.longest_arcs(barrier.angle.values, classes)
+    style.name_circles(axes, {text: styles[text] for text in named})
     handles, labels = axes.get_legend_handles_labels()
     title = rf"last circle: $\omega$, or ${whole} - \omega$"
     style.outer_legend(figure, 4, 2, handles=handles, labels=labels, title=title)
