@@ -125,23 +125,30 @@ RUN_ELSEWHERE = (
     "python -m workflows.explore",
 )
 DOCUMENTS = [ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md", *PAGES]
-WITH_SHELL = [page for page in DOCUMENTS if blocks("sh", page.read_text(encoding="utf-8"))]
+
+
+def shell_lines(page):
+    """Return the lines of shell on a page that are run here."""
+    found = blocks("sh", page.read_text(encoding="utf-8"))
+    lines = [line for block in found for line in block.splitlines()]
+    return [line for line in lines if not line.startswith(RUN_ELSEWHERE)]
+
+
+WITH_SHELL = [page for page in DOCUMENTS if shell_lines(page)]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_SHELL, ids=lambda path: path.stem)
 def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
     """In one folder, which has the page's JSON as its file; a cluster's are processes here."""
-    text = page.read_text(encoding="utf-8")
-    for block in blocks("json", text):
+    for block in blocks("json", page.read_text(encoding="utf-8")):
         (tmp_path / "pairs.json").write_text(block, encoding="utf-8")
-    lines = [line for block in blocks("sh", text) for line in block.splitlines()]
     script = []
-    for line in lines:
+    for line in shell_lines(page):
         line = line.replace("/shared", str(tmp_path)).replace("--nworkers 16", "--nworkers 2")
         if line.startswith("dask "):
             script.append(f"{line} & while [ ! -e scheduler.json ]; do sleep 0.2; done")
-        elif not line.startswith(RUN_ELSEWHERE):
+        else:
             script.append(line)
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     with (tmp_path / "log").open("w") as log:
