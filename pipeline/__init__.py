@@ -1,0 +1,12 @@
+"""Cubes of results, computed tile by tile on any dask cluster, and kept where they can be resumed.
+
+    job = pipeline.last_barrier([0, 30, 45])     one cube and how it is computed
+    barrier = pipeline.fill(job, "out")          compute what is missing; an xarray Dataset
+
+`jobs` makes jobs; README.md explains clusters, stores and jobs of your own. Modules are imported
+when they are first used; `__init__.pyi` lists them.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -33,6 +33,7 @@ from dask.utils import parse_timedelta
 from distributed.security import Security
 
 from pipeline import store
+from pipeline.provenance import EVERYTHING
 from pipeline.sweep import cluster, submit
 from pipeline.sweep import sweep as sweeps
 from pipeline.sweep.cluster import ClusterError, connect
@@ -491,9 +492,12 @@ def test_a_worker_with_another_version_or_another_disk_is_unfit(tmp_path, monkey
     for library in ("numba", "xarray", "zarr"):
         driver = re.sub(rf"\b{library} [^,]+", f"{library} 0.1", ours)
         told = f"has {library} {version(library)} instead of {library} 0.1"
-        assert _complaint(place, "toy", "", driver) == told
+        assert _complaint(place, "toy", "", EVERYTHING, driver) == told
     monkeypatch.setattr("pipeline.sweep.sweep._SIGHT", 0)
-    assert _complaint(place, "toy", "", ours) == f"does not see {place} as the driver does"
+    assert (
+        _complaint(place, "toy", "", EVERYTHING, ours) == f"does not see {place} as the driver does"
+    )
     store.create(place, toy.cube(), ours)
-    assert _complaint(place, "toy", toy.cube(depth=2).config_hash, ours).startswith("does not see")
-    assert _complaint(place, "toy", toy.cube().config_hash, ours) == ""
+    other = toy.cube(depth=2).config_hash
+    assert _complaint(place, "toy", other, EVERYTHING, ours).startswith("does not see")
+    assert _complaint(place, "toy", toy.cube().config_hash, EVERYTHING, ours) == ""

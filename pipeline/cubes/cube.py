@@ -22,6 +22,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from nasm.critical import Status
+from pipeline.provenance import Code, code_of
 
 PAPER = "arXiv:1606.04824"
 _COMMON_ATTRIBUTES = {
@@ -147,6 +148,11 @@ class Job:
     compute: Callable[[Coords, Settings], Arrays]
     predict: Callable[[Coords, Settings], float]
     warm_up: Callable[[], object]
+
+    @cached_property
+    def code(self) -> Code:
+        """The code that `compute` depends on; see `pipeline.provenance`."""
+        return code_of(self.compute)
 
 
 def plain_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:

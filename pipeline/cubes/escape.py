@@ -17,7 +17,17 @@ from nasm import escape
 from nasm.escape import PAPER_WINDOW
 from nasm.planes import Plane, plane_of
 from nasm.types import FloatArray
-from pipeline.cubes.cube import PAPER, Arrays, Coords, Cube, Job, Settings, blank, coordinate
+from pipeline.cubes.cube import (
+    PAPER,
+    Arrays,
+    Coords,
+    Cube,
+    Job,
+    Labels,
+    Settings,
+    blank,
+    coordinate,
+)
 
 if TYPE_CHECKING:
     from pipeline.sweep.grid import Axis
@@ -71,15 +81,23 @@ def over_plane(
     >>> job.cube.tile_counts
     (2, 2)
     """
-    coords, names = {}, list(plane.axes)[::-1]
-    for dim, axis in zip(names, axes[::-1], strict=True):
-        ends = f"{dim}_bounds"
-        coords[dim] = coordinate(dim, axis.centres, plane.axes[dim], bounds=ends)
-        coords[ends] = coordinate((dim, "bound"), axis.bounds, "ends of the cells")
-    tile_sizes = dict.fromkeys(names, tile)
+    coords, tile_sizes = axes_of_plane(plane, axes), dict.fromkeys(list(plane.axes)[::-1], tile)
     settings = {"n_max": n_max, "precision": precision}
     title = "First escape times"
     return job(name, plane, sizes, coords, tile_sizes, settings, title, _on_plane, _predict_plane)
+
+
+def axes_of_plane(plane: Plane, axes: Sequence["Axis"]) -> Labels:
+    """Return the coordinates of the cells along the axes of a plane, the second axis first.
+
+    axes : cells along the first and the second axis.
+    """
+    coords = {}
+    for dim, axis in reversed([*zip(plane.axes, axes, strict=True)]):
+        ends = f"{dim}_bounds"
+        coords[dim] = coordinate(dim, axis.centres, plane.axes[dim], bounds=ends)
+        coords[ends] = coordinate((dim, "bound"), axis.bounds, "ends of the cells")
+    return coords
 
 
 def composed(cube: Cube, levels: int, follow: Sequence[int]) -> Cube:

@@ -14,8 +14,6 @@ import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
-from importlib.metadata import version
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import dask.array
@@ -26,6 +24,7 @@ from zarr.codecs import Crc32cCodec, ZstdCodec
 from zarr.storage import MemoryStore
 
 from nasm import __version__
+from pipeline.provenance import EVERYTHING
 from pipeline.store import tiles
 from pipeline.store.decoding import MAX_METADATA, arrays_in, usual_codecs
 from pipeline.store.place import Place, Refused, store_errors
@@ -39,18 +38,9 @@ DIGESTS = "digests.json"
 
 _MAX_NAMED = 3  # files that are named where more have changed
 _MAX_CHUNK = 1024  # along each dim, of cubes without tiles
-_PACKAGE = Path(__file__).parents[2]
-_MATHEMATICS = sorted([*_PACKAGE.glob("nasm/**/*.py"), *_PACKAGE.glob("pipeline/cubes/**/*.py")])
-_LIBRARIES = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zarr"
-# The files as they are at the import: a process that runs while they are edited uses the old ones.
-# The version of the package alone would miss an edit.
-_FILES = b"".join(
-    path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes() for path in _MATHEMATICS
-)
-_VERSIONS = (f"{package} {version(package)}" for package in _LIBRARIES)
 
-COMPUTED_BY = ", ".join([f"mathematics {hashlib.sha256(_FILES).hexdigest()[:12]}", *_VERSIONS])
-"""What decides the numbers of a cube besides its plan, in one line: source and libraries."""
+COMPUTED_BY = EVERYTHING.computed_by
+"""Who computes a cube without a job, in one line; otherwise it is `job.code.computed_by`."""
 
 
 def names(place: Place) -> list[str]:
@@ -73,7 +63,7 @@ def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
     cube : Cube
         The plan.
     computed_by : str
-        What computes it, as COMPUTED_BY.
+        What computes it, `job.code.computed_by`.
 
     Returns
     -------

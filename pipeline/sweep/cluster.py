@@ -201,9 +201,17 @@ def write_credentials(client: Client, folder: str | Path) -> list[str]:
     return paths
 
 
+def are_on_this_machine(client: Client) -> bool:
+    """Return True if the client's workers are those of a LocalCluster of this process.
+
+    Those of any other cluster start when its queue lets them.
+    """
+    return isinstance(client.cluster, LocalCluster)
+
+
 def are_starting(client: Client) -> bool:
     """Return True if workers of this process are being started; a busy machine takes minutes."""
-    nannies = client.cluster.workers.values() if client.cluster else ()
+    nannies = client.cluster.workers.values() if are_on_this_machine(client) else ()
     processes = [getattr(n, "process", None) for n in nannies if n.status == Status.running]
     return any(process and process.status != Status.running for process in processes)
 

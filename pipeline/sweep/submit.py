@@ -14,7 +14,7 @@ from typing import Any
 from distributed import Client, Future
 from distributed.comm import CommClosedError
 
-from pipeline.sweep.cluster import NO_SCHEDULER, are_starting
+from pipeline.sweep.cluster import NO_SCHEDULER, are_on_this_machine, are_starting
 
 _ROLL_CALL = 1  # seconds after which the workers are counted again
 _PATIENCE = 30  # seconds without any worker, after which to give up
@@ -68,7 +68,7 @@ def as_completed(
                 if workers:
                     alive = now
                 elif now - alive > (_STARTING if are_starting(client) else _PATIENCE):
-                    if client.cluster:
+                    if are_on_this_machine(client):
                         raise ConnectionError("no workers are left; run again to resume")
                     print("no workers are left; waiting until some join", file=sys.stderr)
                     alive = inf  # to be printed once

@@ -38,6 +38,7 @@ from distributed import Client, KilledWorker, get_worker
 from nasm.types import FloatArray, IntArray
 from pipeline import store
 from pipeline.cubes.cube import Arrays, Coords, Job, Settings
+from pipeline.provenance import Code
 from pipeline.store import Place
 from pipeline.sweep.cluster import ClusterError
 from pipeline.sweep.grid import tile_coords
@@ -119,7 +120,7 @@ def sweep(
         If the scheduler or all workers are gone. Committed tiles stay in each case.
     """
     name = job.cube.name
-    store.create(place, job.cube, store.COMPUTED_BY)
+    store.create(place, job.cube, job.code.computed_by)
     tiles, n_tiles = store.missing(place, job.cube), prod(job.cube.tile_counts)
     n_done = n_tiles - len(tiles)
     if wanted is not None:
@@ -128,7 +129,8 @@ def sweep(
     if not len(tiles):
         return Outcome(0, {}, False, 0)
     workers = client()
-    run, n_workers = _Run(workers, place, job, tiles), sum(workers.nthreads().values())
+    # An adaptive cluster starts workers when there is work for them.
+    run, n_workers = _Run(workers, place, job, tiles), max(1, sum(workers.nthreads().values()))
     with _draining_on_interrupt() as interrupt:
         progress.add_work((run.costs + COMMIT_SECONDS).sum(), n_workers)
         empty = [np.array([], int)] * n_workers
@@ -175,7 +177,8 @@ class _Run:
             cube.name,
             cube.config_hash,
             cube.settings,
-            store.COMPUTED_BY,
+            self.job.code,
+            self.job.code.computed_by,
             cloudpickle.dumps(self.job.warm_up),
             self.job.compute,
         )
@@ -241,6 +244,7 @@ def _compute_batch(
     name: str,
     config_hash: str,
     settings: Settings,
+    code: Code,
     computed_by: str,
     warm_up: bytes,
     compute: Callable[[Coords, Settings], Arrays],
@@ -250,7 +254,7 @@ def _compute_batch(
 
     parcel : pickled [(index, coords)].
     """
-    if complaint := _complaint(place, name, config_hash, computed_by):
+    if complaint := _complaint(place, name, config_hash, code, computed_by):
         return get_worker().address, complaint
     _call_once(warm_up)
     began, used = time.monotonic(), time.thread_time()
@@ -276,9 +280,12 @@ def _call_once(warm_up: bytes) -> None:
     pickle.loads(warm_up)()
 
 
-def _complaint(place: Place, name: str, config_hash: str, computed_by: str) -> str:
-    """Return why this worker must not compute the cube; "" if it may."""
-    ours, theirs = store.COMPUTED_BY.split(", "), computed_by.split(", ")
+def _complaint(place: Place, name: str, config_hash: str, code: Code, computed_by: str) -> str:
+    """Return why this worker must not compute the cube; "" if it may.
+
+    computed_by : that of the code at the driver, whose files and libraries may be others.
+    """
+    ours, theirs = code.computed_by.split(", "), computed_by.split(", ")
     if ours != theirs:
         other = [[x for x in a if x not in b] for a, b in ((ours, theirs), (theirs, ours))]
         return f"has {' instead of '.join(map(', '.join, other))}"

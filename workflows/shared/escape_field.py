@@ -110,11 +110,12 @@ def estimate_tiles(run: Run, grid: Grid) -> Iterator[tuple[Job, Wanted]]:
     the plane predicts where the levels will be refined. If the place holds a field with other
     settings, the program ends with a usage error.
     """
-    field = field_cube(grid)
     if grid.levels == 1:
-        run.check(field)
-        yield _level_job(grid, "escape", 0), None
+        job = _level_job(grid, "escape", 0)
+        run.check(job.cube, job.code.computed_by)
+        yield job, None
         return
+    field = field_cube(grid)
     if run.holds(field, *_level_names(grid)):
         yield from ((_level_job(grid, *each), set()) for each in _level_names(grid).items())
         return

@@ -7,15 +7,13 @@ object store failed; 2 bad input, nothing was changed; 130 stopped by Ctrl-C.
 import hashlib
 import os
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache, partial
-from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 import numpy as np
@@ -25,9 +23,9 @@ from dask.system import CPU_COUNT
 from pipeline import store
 from pipeline.cubes.cube import Cube, Job
 from pipeline.sweep.cluster import ClusterError, connect, write_credentials
-from pipeline.sweep.grid import tile_coords
+from pipeline.sweep.estimate import Estimate, estimate
+from pipeline.sweep.fill import Interrupted, TilesFailed, compute_missing, connected
 from pipeline.sweep.progress import Progress, duration, plural
-from pipeline.sweep.sweep import COMMIT_SECONDS, sweep
 from workflows.figures.style import drawn
 from workflows.shared.tables import write
 
@@ -35,7 +33,6 @@ Wanted = set[tuple[int, ...]] | None
 """Indices of tiles; None for all."""
 
 MAX_REASONS = 10  # failed tiles whose reasons are printed
-_ESTIMATE_SECONDS = 0.3  # CPU time spent on predicting the time of one sweep
 _MIN_ANNOUNCED_SECONDS = 5  # predicted CPU time from which a run is announced
 _DRAWING_SECONDS = 7  # typical CPU time of findings, one or two figures, and the end of workers
 LONGEST = 600  # seconds that a run may take without --yes
@@ -124,7 +121,7 @@ class Run:
         self.place, self.cluster, self.dry, self.shorter = place, cluster, dry, shorter
         self.client: Any = None
         self.started = False
-        self.plan: dict[str, tuple[float, float, float, float]] = {}
+        self.plan: dict[str, Estimate] = {}
         self.begun: dict[str, int] = {}
         self.studies: dict[str, float] = {}
 
@@ -182,11 +179,12 @@ class Run:
         """
         with usage_errors(self.place):
             for job in jobs:
-                self.check(job.cube)
+                self.check(job.cube, job.code.computed_by)
             for job, wanted in [*((job, None) for job in jobs), *later]:
-                self.plan[job.cube.name] = _estimate(self.place, job, wanted)
+                self.plan[job.cube.name] = estimate(job, self.place, wanted)
             with connect(**self.cluster) as client, self.driving(*studies, drawing=drawing):
-                self.client = cache(partial(self._connected, client))
+                is_local = self.cluster.get("scheduler") is None
+                self.client = cache(partial(connected, client, self.line, is_local))
                 yield self
 
     def _announce(self, serial: float) -> None:
@@ -223,22 +221,12 @@ class Run:
         if not self.quiet:
             click.echo(message, err=True)
 
-    def check(self, cube: Cube) -> dict[str, Any]:
+    def check(self, cube: Cube, computed_by: str | None = None) -> dict[str, Any]:
         """Return the attributes of the cube in the place, {} if there is none.
 
-        A cube with other settings is refused.
+        A cube with other settings is refused. computed_by : that of its job, if a job computes it.
         """
-        return store.check(self.place, cube, store.COMPUTED_BY)
-
-    def _connected(self, connect: Callable[[], Any]) -> Any:
-        """Connect to the workers, and show meanwhile that they are starting."""
-        previous = self.line.name
-        is_local = self.cluster.get("scheduler") is None
-        message = "starting workers on this machine" if is_local else "connecting to the workers"
-        self.line.show(message)
-        client = connect()
-        self.line.show(previous)  # type: ignore[arg-type]
-        return client
+        return store.check(self.place, cube, computed_by or store.COMPUTED_BY)
 
     def sweep(self, job: Job, wanted: Wanted = None) -> xr.Dataset:
         """Compute the missing tiles of the job's cube, or those `wanted`; return the cube.
@@ -248,25 +236,30 @@ class Run:
         name = job.cube.name
         number = self.begun.setdefault(name, len(self.begun) + 1)
         self.line.begin_sweep(f"sweep {number} of {len(self.plan)}, {name}", name)
-        outcome = sweep(self.client, self.place, job, self.line, wanted)
+        try:
+            cube = compute_missing(self.client, self.place, job, self.line, wanted)
+        except (TilesFailed, Interrupted) as stop:
+            self._end(stop)
         self.line.end_sweep()
-        if outcome.failed or outcome.interrupted:
-            self.line.hide()
-        failed = sorted(outcome.failed.items())
+        self.note("cubes", self.place.cube(name))
+        return cube
+
+    def _end(self, stop: TilesFailed | Interrupted) -> NoReturn:
+        """Print why tiles are missing, and end the program."""
+        self.line.end_sweep()
+        self.line.hide()
+        failed = sorted(stop.failed.items())
         for index, reason in failed[:MAX_REASONS]:
             click.echo(f"tile {index} failed: {reason}", err=True)
         if len(failed) > MAX_REASONS:
             click.echo(f"... and {len(failed) - MAX_REASONS} more", err=True)
-        if outcome.interrupted:
-            missing = f"stopped; {plural(outcome.remaining, 'tile')} of this sweep missing"
+        if isinstance(stop, Interrupted):
+            missing = f"stopped; {plural(stop.remaining, 'tile')} of this sweep missing"
             click.echo(f"{missing}; run the same command again to resume", err=True)
             sys.exit(130)
-        if failed:
-            missing = f"{plural(len(failed), 'tile')} failed"
-            click.echo(f"{missing}; run the same command again to retry", err=True)
-            sys.exit(1)
-        self.note("cubes", self.place.cube(name))
-        return store.read(self.place, name)
+        missing = f"{plural(len(failed), 'tile')} failed"
+        click.echo(f"{missing}; run the same command again to retry", err=True)
+        sys.exit(1)
 
     def holds(self, cube: Cube, *parts: str) -> bool:
         """Return whether the place holds an undamaged cube that this version of `kept` wrote.
@@ -384,26 +377,3 @@ def shared_workers(
     with connect(n_workers=n_workers) as client, TemporaryDirectory() as folder:
         files = write_credentials(client(), folder)
         yield ["--scheduler", client().scheduler.address, "--tls", *files]
-
-
-def _estimate(place: store.Place, job: Job, wanted: Wanted) -> tuple[float, float, float, float]:
-    """Return how much of the job's cube remains to be computed: tiles, files, MB, CPU seconds.
-
-    The CPU time is predicted from a sample of the tiles.
-    """
-    cube = job.cube
-    tiles = np.argwhere(np.ones(cube.tile_counts))
-    with suppress(store.Refused):  # the place does not exist, or the cube was just deleted
-        if cube.name in store.names(place):
-            tiles = store.missing(place, cube)
-    if wanted is not None:
-        tiles = tiles[[tuple(index) in wanted for index in tiles.tolist()]]
-    costs: list[float] = []
-    end = time.thread_time() + _ESTIMATE_SECONDS
-    for _, coords in tile_coords(cube, np.random.default_rng(0).permutation(tiles)):
-        costs.append(float(job.predict(coords, cube.settings)))
-        if time.thread_time() > end:
-            break
-    files = len(tiles) * (len(cube.computed) + 1)  # and the commit record
-    size = cube.template.nbytes / 1e6 * len(tiles) / prod(cube.tile_counts)
-    return len(tiles), files, size, len(tiles) * (sum(costs) / max(1, len(costs)) + COMMIT_SECONDS)

@@ -1,0 +1,187 @@
+"""Fill a cube: compute the tiles that it misses, and return it as a Dataset.
+
+`fill` is for scripts, notebooks and programs; commands share `compute_missing` with it. Whatever
+happens, tiles that are committed stay, and the same call resumes the sweep.
+"""
+
+import sys
+from collections.abc import Callable
+from contextlib import nullcontext
+from functools import cache, partial
+from os import PathLike
+
+import xarray as xr
+from distributed import Client
+
+from pipeline import store
+from pipeline.cubes.cube import Job
+from pipeline.store import Place
+from pipeline.sweep.cluster import ClusterError, connect
+from pipeline.sweep.progress import Progress, plural
+from pipeline.sweep.sweep import sweep
+
+_MAX_REASONS = 3  # failed tiles whose reasons are in a message
+
+
+class TilesFailed(RuntimeError):
+    """Some tiles failed. The others are kept; the same call tries the failed ones again.
+
+    Attributes
+    ----------
+    failed : dict
+        The reason of each failed tile, by its index.
+
+    Examples
+    --------
+    >>> from pipeline import TilesFailed
+    >>> print(TilesFailed("squares", {(0, 1): "ZeroDivisionError: division by zero"}))
+    1 tile of squares failed: (0, 1), ZeroDivisionError: division by zero
+    """
+
+    def __init__(self, name: str, failed: dict[tuple[int, ...], str]) -> None:
+        self.failed = failed
+        reasons = [f"{index}, {failed[index]}" for index in sorted(failed)]
+        if len(reasons) > _MAX_REASONS:
+            reasons[_MAX_REASONS:] = [f"and {len(reasons) - _MAX_REASONS} more"]
+        super().__init__(f"{plural(len(failed), 'tile')} of {name} failed: {'; '.join(reasons)}")
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C stopped a sweep once its tiles in flight were committed; the same call resumes it.
+
+    Attributes
+    ----------
+    remaining : int
+        Tiles that are still missing.
+    failed : dict
+        The reason of each tile that failed before, by its index.
+
+    Examples
+    --------
+    >>> from pipeline import Interrupted
+    >>> print(Interrupted("squares", 12, {}))
+    stopped; 12 tiles of squares are missing, and the same call computes them
+    """
+
+    def __init__(self, name: str, remaining: int, failed: dict[tuple[int, ...], str]) -> None:
+        self.remaining, self.failed = remaining, failed
+        verb = "is" if remaining == 1 else "are"
+        missing = f"{plural(remaining, 'tile')} of {name} {verb} missing"
+        super().__init__(f"stopped; {missing}, and the same call computes them")
+
+
+def fill(
+    job: Job,
+    out: str | PathLike[str],
+    client: Client | None = None,
+    workers: int | None = None,
+    progress: bool = True,
+) -> xr.Dataset:
+    """Compute what the job's cube misses in `out`, and return the cube.
+
+    If nothing is missing, the cube is read and no worker is started. It may be called in a script,
+    a notebook or a thread, also beside a running event loop. Ctrl-C waits for the tiles in flight
+    (a second one abandons them); outside the main thread nothing receives it.
+
+    Parameters
+    ----------
+    job : Job
+        One cube and how it is computed, from a maker like `pipeline.last_barrier`.
+    out : str or path
+        Directory of the cube, or URL of an object store, s3://BUCKET/PREFIX (or gs://, az://). The
+        cube is OUT/NAME.zarr; other cubes in the directory are left alone.
+    client : distributed.Client, optional
+        Of any cluster whose workers see `out` and have this package. By default workers are
+        started on this machine, and ended with the call.
+    workers : int, optional
+        Worker processes to start here, at least 1; by default one per core.
+    progress : bool
+        Write a line of progress to stderr.
+
+    Returns
+    -------
+    xr.Dataset
+        Numbers are read when they are used.
+
+    Raises
+    ------
+    TilesFailed
+        If tiles failed; the others are computed first.
+    Interrupted
+        On Ctrl-C; it is a KeyboardInterrupt.
+    store.Refused
+        If `out` holds that cube with other settings, or of other code and incomplete, or if another
+        run is writing to it. Nothing was changed.
+    store.StoreFailed
+        If the disk or the object store fails.
+    ClusterError
+        If no worker is fit to compute, or client and workers contradict each other.
+    ConnectionError
+        If workers cannot be started, or all of them are gone.
+
+    Examples
+    --------
+    >>> import pipeline
+    >>> job = pipeline.escape("two-kicks", "0:1:4", "0:1:2", n_max=1000)
+    >>> escape = pipeline.fill(job, "run", workers=1, progress=False)
+    >>> dict(escape.escape_time.sizes), bool(escape.escape_time.isnull().any())
+    ({'ensemble': 1, 'kappa2': 2, 'kappa1': 4}, False)
+    """
+    place, name = store.place_of(out), job.cube.name
+    workers_of = connect(n_workers=workers) if client is None else _using(client, workers)
+    with (
+        store.store_errors(place),
+        workers_of as connection,
+        store.driver_lock(place),
+        Progress(name, sys.stderr if progress else None) as line,
+    ):
+        line.begin_sweep(name, name)
+        start = cache(partial(connected, connection, line, is_local=client is None))
+        filled = compute_missing(start, place, job, line)
+        line.finish()
+        return filled
+
+
+def compute_missing(
+    client: Callable[[], Client],
+    place: Place,
+    job: Job,
+    progress: Progress,
+    wanted: set[tuple[int, ...]] | None = None,
+) -> xr.Dataset:
+    """Compute the missing tiles of the job's cube, or those `wanted`; return the cube.
+
+    Parameters and further errors are those of `sweep`.
+
+    Raises
+    ------
+    TilesFailed, Interrupted
+        As `fill`.
+    """
+    name = job.cube.name
+    outcome = sweep(client, place, job, progress, wanted)
+    if outcome.interrupted:
+        raise Interrupted(name, outcome.remaining, outcome.failed)
+    if outcome.failed:
+        raise TilesFailed(name, outcome.failed)
+    return store.read(place, name)
+
+
+def connected(connection: Callable[[], Client], line: Progress, is_local: bool) -> Client:
+    """Connect to the workers, and show meanwhile that they are starting."""
+    previous = line.name or ""
+    line.show("starting workers on this machine" if is_local else "connecting to the workers")
+    client = connection()
+    line.show(previous)
+    return client
+
+
+def _using(client: Client, workers: int | None) -> nullcontext[Callable[[], Client]]:
+    """Return what `connect` returns, for a client of the user's, which stays open."""
+    if workers is not None:
+        raise ClusterError(f"the client has its own workers; leave workers={workers} out")
+    if client.asynchronous:
+        raise ClusterError("the client is asynchronous; make it by Client(…, asynchronous=False)")
+    if client.status != "running":
+        raise ClusterError(f"the client is {client.status}; connect a new one")
+    return nullcontext(lambda: client)

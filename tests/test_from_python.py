@@ -1,0 +1,92 @@
+"""The pages of pipeline/README.md on Python run as they stand there, and do what they say."""
+
+import re
+import runpy
+from contextlib import chdir, redirect_stdout
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import nasm
+import pipeline
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "pipeline/README.md").read_text(encoding="utf-8")
+
+
+def page(heading):
+    """The code below a heading."""
+    (text,) = re.findall(rf"^##+ {heading}\n.*?```python\n(.*?)```", README, re.S | re.M)
+    return text
+
+
+@pytest.fixture
+def run(here, tmp_path, monkeypatch):
+    """Run a page as a script in a folder, on workers that are there; return what it prints."""
+    fill = pipeline.fill
+    monkeypatch.setattr(pipeline, "fill", lambda job, out, workers: fill(job, out, here()))
+
+    def run(text):
+        (tmp_path / "page.py").write_text(text, encoding="utf-8")
+        with chdir(tmp_path), redirect_stdout(StringIO()) as told:
+            runpy.run_path(str(tmp_path / "page.py"), run_name="__main__")
+        return told.getvalue()
+
+    return run
+
+
+def overlap_of(kappa1, kappa2):
+    """Chirikov's overlap for two kicks, by its formula."""
+    mean, half_difference = abs(kappa1 + kappa2) / 2, abs(kappa1 - kappa2) / 2
+    return 2 * (mean**0.5 + half_difference**0.5) / np.pi
+
+
+def test_the_page_of_a_function_of_ones_own(run, tmp_path):
+    text = page("A function of your own")
+    assert len([line for line in text.splitlines() if line.strip()]) <= 15
+    told = run(text)
+    cube = xr.open_zarr(tmp_path / "out/overlap/overlap.zarr").load()
+    expected = overlap_of(cube.kappa1, cube.kappa2)
+    np.testing.assert_allclose(cube.overlap, expected.transpose(*cube.overlap.dims), rtol=1e-12)
+    assert cube.overlap.long_name.startswith("Overlap of neighbouring resonances")
+    assert f"overlap in {float((cube.overlap > 1).mean()):.0%} of" in told
+
+
+def test_the_page_resumes_and_refuses_another_function(run, tmp_path):
+    text = page("A function of your own")
+    told = run(text)
+    records = (tmp_path / "out/overlap/overlap.zarr/tiles/commit/c/0").rglob("[0-9]*")
+    times = {path: path.stat().st_mtime_ns for path in records if path.is_file()}
+    lost = min(times)
+    lost.unlink()
+    assert run(text.replace("    widths", "    # of the resonances\n    widths")) == told
+    assert [path for path in times if path.stat().st_mtime_ns != times[path]] == [lost]
+    with pytest.raises(pipeline.Refused, match="function is overlap"):
+        run(text.replace("/ np.pi", "/ 3.14"))
+
+
+def test_the_page_of_a_labelled_array():
+    names = {}
+    with redirect_stdout(StringIO()):
+        exec(page("A labelled array of your own"), names)
+    scales = names["scales"]
+    assert set(scales.data_vars) == {"value", "error", "lower", "upper", "status"}
+    for ripple in scales.ripple.values:
+        row, scale = scales.sel(ripple=ripple), nasm.critical_scale((1 + ripple, 1 - ripple), 1e-2)
+        assert (row.value, row.lower, row.upper) == (scale.value, scale.lower, scale.upper)
+        assert row.status == scale.status.name == "OK"
+
+
+def test_the_first_page_fills_a_cube(run, tmp_path):
+    run(page("From Python"))
+    cube = xr.open_zarr(tmp_path / "out/rays/barrier.zarr")
+    assert cube.critical_scale[0] == pytest.approx(0.485817703, rel=1e-6)
+
+
+def test_the_table_lists_all_makers():
+    table = set(re.findall(r"^\| `pipeline\.(\w+)\(", README, re.M))
+    names = {name: getattr(pipeline, name) for name in dir(pipeline)}
+    assert table == {k for k, v in names.items() if getattr(v, "__module__", "") == "pipeline.jobs"}
