@@ -1,34 +1,41 @@
-"""The last barrier on a ray κ = s·profile: which circle breaks last, where, and how sure that is.
+"""The last barrier on a segment κ = start + s·profile: which circle breaks last, and where.
 
-The boundary of global transport CB_gt is the envelope of the boundaries CB_ω over all ω: at each
-angle another circle may be the last one. It is found and bracketed in four steps.
+The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
+With three kicks or more circles may break and come back in bands of scales, next to the boundary in
+bands as narrow as one likes. The search resolves bands of a relative width of about tol; its error
+covers the scale above which no circle was found, and is at least tol/2 where it met bands. From
+another start than zero the first breakup is meant.
 
-1. Locate. Converse KAM finds a scale without circles, and the start that is longest-lived there: it
-   is next to the remains of the last circle.
-2. Identify. With one kick or two its orbit names the candidates: the weighted Birkhoff average is a
-   rotation number to six digits or so, and the nobles compatible with it are tested, shortest
-   first. With three kicks or more the Farey tree is searched instead (`nasm.farey`): downwards from
-   the scale of step 1 for the first circle that exists, and then for those that exist above its
-   breakup.
-3. Value. Greene's residue determines where each candidate breaks; the last one is the barrier. If
-   residues do not cross, the value is found by bisection between a scale at which they decay and
-   one at which they grow.
-4. Certify. Below the value an invariant circle of that ω, certified by Newton's method on a finer
-   grid: `lower`. Above it, the tree shows no circle, and converse KAM on two unrelated grids finds
-   no start that survives: `upper`. A survivor between them is on another barrier: back to step 2.
+The search goes from outside to inside.
 
-Each step uses another method, and checks the one before. If they disagree in the end there is no
-value, only the bracket of those that agree.
+1. *Ask.* Does a circle exist at this scale? The Farey tree (`nasm.farey`) names one, or excludes
+   all, and says which was the last to be excluded, and the longest period that this took. The
+   search begins at 2/max|κ|, where no circle exists.
+2. *Step.* Where none exists, go down. Residues grow like s^q, so that periods q exclude circles not
+   only at one scale, but over a relative distance of order 1/q: that is the step.
+3. *Leap.* Once periods are 100, and again whenever they have doubled, and for each circle that was
+   met, residues are asked where that circle breaks (`nasm.periodic`). If they tell precisely, the
+   next question is asked just above.
+4. *End.* Where no circle exists just above, that is the last breakup, unless one of the circles
+   that took longest to exclude there breaks in between. Otherwise a circle was met that breaks
+   later, and the search goes on with it. In bands residues have no limit: steps go on until the
+   scale without circles and the one with a circle are tol/2 apart, and the value is between them.
 
-Converse KAM takes its starts from the dominant symmetry line of one or two kicks
-(`converse_kam.symmetry_line`), or else from a curve that every circle crosses
-(`converse_kam.transversal`). The other steps need no symmetry.
+With one or two kicks there are no bands, and a faster way comes first: the start that converse KAM
+takes longest to eliminate, just beyond the breakup, is next to the remains of the last circle, and
+its weighted Birkhoff average is a rotation number to six digits. The nobles near it are candidates,
+residues tell where they break, and converse KAM that no start survives above.
+
+Two *witnesses* that use neither residues nor the tree confirm the bracket or widen it, and never
+move the value. `lower`: an invariant circle certified by Newton's method on a finer grid. `upper`:
+converse KAM on two unrelated grids finds no start that survives. If it does find one, on a circle
+that exists by its residues, the search goes on from there.
 """
 
-from dataclasses import replace
-from functools import cache
-from itertools import islice
-from math import floor
+from dataclasses import dataclass, replace
+from itertools import islice, pairwise
+from math import floor, inf, nan
+from time import thread_time
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,7 +46,7 @@ from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line, transversal
 from nasm.converse_kam.symmetry_line import LongestLived, has_dominant_line
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.farey import circle_exists, find_existing_circle
+from nasm.farey import LONGEST_PERIOD, circle_exists, find_existing_circle
 from nasm.maps import direction, forcing, segment, unkick
 from nasm.numbers import (
     RotationNumber,
@@ -54,6 +61,7 @@ from nasm.symmetries import dominant_centre, equivalent_forcings, half_shift_nob
 from nasm.types import FloatArray, OmegaLike
 
 __all__ = [
+    "Effort",
     "boundary",
     "critical_scale",
     "degenerate_partner",
@@ -63,37 +71,113 @@ __all__ = [
     "longest_lived_start",
 ]
 
-_LOCATE = 1000  # steps of converse KAM in step 1 on a line,
-_LOCATE_ANYWHERE = 100  # and on transversals
-_WIDE = 2  # times tol: a bracket that a caller must be told of
-_CLIMB = 0.01  # of the scale, where a search for survivors was wrong: the next that is tried
-_BEYOND = 0.5  # over the steps: where, past the breakup, the longest-lived start is asked for its ω
-_STEP = 0.2  # over the longest period that was asked: the next scale below one without circles,
-_LARGEST_STEP = 0.03  # but no further away
-_ASKED = 24  # scales at which circles are looked for above the leader
-_NEXT = 2e-4  # of the value: so near above it the tree is asked however wide the bracket may be
-_BANDS = 6e-4  # of the value: error where circles break and come back. Under 38 such forcings some
-# came back in bands too narrow to be met, under three 3 to 6·10⁻⁴ above, under one 3·10⁻³.
-_ROUGH = 0.01  # of the value: a bracket above it that is wider says that the last circle is unknown
-_NEAR = 2e-5  # of the measured rotation number; neighbours that robust are further apart
-_AVERAGED = 1000  # steps
+
+_LOCATE = 1000
+"""Fewest steps of converse KAM, by which the last circle of one or two kicks is located."""
+
+_OUTSET = 0.93
+"""Scale, over one without circles, at which candidates exist."""
+
+_TWO_KICK_PERIOD = 6000
+"""Period of orbits that tell the breakup to eleven digits."""
+
+_LIFETIME = 1.6
+"""Steps, times the relative distance beyond the breakup, in which converse KAM eliminates all
+starts: twice those of `transversal.EXCESS_BOUNDS`, as some orbits linger."""
+
+_REACH = 0.05
+"""Relative distance below a scale without circles within which its last circle broke."""
+
+_FINEST_STEP = 0.1
+"""Shortest step, over tol."""
+
+_SEARCH_SHARE, _WITNESS_SHARE = 0.6, 0.8
+"""Shares of the CPU time after which the search ends, and then converse KAM."""
+
+_SCANNED = 0.1 * np.arange(41)
+"""Changes of the largest strength, from a start, at which the first breakup is sought."""
+
+_BELOW = 0, 0.3, 0.6, 1.5, 3, 9, 29
+"""Distances below a bracket, over tol, at which a circle is certified if not nearer to it."""
+
+_TRIED = 3
+"""Circles that are tried at each of them."""
+
+_HULL_PERIOD, _HULL_POINTS, _MOST_POINTS = 20_000, 16_384, 65_536
+"""Period of the orbits, and points, first and at most, of circles certified from their hulls."""
+
+_WIDE = 2
+"""Width of a bracket, over tol, that a caller must be told of."""
+
+_CONTRADICTION = 0.01
+"""Relative distance of `upper` from the value that contradicts it."""
+
+_NEAR = 2e-5
+"""Distance of candidates, relative to the measured rotation number."""
+
+_AVERAGED = 1000
+"""Steps over which it is averaged."""
+
 _CANDIDATES = 3
-_TOO_LONG = 3000  # period of the orbits whose residues tell if a circle stands
-_LONGER_ORBITS = 10_000  # the same where a search has found no survivor
-_HALVED = 1e-4  # of the scale: between what is said to stand and what is not
-_HULL, _GRID, _FINEST = 20_000, 16_384, 65_536  # period of orbits, points, of circles from them
-_BELOW = 1, 1.6, 2.5, 4, 10, 30  # times that: where circles are certified if not there
-_CERTIFIED = 3  # circles of the tree that are tried there
-_OUTSET = 0.93  # of a scale without circles: where the first candidates are to stand
-_BLURRED = 300  # period that sees a cusp, from which orbits up to 6000 may leave large errors
-_LONG = 30_000  # period of the orbits then
-_ROUGHLY = 1.5e-4  # precision from which orbits half as long as usual give the digits
-_SIMPLER = 2e-4  # of ω: a noble with a short prefix that is tried for one with a long
-_FIRST, _AT_ONCE = 1500, 3e-7  # period of orbits, and error over the scale, that need no halving
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much work a search for the last barrier does.
+
+    Attributes
+    ----------
+    share_above : float
+        Part of tol above the value, where converse KAM takes 1/distance steps. The rest is below,
+        where a circle is certified, which takes longer.
+    max_questions : int
+        Scales at which the Farey tree is asked. Of the judged forcings regular ones take 10 to 20,
+        bands up to 60.
+    resolved_period : int
+        Period that excludes all circles about 1% above the last breakup: from there on the circle
+        excluded last is mostly the one that breaks last, and residues are asked about it.
+    far_step, step : float
+        Relative step times the longest period, up to there and from there on.
+    tree_depth : int
+        Period of Farey neighbours between which the tree is not searched any further.
+    orbit_period : int
+        Longest period of the residues of which the value is computed: nine digits.
+    rival_distance : float
+        Relative distance above the value at which no other circle exists by its residues.
+    cusp_period : int
+        The same next to a cusp that periods up to `blurred_period` do not resolve.
+    blurred_period : int
+        Period by which a cusp is to be resolved, or the value may be too large.
+
+    Examples
+    --------
+    >>> from nasm.barriers import Effort, critical_scale
+    >>> scale = critical_scale((1.0, 0.5, 0.3), tol=1e-2, effort=Effort(max_questions=30))
+    >>> scale.status
+    Status.OK
+    """
+
+    share_above: float = 0.3
+    max_questions: int = 120
+    resolved_period: int = 100
+    far_step: float = 1.0
+    step: float = 0.25
+    tree_depth: int = 1000
+    orbit_period: int = 1500
+    rival_distance: float = 1e-5
+    cusp_period: int = 30_000
+    blurred_period: int = 300
+
+
+DEFAULT_EFFORT = Effort()
 
 
 def critical_scale(
-    profile: ArrayLike, tol: float = 1e-4, start: ArrayLike | None = None
+    profile: ArrayLike,
+    tol: float = 1e-4,
+    start: ArrayLike | None = None,
+    seconds: float = inf,
+    effort: Effort = DEFAULT_EFFORT,
 ) -> CriticalScale:
     """Compute the scale at which the last rotational circle breaks on κ = start + s·profile.
 
@@ -107,35 +191,34 @@ def critical_scale(
         Start of the segment; default 0, a ray from the origin. From another start the result is the
         first breakup, s ≥ 0; regions without circles are skipped if they are narrower than a change
         of 0.1 of the largest strength.
+    seconds : float
+        CPU time to spend, roughly. Results then depend on the machine: cubes are computed without
+        that limit.
+    effort : Effort
+        Limits of other kinds, and how the search goes on.
 
     Returns
     -------
     CriticalScale
-        value, error : by Greene's residue.
+        value, error : by Greene's residue; in bands the middle between two scales.
         lower : a circle is certified there, that of omega or another one; NaN without one.
-        upper : no start on the dominant line, or on a transversal, survives there.
+        upper : no start on the dominant line, or on a transversal, survives there; or if time was
+        short, the Farey tree shows no circle.
         omega : rotation number of the last barrier per period, in [0, P/2]. It represents ±ω and
         all ω + P·n, whose circles break together; of two partners by `degenerate_partner` it is
         the one with the shorter text.
         status : WIDE, with a value, if the bracket is more than twice as wide as tol, for example
-        because no circle is certified close to the breakup. UNDECIDED, without a value, if the
-        methods contradict each other; NEAR_CUSP instead if a shorter forcing is so close that
-        periods up to 300 do not resolve it. lower and upper are then what was shown. From another
-        start OUTSIDE if no barrier exists there, and NO_BREAKUP if one still exists where some
-        strength has changed by 4.
+        because no circle is certified close to the breakup, or time was short. NOT_CONVERGED,
+        without a value, if the effort did not suffice; NEAR_CUSP if a shorter forcing is so close
+        that orbits do not resolve it; UNDECIDED if the methods contradict each other. lower and
+        upper are then what was shown. From another start OUTSIDE if no barrier exists there, and
+        NO_BREAKUP if one still exists where some strength has changed by 4.
 
     Raises
     ------
     ValueError
-        If profile is zero, tiny or too long, start differs from it in length, or tol is out of
-        range.
-
-    Notes
-    -----
-    The error is at least upper - value if a later circle may have been missed, next to a cusp or
-    with survivors above the value. If residues have no limit, the value is between scales at which
-    they decay and grow; circles may exist again above it in narrow bands, and the error is at least
-    6·10⁻⁴ of the value.
+        If profile is zero, tiny or too long, start differs from it in length, or tol or seconds are
+        out of range.
 
     Examples
     --------
@@ -147,139 +230,311 @@ def critical_scale(
     (parse("[0;1,2,(1)]"), 0.579228)
     """
     start, profile = segment(start, profile)
-    tol = real("tol", tol, 1e-5, 0.1)
+    tol, seconds = real("tol", tol, 1e-5, 0.1), real("seconds", seconds)
+    if not seconds > 0:
+        raise ValueError(f"seconds={seconds!r} must be positive, e.g. seconds=10")
     # On κ1 = κ2 the barriers are noble for the standard map, not for its second iterate.
     (begin, short), zero = shorten([start, profile], rational(0))
-    scale = _last(begin, short, tol)
+    scale = _last_breakup(_Segment(begin, short), tol, seconds, effort)
     if scale.omega is None:
         return scale
-    if scale.upper - scale.lower > _WIDE * tol * scale.value:
-        scale = replace(scale, status=Status.WIDE)
     kappa = start + scale.value * profile
     return replace(scale, omega=per_period(scale.omega, kappa, short, zero))
 
 
-def _last(start, short, tol):
-    """The CriticalScale of the last circle, omega per period of `short`."""
-    above = tol / 5  # and the rest below, where it costs more
-    upper, names = _located(start, short)
-    if not 0 < upper < np.inf:
-        status = Status.NO_BREAKUP if upper else Status.OUTSIDE
-        return no_answer(None, status, "converse KAM")
-    race = _Race(start, short, above, upper)
-    # With one kick or two boundaries have one sheet, and survivors are next to the last circle.
-    few = short.size <= 2
-    if few:
-        race.enter(names, _OUTSET * upper)
-    if race.leader is None:
-        race.descend()
-    # Of lives: from a start the forcing changes less than the scale.
-    part = upper * np.abs(short).max() / np.abs(race.at(upper)).max()
-    n_certify = min(int(1.6 / above / min(max(part, 0.1), 1)), transversal.MAX_STEPS)
-    n_longer = min(16 * n_certify, transversal.MAX_STEPS)
-    share = above
-    for _ in range(_ASKED if race.leader else 0):
-        best = race.leader
-        scale, n_steps = best.value * (1 + share), n_certify
-        if scale > race.upper:
-            if few or share > above:
-                break
-            # The nearer to a circle, the longer a start lives.
-            scale, n_steps = (best.value + race.upper) / 2, n_longer
-        omega, names, _ = (None, [], 0) if few else race.standing(scale)
-        if not few and omega is None and share > _NEXT:
-            omega = race.standing(nearer := best.value * (1 + _NEXT))[0]
-            scale = nearer if omega else scale
-        survives = omega is not None
-        if survives:
-            race.enter([omega], scale)
-        else:
-            found = longest_lived(race.at(scale), n_steps)
-            survives = found.kicks == np.inf
-            if not survives:
-                race.eliminated.append(scale)
-            near = candidates(race.at(scale), found, n_steps if survives else _AVERAGED)
-            new = (name for name in [*names, *near] if name not in race.seen)
-            race.enter(new, scale if survives else best.value)
-            survives = scale not in race.eliminated  # it may have been known better
-        if race.leader is not best:
-            share = above
+@dataclass(frozen=True)
+class _Segment:
+    """Forcings κ = start + s·profile."""
+
+    start: FloatArray
+    profile: FloatArray
+
+    def at(self, scale):
+        """Return the forcing at a scale."""
+        return self.start + scale * self.profile
+
+    def length(self, scale, relative):
+        """Return the change of scale that changes the largest strength by a relative amount."""
+        return relative * np.abs(self.at(scale)).max() / np.abs(self.profile).max()
+
+
+class _Tree:
+    """Answers of the Farey tree on a segment, one for each scale, and the budget of a search.
+
+    Parameters
+    ----------
+    segment : _Segment
+    seconds : float
+        CPU time from now on.
+    effort : Effort
+    """
+
+    def __init__(self, segment, seconds, effort):
+        self.segment, self.effort, self.answers = segment, effort, {}
+        self.began, self.seconds = thread_time(), seconds
+        self.eliminated = inf  # a scale at which converse KAM has eliminated all starts
+
+    def ask(self, scale):
+        """Return (circle or None, nobles, period) of `find_existing_circle`."""
+        if scale not in self.answers:
+            kappa = self.segment.at(scale)
+            self.answers[scale] = find_existing_circle(kappa, self.effort.tree_depth)
+        return self.answers[scale]
+
+    def exists(self, scale):
+        """Return True if the tree names a circle."""
+        return self.ask(scale)[0] is not None
+
+    def lowest_excluded(self, above):
+        """Return the lowest scale above another one at which no circle was named."""
+        return min(s for s, (omega, *_) in self.answers.items() if omega is None and s > above)
+
+    def has_spent(self, share):
+        """Return True if that share of the CPU time is spent, or the number of questions."""
+        too_many = len(self.answers) >= self.effort.max_questions
+        return too_many or thread_time() - self.began > share * self.seconds
+
+
+@dataclass(frozen=True)
+class _Bracket:
+    """A circle exists at the scale `inside`, and none at `outside`.
+
+    omega : the circle; None if none is known. breakup : its breakup by residues; None if they tell
+    none, as in bands. longest_period : that of the orbits that were asked. is_eliminated : whether
+    converse KAM eliminates all starts at `outside`.
+    """
+
+    inside: float
+    outside: float
+    omega: RotationNumber | None
+    breakup: CriticalScale | None = None
+    longest_period: int = LONGEST_PERIOD
+    is_eliminated: bool = False
+
+
+def _last_breakup(segment, tol, seconds, effort):
+    """Return the CriticalScale, omega per period of the segment's profile."""
+    tree = _Tree(segment, seconds, effort)
+    bracket = _search_by_survivors(segment, tol, effort)
+    if bracket is None:
+        ends = _outermost(tree)
+        if isinstance(ends, Status):
+            return no_answer(None, ends, "Farey tree")
+        bracket = _search_by_tree(tree, tol, *ends)
+        tree.eliminated = inf if segment.start.any() else ends[1]
+    upper, survivor = _eliminated_above(tree, tol, bracket)
+    while survivor is not None and not tree.has_spent(_SEARCH_SHARE):
+        outside = tree.lowest_excluded(upper)
+        bracket = _search_by_tree(tree, tol, upper, outside, survivor)
+        upper, survivor = _eliminated_above(tree, tol, bracket)
+    value, error = _value(segment, tol, bracket)
+    lower = _certified_below(tree, tol, bracket)
+    cusp = periodic.cusp_period(segment.at(value))
+    if upper > bracket.outside or cusp > effort.blurred_period:
+        error = max(error, upper - value)
+    status = Status.OK if upper - lower <= _WIDE * tol * value else Status.WIDE
+    if cusp > bracket.longest_period:
+        status = Status.NEAR_CUSP
+    elif bracket.outside - bracket.inside > segment.length(value, tol):
+        status = Status.NOT_CONVERGED
+    elif upper - value > _CONTRADICTION * value:
+        status = Status.UNDECIDED
+    if status in (Status.OK, Status.WIDE):
+        return CriticalScale(value, error, lower, upper, bracket.omega, status, periodic.METHOD)
+    return CriticalScale(nan, nan, lower, upper, None, status, "converse KAM")
+
+
+def _value(segment, tol, bracket):
+    """Return the value and error of a bracket."""
+    if bracket.breakup is not None:
+        return bracket.breakup.value, bracket.breakup.error
+    half = (bracket.outside - bracket.inside) / 2
+    return bracket.inside + half, max(half, segment.length(bracket.outside, tol / 2))
+
+
+def _outermost(tree):
+    """Return the scales (inside, outside) at which the search begins, or a Status."""
+    segment = tree.segment
+    unit = 1 / np.abs(segment.profile).max()
+    if not segment.start.any():
+        if segment.profile.size <= 2:  # next to a cusp, and there are no bands above
+            return 0.0, symmetry_line.critical_scale(segment.profile, 16 * _LOCATE).upper
+        return 0.0, 2 * unit  # no circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2
+    if not tree.exists(0.0):
+        return Status.OUTSIDE
+    for inside, outside in pairwise(unit * _SCANNED):
+        if not tree.exists(outside):
+            return inside, outside
+    return Status.NO_BREAKUP
+
+
+def _search_by_tree(tree, tol, inside, outside, omega=None):
+    """Return the _Bracket of the last breakup between two scales, wider if the budget is spent.
+
+    omega : a circle that exists at `inside`, if one is known.
+    """
+    segment, effort = tree.segment, tree.effort
+    _, nobles, period = tree.ask(outside)
+    unasked, asked_period = omega, 0  # of residues
+    while outside - inside > segment.length(outside, tol / 2) and not tree.has_spent(_SEARCH_SHARE):
+        is_resolved = period >= effort.resolved_period
+        step = (effort.step if is_resolved else effort.far_step) / period
+        scale = outside - segment.length(outside, max(step, _FINEST_STEP * tol))
+        if scale <= inside:
+            scale = (inside + outside) / 2
+        breakup = None
+        if is_resolved and (unasked or period >= 2 * asked_period):
+            breakup = _breakup(tree, tol, unasked or nobles[0], inside, outside)
+            unasked, asked_period = None, period
+        if breakup:
+            above = breakup.value + segment.length(outside, effort.share_above * tol)
+            scale = min(above, outside)
+        circle, nobles_there, period_there = tree.ask(scale)
+        if circle is not None:
+            inside, omega, unasked = scale, circle, circle
             continue
-        if not survives:
-            break
-        share *= 2
-    race.refine()
-    return _bracketed(race, tol)
+        outside, nobles, period = scale, nobles_there, period_there
+        if breakup:
+            return _with_rivals(tree, tol, breakup, outside, nobles)
+    return _Bracket(inside, outside, omega)
 
 
-def _bracketed(race, tol):
-    """The CriticalScale of the leader, with what is shown of it, or of those that follow it."""
-    best, lower = race.leader, np.nan
-    # Residues know better than a search that has missed what survives.
-    above = (scale for scale in race.eliminated if best is None or scale > best.value)
-    upper = min(above, default=race.upper)
-    for contender in race.known[:2]:
-        beyond = (upper - contender.value) / contender.value
-        below = 0.8 * tol if beyond < 0.201 * tol else max(0.999 * (tol - beyond), 0.5 * tol)
-        given = contender.omega, race.short, contender.value, below, race.start
-        found, _ = continuation.certified_circle(*given)
-        lower = np.fmax(lower, found if found < upper else np.nan)
-        if lower > (1 - tol) * upper:
-            break
-    enough = (1 - tol) * upper
-    stood = [(scale, omega) for scale, omega in race.stood if enough < scale < upper]
-    for scale, omega in sorted(stood, key=lambda seen: -seen[0])[:_CERTIFIED]:
-        if not lower >= enough and _is_certified(omega, race.at(scale)):
-            lower = scale
-            if best and scale >= best.value:
-                value, error = (scale + upper) / 2, (upper - scale) / 2
-                best = replace(best, omega=omega, value=value, error=error)
-    end = best.value if best else upper
-    nearest = min((1 - 0.95 * tol) * upper, end * (1 - 0.4 * tol))
-    for scale in nearest, *(end * (1 - 0.8 * tol * np.array(_BELOW))):
-        if lower >= min(scale, enough) or scale <= 0:
-            break
-        if scale > nearest:
-            continue
-        if _certified_at(scale, race):
-            lower = scale
-            break
-        nearest = (1 - 0.3 * tol) * scale
-    if best is None and not race.start.any() and has_dominant_line(race.short):
-        upper = np.fmin(upper, symmetry_line.critical_scale(race.short, 16 * _LOCATE).upper)
-    if best is None or upper - best.value > _ROUGH * best.value:
-        status = Status.NEAR_CUSP if Status.NEAR_CUSP in race.told else Status.UNDECIDED
-        return CriticalScale(np.nan, np.nan, lower, upper, None, status, "converse KAM")
-    error = max(best.error, *(rival.value + rival.error - best.value for rival in race.known))
-    far = upper > best.value * (1 + 0.3 * tol)
-    if race.halved(best) or far or periodic.cusp_period(race.at(best.value)) > _BLURRED:
-        # Circles follow each other so closely that a later one may have been missed; but not above
-        # the bracket, which may know better than the residues do.
-        error = np.fmax(error, upper - best.value)
-    if race.halved(best):  # residues that pass through 0 may be taken for those of a circle
-        error = np.fmax(error, best.value - lower)
-    error = np.fmin(error, max(best.value - lower, upper - best.value))  # NaN: no bracket
-    if race.halved(best):
-        error = max(error, _BANDS * best.value)
-    return replace(best, error=error, lower=lower, upper=upper)
+def _breakup(tree, tol, omega, inside, outside):
+    """Return the CriticalScale of a circle between two scales; None if residues do not tell it."""
+    segment, effort = tree.segment, tree.effort
+    between = max(inside, outside - segment.length(outside, _REACH)), outside
+    found = periodic.critical_scale(
+        omega, segment.profile, effort.orbit_period, segment.start, between
+    )
+    near = segment.length(outside, effort.share_above * tol)
+    if found.status is not Status.OK or not found.error < near / 10:
+        return None
+    below = found.value - near
+    exists = below <= inside or circle_exists(omega, segment.at(below))
+    return found if exists and between[0] < found.value < outside else None
 
 
-def _certified_at(scale, race):
-    """Whether a circle is certified at a scale: of those that break last, or of the tree."""
-    kappa = race.at(scale)
-    known = list(dict.fromkeys(known.omega for known in race.known))
-    standing_there = list(islice((omega for omega in known if race.stands(omega, scale)), 2))
-    if any(_is_certified(omega, kappa) for omega in standing_there):
-        return True
-    _, nobles, _ = race.standing(scale)
-    others = (omega for omega in nobles if omega not in known and race.stands(omega, scale))
-    return any(_is_certified(omega, kappa) for omega in islice(others, _CERTIFIED))
+def _with_rivals(tree, tol, breakup, outside, nobles):
+    """Return the _Bracket of a breakup, or of another noble that breaks later, below `outside`."""
+    segment = tree.segment
+    for omega in nobles:
+        just_above = breakup.value + segment.length(outside, tree.effort.rival_distance)
+        if omega != breakup.omega and circle_exists(omega, segment.at(just_above)):
+            later = _breakup(tree, tol, omega, breakup.value, outside)
+            if later is None:  # it breaks somewhere in between
+                return _Bracket(just_above, outside, omega)
+            breakup = later
+    below = breakup.value - segment.length(outside, tree.effort.share_above * tol)
+    return _Bracket(below, outside, breakup.omega, breakup)
+
+
+def _search_by_survivors(segment, tol, effort):
+    """Return the _Bracket of the last breakup under one or two kicks; None if it is not found."""
+    profile = segment.profile
+    if segment.start.any() or profile.size > 2:
+        return None
+    located = symmetry_line.critical_scale(profile, _LOCATE)
+    if located.status is not Status.OK:
+        return None
+    # Lives end there at 1.2 to 1.5 times _LOCATE steps.
+    beyond = segment.at(located.value * (1 + 0.5 / _LOCATE))
+    names, n_steps = candidates(beyond, longest_lived(beyond, 2 * _LOCATE)), 0
+    last, seen = None, set()
+    while new := [omega for omega in names if omega not in seen]:
+        seen.update(new)
+        for omega in new:
+            if circle_exists(omega, segment.at(_OUTSET * located.upper)):
+                last = _later(last, _breakup_of_two_kicks(omega, profile, tol, effort))
+        if last is None:
+            return None
+        near = effort.share_above * tol * last.value
+        outside = last.value + near
+        n_steps = _steps_to_eliminate(segment, near, last.value)
+        longest = longest_lived(segment.at(outside), n_steps)
+        if longest.kicks < inf:
+            inside, period = last.value - near, effort.cusp_period
+            is_there = circle_exists(last.omega, segment.at(inside))
+            return _Bracket(inside, outside, last.omega, last, period, True) if is_there else None
+        names = candidates(segment.at(outside), longest, n_steps)
+    return None
+
+
+def _breakup_of_two_kicks(omega, profile, tol, effort):
+    """Return the CriticalScale of a circle, by longer orbits if a cusp is near and blurs others."""
+    for longest in (_TWO_KICK_PERIOD, effort.cusp_period):
+        found = periodic.critical_scale(omega, profile, longest)
+        is_precise = found.error <= effort.share_above * tol * found.value
+        if is_precise or found.status not in (Status.OK, Status.NEAR_CUSP):
+            break
+    return found
+
+
+def _later(one, other):
+    """Return the CriticalScale of the circle that breaks later; `one` if errors hide which."""
+    if other.status is not Status.OK:
+        return one
+    if one is None or other.value - one.value > one.error + other.error:
+        return other
+    return one
+
+
+def _steps_to_eliminate(segment, distance, scale):
+    """Return the steps in which converse KAM eliminates all starts beyond the breakup."""
+    relative = distance / segment.length(scale, 1)
+    return int(np.clip(_LIFETIME / relative, _LOCATE, transversal.MAX_STEPS))
+
+
+def _eliminated_above(tree, tol, bracket):
+    """Return a scale above a bracket at which converse KAM eliminates all starts, and None; or one
+    at which a start survives, and the circle that exists there by its residues.
+
+    If time is spent it is the bracket's upper end, of which the tree knows.
+    """
+    segment, effort = tree.segment, tree.effort
+    value, _ = _value(segment, tol, bracket)
+    near = segment.length(value, effort.share_above * tol)
+    scale, n_steps = bracket.outside, _steps_to_eliminate(segment, near, value)
+    until = tree.began + _WITNESS_SHARE * tree.seconds
+    while scale < tree.eliminated and not (bracket.is_eliminated or tree.has_spent(_WITNESS_SHARE)):
+        longest = longest_lived(segment.at(scale), n_steps, until)
+        if longest.kicks < inf:
+            return scale, None
+        for omega in candidates(segment.at(scale), longest, n_steps):
+            if circle_exists(omega, segment.at(scale)):
+                return scale, omega
+        scale = min(value + 2 * (scale - value), tree.eliminated)
+    return scale, None
+
+
+def _certified_below(tree, tol, bracket):
+    """Return the scale of a certified circle at a bracket's lower end or below; NaN without one."""
+    segment = tree.segment
+    value, _ = _value(segment, tol, bracket)
+    lower, begin = nan, bracket.inside
+    if bracket.breakup is not None and not tree.has_spent(1):
+        share = 0.95 * (1 - tree.effort.share_above)
+        lower, _ = continuation.certified_circle(
+            bracket.omega, segment.profile, value, share * tol, segment.start
+        )
+        begin = value - segment.length(value, tol)
+        if lower >= begin:
+            return lower
+    for distance in _BELOW:
+        scale = begin - segment.length(value, distance * tol)
+        if scale <= np.fmax(lower, 0) or tree.has_spent(1):
+            break
+        circle, nobles, _ = tree.ask(scale)
+        names = dict.fromkeys([*filter(None, (bracket.omega, circle)), *nobles])
+        for omega in islice(names, _TRIED):
+            if circle_exists(omega, segment.at(scale)) and _is_certified(omega, segment.at(scale)):
+                return scale
+    return lower
 
 
 def _is_certified(omega, kappa):
     """Whether the circle of ω is certified under a forcing, from the sites of a long orbit there,
     one of them held: no circle has to exist under weaker kicks."""
-    fractions = [f for f in islice(convergents(omega), 60) if f.denominator < _HULL]
+    fractions = [f for f in islice(convergents(omega), 60) if f.denominator < _HULL_PERIOD]
     ladder = action.ConvergentOrbits(kappa, 0 * kappa, fractions)
     try:
         first, u = ladder.constrained_minimizer(len(fractions) - 1, 0.0)
@@ -292,184 +547,13 @@ def _is_certified(omega, kappa):
     mean = u[0].mean()
     phase = (ladder.chains[-1].theta[hits] - site * p / n_sites + mean) % 1
     order = np.argsort(phase, axis=1)
-    modes = np.fft.rfft(np.take_along_axis(u - mean, order, 1))[:, : _GRID // 3] / u.shape[1]
+    modes = np.fft.rfft(np.take_along_axis(u - mean, order, 1))[:, : _HULL_POINTS // 3] / u.shape[1]
     modes = modes * np.exp(-2j * np.pi * phase.min(axis=1)[:, None] * np.arange(modes.shape[1]))
-    start = np.fft.irfft(modes, _GRID) * _GRID
-    return circles.invariant_circle(omega, kappa, _FINEST, start).certified
+    start = np.fft.irfft(modes, _HULL_POINTS) * _HULL_POINTS
+    return circles.invariant_circle(omega, kappa, _MOST_POINTS, start).certified
 
 
-def _located(start, profile):
-    """A scale without circles, and nobles near ω of the start that lives longest there, or just
-    above."""
-    if not start.any() and has_dominant_line(profile):
-        located = symmetry_line.critical_scale(profile, _LOCATE)
-        if located.status is Status.OK:
-            beyond = located.value * (1 + _BEYOND / _LOCATE) * profile
-            # Lives end there at 1.2 to 1.5 steps: any larger number than 2 finds the same start.
-            return located.upper, candidates(beyond, longest_lived(beyond, 2 * _LOCATE))
-    # From zero the tree goes on from any scale without circles: two transversals are enough.
-    n_sites = 8 if profile.size <= 2 or start.any() else 2
-    upper, found = transversal.upper_scale(profile, _LOCATE_ANYWHERE, start, n_sites)
-    return upper, candidates(start + upper * profile, found) if found else []
-
-
-class _Race:
-    """Circles on a segment, by the scales at which residues say that they break.
-
-    eliminated : list of float, scales at which no start was found to survive. stands : function of
-    a circle and a scale. stood : list of the scales and the circles of which it said yes.
-    """
-
-    def __init__(self, start, short, precision, upper):
-        self.start, self.short, self.precision = start, short, precision
-        self.eliminated = [upper]
-        self.leader, self.known, self.told, self.seen = None, [], set(), set()
-        self.stands, self.stood = cache(self._stands), []
-        self.standing = cache(lambda scale: find_existing_circle(self.at(scale)))
-
-    def _stands(self, omega, scale, *longest):
-        if stands := circle_exists(omega, self.at(scale), *longest):
-            self.stood.append((scale, omega))
-        return stands
-
-    def at(self, scale):
-        """The forcing there."""
-        return self.start + scale * self.short
-
-    @property
-    def upper(self):
-        """The lowest scale known without circles."""
-        return min(self.eliminated)
-
-    def blurred(self, scale):
-        """Whether a cusp is so near that the orbits which are asked do not see it."""
-        if not periodic.cusp_period(self.at(scale)) > _TOO_LONG:
-            return False
-        self.told.add(Status.NEAR_CUSP)
-        return True
-
-    def enter(self, names, reached):
-        """Let circles take the lead that stand at a scale and break later than the leader, but not
-        above a scale without circles. Next to a cusp that orbits do not see none does. A circle
-        that is known to break below may come back: with three kicks boundaries have sheets."""
-        if self.short.size > 2 and self.blurred(reached):
-            return
-        for omega in names:
-            if self.leader:
-                reached = max(reached, self.leader.value)
-            if not self.stands(omega, reached):
-                continue
-            self.seen.add(omega)
-            scale = no_answer(omega, Status.UNDECIDED)
-            if self.short.size <= 2:
-                scale = self.by_residues(omega)
-            plausible = reached - scale.error <= scale.value <= self.upper + scale.error
-            if scale.status is not Status.NEAR_CUSP and not plausible:
-                scale = self.by_halving(omega, reached)
-            if scale.status is Status.OK:
-                self.known = sorted([*self.known, scale], key=lambda known: -known.value)
-                self.leader = _most_robust([scale], self.leader)
-
-    def descend(self):
-        """Enter the first circle that stands below what is eliminated, and above the leader, in
-        steps of what the periods that were asked can tell. First that is tried which the tree was
-        longest to rule out: mostly it is the last one."""
-        scale = self.upper
-        if self.short.size > 2 and self.blurred(scale):
-            return
-        while True:
-            omega, names, period = self.standing(scale)
-            if omega:
-                self.enter([omega], scale)
-                return
-            if scale == self.upper and self.short.size > 2:
-                omega = _nobles(self.at(scale), float(names[0]), _SIMPLER, 1)[0]
-                if found := self.at_once(omega, _OUTSET * scale, scale):
-                    self.leader, self.known = found, [found]
-                    return
-            scale *= 1 - min(max(_STEP / period, self.precision), _LARGEST_STEP)
-            if scale < 0.1 * self.upper or (self.leader and scale < self.leader.value):
-                return
-
-    def by_residues(self, omega, between=None, q_max=6000):
-        """The CriticalScale of one circle by the crossings of its residues; by longer orbits if a
-        cusp is near and blurs the others."""
-        scale = periodic.critical_scale(omega, self.short, q_max, self.start, between)
-        precise = scale.error <= self.precision * scale.value  # NaN is not
-        cusp = periodic.cusp_period(self.at(self.upper))
-        if not precise and cusp > _BLURRED and self.short.size <= 2:
-            longer = periodic.critical_scale(omega, self.short, _LONG, self.start, between)
-            scale = longer if longer.status is Status.OK else scale
-        self.told.add(scale.status)
-        return scale
-
-    def by_halving(self, omega, below):
-        """The CriticalScale of a circle that stands below. A scale at which it stands too is none
-        without circles: searches for survivors are samples, and residues know better."""
-        if self.blurred(below):
-            return no_answer(omega, Status.NEAR_CUSP)
-        while self.stands(omega, self.upper, _LONGER_ORBITS):
-            if len(self.eliminated) == 1 and not self.climbed(omega):
-                return no_answer(omega, Status.UNDECIDED)
-            self.eliminated.remove(self.upper)
-        above = self.upper
-        if not any(map(self.halved, self.known)) and (found := self.at_once(omega, below, above)):
-            return found
-        while above - below > _HALVED * above:
-            middle = (below + above) / 2
-            below, above = (middle, above) if self.stands(omega, middle) else (below, middle)
-        value, method = (below + above) / 2, "Greene's residue"
-        return CriticalScale(value, above - below, np.nan, np.nan, omega, Status.OK, method)
-
-    def climbed(self, omega):
-        """Find another scale without circles, above one where a circle is certified; whether it
-        is."""
-        scale = self.upper
-        if not _is_certified(omega, self.at(scale)):
-            return False
-        while len(self.eliminated) == 1:
-            scale += _CLIMB * np.abs(self.at(scale)).max() / np.abs(self.short).max()
-            if longest_lived(self.at(scale), _LOCATE_ANYWHERE).kicks < np.inf:
-                self.eliminated.append(scale)
-        return True
-
-    def halved(self, scale):
-        """Whether a circle's breakup is known by halving only."""
-        return scale.error > _HALVED / 2 * scale.value
-
-    def at_once(self, omega, below, above):
-        """The CriticalScale of a circle between two scales, if short orbits tell it; else None."""
-        found = self.by_residues(omega, (below, above), _FIRST)
-        if found.status is not Status.OK or not found.error < _AT_ONCE * found.value:
-            return None
-        near = _HALVED / 2 * found.value
-        if not self.stands(omega, found.value - near) or self.stands(omega, found.value + near):
-            return None
-        return self.precise(found, near)
-
-    def precise(self, known, far):
-        """The same by longer orbits, if they agree to within `far`."""
-        between = known.value - far, known.value + far
-        for longest in (3000, 6000)[self.precision < _ROUGHLY :]:
-            scale = self.by_residues(known.omega, between, longest)
-            if abs(scale.value - known.value) < far:
-                return scale
-        return known
-
-    def refine(self):
-        """Ask residues for the digits of the leader, and of those that may break as late. Where
-        they tell none of one, its error is left, and they are not asked of the others."""
-        for i, known in enumerate(self.known):
-            if self.halved(known) and known.value + known.error > self.leader.value:
-                self.known[i] = self.precise(known, 2 * known.error)
-                if self.known[i] is known:
-                    break
-        if self.known:
-            shortest = sorted(self.known, key=lambda known: len(known.omega.prefix))
-            self.leader = _most_robust(shortest, None)
-
-
-def longest_lived(kappa: ArrayLike, n_max: int) -> LongestLived:
+def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLived:
     """Find the start that converse KAM takes longest to eliminate.
 
     Parameters
@@ -478,6 +562,8 @@ def longest_lived(kappa: ArrayLike, n_max: int) -> LongestLived:
         Strengths of the kicks, first kick first.
     n_max : int
         Most steps (periods of the forcing).
+    until : float
+        The `time.thread_time` from which on transversals are left as they are.
 
     Returns
     -------
@@ -495,7 +581,7 @@ def longest_lived(kappa: ArrayLike, n_max: int) -> LongestLived:
         y, steps = symmetry_line.longest_lived(kappa, n_max)
         site, x = dominant_centre(kappa)
         return LongestLived(int(site), x, y, steps * kappa.size)
-    return transversal.longest_lived(kappa, n_max)
+    return transversal.longest_lived(kappa, n_max, until)
 
 
 def longest_lived_start(kappa: ArrayLike, n_max: int) -> tuple[float, float, float]:
@@ -613,22 +699,10 @@ def candidates(kappa: FloatArray, start: LongestLived, n: int = _AVERAGED) -> li
     parse("[0;2,(1)]")
     """
     omega, _ = rotation_number(np.roll(kappa, -start.site), start.x, start.y, n)
-    return _nobles(kappa, float(omega), _NEAR, _CANDIDATES) if np.isfinite(omega) else []
-
-
-def _nobles(kappa, *near):
+    if not np.isfinite(omega):
+        return []
+    near = float(omega), _NEAR, _CANDIDATES
     return half_shift_nobles(kappa, *near) + nobles_near(*near)
-
-
-def _most_robust(scales, best):
-    """The CriticalScale of the circle that breaks last, `best` among them, or None; of two that
-    residues cannot tell apart the first."""
-    for scale in scales:
-        if scale.status is Status.OK and (
-            best is None or scale.value - best.value > scale.error + best.error
-        ):
-            best = scale
-    return best
 
 
 def per_period(

@@ -43,7 +43,6 @@ __all__ = ["circle_exists", "find_existing_circle"]
 
 _SCANNED = 20  # period up to which the highest maximum is sought, and not that next to neighbours'
 _AGAIN = 300  # the same where joining fails
-_DEEPEST = 1000  # period of neighbours between which no one looks
 _LOST = 0.25  # stands for the residue of a short orbit that is lost: it rules out nothing
 _LARGEST = 1.6  # residue next to a circle that stands,
 _PRODUCTS = (10, 100.0), (30, 1.0), (100, 0.5), (300, 0.3), (inf, 0.22)
@@ -54,7 +53,11 @@ forcings of three to six kicks residues were at most 1.1, and products 0.26 from
 _FEW = 10  # Up to that period any residue may be next to one.
 _FALLEN, _LONG = 0.05, 100  # residues that small, of periods that long: ask the circle itself
 _MOST = 3000  # mediants
-_TELLING, _TOO_LONG = 60, 3000  # periods of the convergents whose residues show if a circle exists
+LONGEST_PERIOD = 3000
+"""Period of the convergents whose residues show if a circle exists."""
+
+_TELLING = 60  # and the least of them
+_VANISHED = 1e-3  # residue below which rounding may hide that they fall
 _LONGER = 4  # times that: up to it residues that have not fallen to 0.1 must fall with each q
 _GAMMA = parse("gamma")
 
@@ -70,7 +73,7 @@ class _Node(NamedTuple):
 
 
 def find_existing_circle(
-    kappa: ArrayLike,
+    kappa: ArrayLike, deepest: int = 1000
 ) -> tuple[RotationNumber | None, list[RotationNumber], int]:
     """Search the Farey tree for a circle that exists under a forcing.
 
@@ -78,13 +81,16 @@ def find_existing_circle(
     ----------
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
+    deepest : int
+        Period of neighbours between which the search does not go on, 10 to 10⁶. The noble between
+        them is tested by `circle_exists` instead.
 
     Returns
     -------
     omega : RotationNumber or None
         A noble in [0, P/2] per period whose circle exists, by `circle_exists`; None without one.
     nobles : list of RotationNumber
-        Those that were not excluded up to period 1000, the simplest first; without any, the one
+        Those that were not excluded up to that period, the simplest first; without any, the one
         that took longest to exclude. Just beyond the last breakup the last circle is one of them.
     period : int
         The longest period used. A circle that breaks at a relative distance δ below the scale takes
@@ -99,7 +105,8 @@ def find_existing_circle(
     >>> find_existing_circle((1.2, 0.9))[0] is None
     True
     """
-    kappa, order, deepest, period = forcing(kappa), counter(), [], 1
+    kappa, deepest = forcing(kappa), count("deepest", deepest, 10, 10**6)
+    order, left_over, period = counter(), [], 1
     heap: list[tuple[float, int, _Node, _Node]] = []
 
     def push(left, right):
@@ -116,8 +123,8 @@ def find_existing_circle(
         if not heap:
             break
         _, _, left, right = heappop(heap)
-        if max(left.q, right.q) > _DEEPEST:
-            deepest += [(omega, (left, right)) for omega in _nobles(kappa, left, right)]
+        if max(left.q, right.q) > deepest:
+            left_over += [(omega, (left, right)) for omega in _nobles(kappa, left, right)]
             continue
         middle = _between(ordered, left, right)
         if middle.q > period:
@@ -129,9 +136,9 @@ def find_existing_circle(
                     return omega, [omega], period
         push(left, middle)
         push(middle, right)
-    deepest.sort(key=lambda found: len(found[0].prefix))
-    omega = next((omega for omega, pair in deepest if _stands(omega, kappa, pair)), None)
-    return omega, [omega for omega, _ in deepest] or _nobles(kappa, *last)[:1], period
+    left_over.sort(key=lambda found: len(found[0].prefix))
+    omega = next((omega for omega, pair in left_over if _stands(omega, kappa, pair)), None)
+    return omega, [omega for omega, _ in left_over] or _nobles(kappa, *last)[:1], period
 
 
 def _stands(omega, kappa, nodes):
@@ -139,7 +146,7 @@ def _stands(omega, kappa, nodes):
 
 
 def circle_exists(
-    omega: OmegaLike, kappa: ArrayLike, longest: int = _TOO_LONG, known: Sequence[Orbit] = ()
+    omega: OmegaLike, kappa: ArrayLike, longest: int = LONGEST_PERIOD, known: Sequence[Orbit] = ()
 ) -> bool:
     """Test whether a circle exists, by the decay of the residues of its convergents.
 
@@ -184,7 +191,8 @@ def circle_exists(
         *_, before, residue = residues
         if residue > before and residue > 1.5:
             return False
-        if max(residues[-3:]) < 0.1:
+        # Next to an exchange of orbits residues pass through 0, and three may be small by chance.
+        if max(residues[-3:]) < 0.1 and (_fall(residues) or residue < _VANISHED):
             return True
     return _fall(residues)
 

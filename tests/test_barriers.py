@@ -1,5 +1,6 @@
 """The last barrier: κ_G, all other circles, other methods, its symmetries; and led astray."""
 
+import time
 from dataclasses import replace
 from itertools import product
 
@@ -283,6 +284,12 @@ def misled(monkeypatch, candidates):
     return rounds
 
 
+def assert_same_barrier(found, expected):
+    assert abs(found.value - expected.value) <= found.error + expected.error
+    assert found.omega == expected.omega
+    assert found.lower < expected.value < found.upper < (1 + 1e-3) * expected.value
+
+
 @pytest.mark.parametrize("angle", [30, 36.1])
 @pytest.mark.parametrize(
     "wrong", thirds([["gamma"], ["[0;2,3,(1)]", "gamma+1"], ["[0;1,5,(1)]"], []])
@@ -290,30 +297,55 @@ def misled(monkeypatch, candidates):
 def test_a_wrong_candidate_is_caught_and_the_right_one_found(angle, wrong, monkeypatch):
     expected = critical_scale(ray(angle), 1e-3)
     assert not {parse(name) for name in wrong} & mirror_images(expected.omega, 2)
-    rounds = misled(monkeypatch, [wrong])
-    found = critical_scale(ray(angle), 1e-3)
-    assert len(rounds) > 1
-    assert found == expected
+    misled(monkeypatch, [wrong])
+    assert_same_barrier(critical_scale(ray(angle), 1e-3), expected)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "tol"), [(["2gamma", "[0;5,(1)]"], 1e-1), (["[0;2,3,(1)]"], 1e-3), ([], 1e-3)]
-)
-def test_wrong_candidates_alone_give_no_value_but_a_true_bound(wrong, tol, monkeypatch):
-    exact = critical_scale(ray(30), 1e-3).value
+@pytest.mark.parametrize("wrong", [["2gamma", "[0;5,(1)]"], ["[0;2,3,(1)]"], []])
+def test_where_all_candidates_are_wrong_the_tree_answers(wrong, monkeypatch):
+    expected = critical_scale(ray(30), 1e-3)
     rounds = misled(monkeypatch, [wrong] * 100)
-    monkeypatch.setattr(barriers, "find_existing_circle", lambda kappa: (None, [], 100))
-    found = critical_scale(ray(30), tol)
+    assert_same_barrier(critical_scale(ray(30), 1e-3), expected)
     assert rounds
-    assert found.status is Status.UNDECIDED
+
+
+@pytest.mark.parametrize("questions", [1, 5, 9])
+def test_with_too_few_questions_there_is_no_value_but_a_true_bound(questions):
+    exact = critical_scale(GENERIC, 1e-3).value
+    found = critical_scale(GENERIC, 1e-3, effort=barriers.Effort(max_questions=questions))
+    assert found.status is Status.NOT_CONVERGED
     assert np.isnan([found.value, found.error]).all()
     assert found.omega is None
     assert not found.lower > exact
-    assert exact < found.upper < exact * (1 + 1e-3)
+    assert exact < found.upper
+
+
+def test_a_circle_that_breaks_just_after_the_named_one_is_the_last():
+    """[0;4,3,(1)], which the tree excludes last, breaks 9e-5 earlier than [0;4,3,2,(1)]."""
+    profile = (-0.663821954890323, 0.9944856278202228, -0.4426921491035081)
+    earlier, later = (
+        periodic.critical_scale(omega, profile, 3000, between=(0.698, 0.7))
+        for omega in ("[0;4,3,(1)]", "[0;4,3,2,(1)]")
+    )
+    assert earlier.value + earlier.error < later.value - later.error
+    found = critical_scale(profile, 1e-3)
+    assert abs(found.value - later.value) <= found.error + later.error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [2, 6])
+@pytest.mark.parametrize("period", [9, 24, 64])
+def test_a_search_ends_within_its_seconds(period, seconds):
+    """Or a fifth later, and a question that takes long under 64 kicks."""
+    profile = np.random.default_rng(64).normal(size=period)
+    begun = time.thread_time()
+    found = critical_scale(profile, 1e-4, seconds=seconds)
+    assert time.thread_time() - begun < 1.2 * seconds + period / 64
+    assert not found.lower > found.upper
 
 
 def test_without_a_circle_certified_near_the_breakup_the_status_is_wide(monkeypatch):
-    monkeypatch.setattr(barriers, "_certified_at", lambda *_: False)
+    monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)
     monkeypatch.setattr(continuation, "certified_circle", lambda _, *more: (0.997 * more[1], 0))
     found = critical_scale(ray(30), 1e-3)
     assert found.status is Status.WIDE

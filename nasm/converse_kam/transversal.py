@@ -103,7 +103,7 @@ _SCAN_STEP, _SCAN_STEPS = 0.1, 40
 """Change of the largest strength in a step from a start, and number of steps."""
 
 
-def longest_lived(kappa: ArrayLike, n_max: int) -> LongestLived:
+def longest_lived(kappa: ArrayLike, n_max: int, until: float = math.inf) -> LongestLived:
     """Find the start that takes longest to be eliminated, on the transversals of the module.
 
     Parameters
@@ -112,6 +112,9 @@ def longest_lived(kappa: ArrayLike, n_max: int) -> LongestLived:
         Strengths of the kicks, first kick first.
     n_max : int
         Steps (periods of the forcing) in either direction, 1 to 10⁶.
+    until : float
+        The `time.thread_time` from which on transversals are not bent any further: then a start
+        may be called a survivor that a better curve would not meet.
 
     Returns
     -------
@@ -131,8 +134,8 @@ def longest_lived(kappa: ArrayLike, n_max: int) -> LongestLived:
     True
     """
     strengths = forcing(kappa)
-    n_max = count("n_max", n_max, 1, MAX_STEPS)
-    return _longest_lived(strengths, n_max, _by_strength(strengths))
+    n_max, until = count("n_max", n_max, 1, MAX_STEPS), real("until", until)
+    return _longest_lived(strengths, n_max, _by_strength(strengths), until)
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,7 +316,7 @@ def _by_strength(kappa):
     return np.argsort(-np.abs(kappa), kind="stable").tolist()[:_MAX_SITES]
 
 
-def _longest_lived(kappa, n_steps, sites):
+def _longest_lived(kappa, n_steps, sites, until=math.inf):
     """Return the LongestLived of the transversal whose longest lifetime is the shortest.
 
     Of transversals without survivors and with a long lifetime, the first is taken. The last site
@@ -324,13 +327,13 @@ def _longest_lived(kappa, n_steps, sites):
     for transversal in _transversals(kappa, list(sites), _SEARCH_GAP):
         site, ((x, y), kicks) = (
             transversal.site,
-            _bend_while_surviving(transversal, n_steps, _GRIDS, width),
+            _bend_while_surviving(transversal, n_steps, _GRIDS, width, until),
         )
         if best is None or kicks < best.kicks:
             best = LongestLived(site, float(x), float(y), kicks)
             sites.remove(site)
             sites.insert(0, site)
-        if _SHORT_LIFETIME < best.kicks < np.inf:
+        if _SHORT_LIFETIME < best.kicks < np.inf or time.thread_time() > until:
             break
     return best
 
