@@ -2,9 +2,9 @@
 
 The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
 With three kicks or more circles may break and come back in bands of scales, next to the boundary in
-bands as narrow as one likes. The search resolves bands of a relative width of about tol; its error
-covers the scale above which no circle was found, and is at least tol/2 where it met bands. From
-another start than zero the first breakup is meant.
+bands as narrow as one likes. The search resolves bands of a relative width of about tol: where it
+met any, error is at least tol, and upper at least value + error. From another start than zero the
+first breakup is meant.
 
 The search goes from outside to inside.
 
@@ -349,7 +349,7 @@ def _value(segment, tol, bracket):
     if bracket.breakup is not None:
         return bracket.breakup.value, bracket.breakup.error
     half = (bracket.outside - bracket.inside) / 2
-    return bracket.inside + half, max(half, segment.length(bracket.outside, tol / 2))
+    return bracket.inside + half, max(half, segment.length(bracket.outside, tol))
 
 
 def _outermost(tree):
@@ -491,9 +491,10 @@ def _eliminated_above(tree, tol, bracket):
     If time is spent it is the bracket's upper end, of which the tree knows.
     """
     segment, effort = tree.segment, tree.effort
-    value, _ = _value(segment, tol, bracket)
+    value, error = _value(segment, tol, bracket)
     near = segment.length(value, effort.share_above * tol)
-    scale, n_steps = bracket.outside, _steps_to_eliminate(segment, near, value)
+    n_steps = _steps_to_eliminate(segment, near, value)
+    scale = max(bracket.outside, value + error)
     until = tree.began + _WITNESS_SHARE * tree.seconds
     while scale < tree.eliminated and not (bracket.is_eliminated or tree.has_spent(_WITNESS_SHARE)):
         longest = longest_lived(segment.at(scale), n_steps, until)

@@ -114,7 +114,7 @@ def test_without_a_certified_circle_there_is_no_barrier(monkeypatch, kappa):
 
     monkeypatch.setattr(circles, "invariant_circle", failing)
     monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
-    monkeypatch.setattr(barriers, "_certified_at", lambda *_: False)  # which asks long for others
+    monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)  # which asks long for others
     found = verdict(kappa)
     assert (found.answer, found.evidence) == (Answer.UNDECIDED, Evidence.NONE)
 
