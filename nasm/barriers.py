@@ -10,12 +10,12 @@ The search goes from outside to inside.
 
 1. *Ask.* Does a circle exist at this scale? The Farey tree (`nasm.farey`) names one, or excludes
    all, and says which was the last to be excluded, and the longest period that this took. The
-   search begins at 2/max|κ|, where no circle exists.
-2. *Step.* Where none exists, go down. Residues grow like s^q, so that periods q exclude circles not
-   only at one scale, but over a relative distance of order 1/q: that is the step.
-3. *Leap.* Once periods are 100, and again whenever they have doubled, and for each circle that was
-   met, residues are asked where that circle breaks (`nasm.periodic`). If they tell precisely, the
-   next question is asked just above.
+   search begins about 1% above the breakup, where converse KAM eliminates all starts in 100 steps.
+2. *Leap.* Residues are asked where the circle breaks that was excluded last, or the one that was
+   met (`nasm.periodic`). If they tell precisely, the next question is asked just above.
+3. *Step.* If they do not, go down. Residues grow like s^q, so that periods q exclude circles not
+   only at one scale, but over a relative distance of order 1/q: a quarter of that is the step.
+   Whenever periods have doubled there is another leap.
 4. *End.* Where no circle exists just above, that is the last breakup, unless one of the circles
    that took longest to exclude there breaks in between. Otherwise a circle was met that breaks
    later, and the search goes on with it. In bands residues have no limit: steps go on until the
@@ -33,7 +33,7 @@ that exists by its residues, the search goes on from there.
 """
 
 from dataclasses import dataclass, replace
-from itertools import islice, pairwise
+from itertools import islice
 from math import floor, inf, nan
 from time import thread_time
 
@@ -94,8 +94,12 @@ _FINEST_STEP = 0.1
 _SEARCH_SHARE, _WITNESS_SHARE = 0.6, 0.8
 """Shares of the CPU time after which the search ends, and then converse KAM."""
 
-_SCANNED = 0.1 * np.arange(41)
-"""Changes of the largest strength, from a start, at which the first breakup is sought."""
+_LOCATE_ANYWHERE = 100
+"""Steps of converse KAM on transversals in which the search begins: about 1% above the breakup,
+where the circle that the tree excludes last is mostly the last one."""
+
+_CLIMB = 0.01
+"""Relative distance between scales that are tried if a circle exists where it begins."""
 
 _BELOW = 0, 0.3, 0.6, 1.5, 3, 9, 29
 """Distances below a bracket, over tol, at which a circle is certified if not nearer to it."""
@@ -133,11 +137,8 @@ class Effort:
     max_questions : int
         Scales at which the Farey tree is asked. Of the judged forcings regular ones take 10 to 20,
         bands up to 60.
-    resolved_period : int
-        Period that excludes all circles about 1% above the last breakup: from there on the circle
-        excluded last is mostly the one that breaks last, and residues are asked about it.
-    far_step, step : float
-        Relative step times the longest period, up to there and from there on.
+    step : float
+        Relative step times the longest period.
     tree_depth : int
         Period of Farey neighbours between which the tree is not searched any further.
     orbit_period : int
@@ -159,8 +160,6 @@ class Effort:
 
     share_above: float = 0.3
     max_questions: int = 120
-    resolved_period: int = 100
-    far_step: float = 1.0
     step: float = 0.25
     tree_depth: int = 1000
     orbit_period: int = 1500
@@ -321,7 +320,6 @@ def _last_breakup(segment, tol, seconds, effort):
         if isinstance(ends, Status):
             return no_answer(None, ends, "Farey tree")
         bracket = _search_by_tree(tree, tol, *ends)
-        tree.eliminated = inf if segment.start.any() else ends[1]
     upper, survivor = _eliminated_above(tree, tol, bracket)
     while survivor is not None and not tree.has_spent(_SEARCH_SHARE):
         outside = tree.lowest_excluded(upper)
@@ -355,17 +353,19 @@ def _value(segment, tol, bracket):
 def _outermost(tree):
     """Return the scales (inside, outside) at which the search begins, or a Status."""
     segment = tree.segment
-    unit = 1 / np.abs(segment.profile).max()
-    if not segment.start.any():
-        if segment.profile.size <= 2:  # next to a cusp, and there are no bands above
-            return 0.0, symmetry_line.critical_scale(segment.profile, 16 * _LOCATE).upper
-        return 0.0, 2 * unit  # no circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2
-    if not tree.exists(0.0):
-        return Status.OUTSIDE
-    for inside, outside in pairwise(unit * _SCANNED):
-        if not tree.exists(outside):
-            return inside, outside
-    return Status.NO_BREAKUP
+    if segment.profile.size <= 2 and not segment.start.any():
+        # Next to a cusp. There are no bands above.
+        outside = symmetry_line.critical_scale(segment.profile, 16 * _LOCATE).upper
+        tree.eliminated = outside
+        return 0.0, outside
+    n_sites = 8 if segment.start.any() else 2  # any scale without circles will do on a ray
+    inside = 0.0
+    outside, _ = transversal.upper_scale(segment.profile, _LOCATE_ANYWHERE, segment.start, n_sites)
+    if not 0 < outside < inf:
+        return Status.NO_BREAKUP if outside else Status.OUTSIDE
+    while tree.exists(outside) and not tree.has_spent(_SEARCH_SHARE):  # no start on it survives
+        inside, outside = outside, outside + segment.length(outside, _CLIMB)
+    return inside, outside
 
 
 def _search_by_tree(tree, tol, inside, outside, omega=None):
@@ -377,13 +377,12 @@ def _search_by_tree(tree, tol, inside, outside, omega=None):
     _, nobles, period = tree.ask(outside)
     unasked, asked_period = omega, 0  # of residues
     while outside - inside > segment.length(outside, tol / 2) and not tree.has_spent(_SEARCH_SHARE):
-        is_resolved = period >= effort.resolved_period
-        step = (effort.step if is_resolved else effort.far_step) / period
-        scale = outside - segment.length(outside, max(step, _FINEST_STEP * tol))
+        step = max(effort.step / period, _FINEST_STEP * tol)
+        scale = outside - segment.length(outside, step)
         if scale <= inside:
             scale = (inside + outside) / 2
         breakup = None
-        if is_resolved and (unasked or period >= 2 * asked_period):
+        if unasked or period >= 2 * asked_period:
             breakup = _breakup(tree, tol, unasked or nobles[0], inside, outside)
             unasked, asked_period = None, period
         if breakup:
