@@ -78,9 +78,6 @@ _LOCATE = 1000
 _OUTSET = 0.93
 """Scale, over one without circles, at which candidates exist."""
 
-_TWO_KICK_PERIOD = 6000
-"""Period of orbits that tell the breakup to eleven digits."""
-
 _LIFETIME = 1.6
 """Steps, times the relative distance beyond the breakup, in which converse KAM eliminates all
 starts: twice those of `transversal.EXCESS_BOUNDS`, as some orbits linger."""
@@ -114,7 +111,7 @@ _WIDE = 2
 """Width of a bracket, over tol, that a caller must be told of."""
 
 _CONTRADICTION = 0.01
-"""Relative distance of `upper` from the value that contradicts it."""
+"""Relative distance of `upper` from the value that contradicts it, if it is larger than tol."""
 
 _NEAR = 2e-5
 """Distance of candidates, relative to the measured rotation number."""
@@ -141,8 +138,9 @@ class Effort:
         Relative step times the longest period.
     tree_depth : int
         Period of Farey neighbours between which the tree is not searched any further.
-    orbit_period : int
-        Longest period of the residues of which the value is computed: nine digits.
+    orbit_period, last_period : int
+        Longest period of the residues that are asked before a leap, and of those of which the value
+        is computed in the end: nine and eleven digits.
     rival_distance : float
         Relative distance above the value at which no other circle exists by its residues.
     cusp_period : int
@@ -163,6 +161,7 @@ class Effort:
     step: float = 0.25
     tree_depth: int = 1000
     orbit_period: int = 1500
+    last_period: int = 6000
     rival_distance: float = 1e-5
     cusp_period: int = 30_000
     blurred_period: int = 300
@@ -335,7 +334,7 @@ def _last_breakup(segment, tol, seconds, effort):
         status = Status.NEAR_CUSP
     elif bracket.outside - bracket.inside > segment.length(value, tol):
         status = Status.NOT_CONVERGED
-    elif upper - value > _CONTRADICTION * value:
+    elif upper - value > max(_CONTRADICTION, tol) * value:
         status = Status.UNDECIDED
     if status in (Status.OK, Status.WIDE):
         return CriticalScale(value, error, lower, upper, bracket.omega, status, periodic.METHOD)
@@ -423,8 +422,13 @@ def _with_rivals(tree, tol, breakup, outside, nobles):
             if later is None:  # it breaks somewhere in between
                 return _Bracket(just_above, outside, omega)
             breakup = later
-    below = breakup.value - segment.length(outside, tree.effort.share_above * tol)
-    return _Bracket(below, outside, breakup.omega, breakup)
+    near = segment.length(outside, tree.effort.share_above * tol)
+    around = breakup.value - near, breakup.value + near
+    period = tree.effort.last_period
+    longer = periodic.critical_scale(breakup.omega, segment.profile, period, segment.start, around)
+    if longer.status is Status.OK and longer.error < breakup.error:
+        breakup = longer
+    return _Bracket(around[0], outside, breakup.omega, breakup)
 
 
 def _search_by_survivors(segment, tol, effort):
@@ -460,7 +464,7 @@ def _search_by_survivors(segment, tol, effort):
 
 def _breakup_of_two_kicks(omega, profile, tol, effort):
     """Return the CriticalScale of a circle, by longer orbits if a cusp is near and blurs others."""
-    for longest in (_TWO_KICK_PERIOD, effort.cusp_period):
+    for longest in (effort.last_period, effort.cusp_period):
         found = periodic.critical_scale(omega, profile, longest)
         is_precise = found.error <= effort.share_above * tol * found.value
         if is_precise or found.status not in (Status.OK, Status.NEAR_CUSP):
@@ -493,7 +497,7 @@ def _eliminated_above(tree, tol, bracket):
     value, error = _value(segment, tol, bracket)
     near = segment.length(value, effort.share_above * tol)
     n_steps = _steps_to_eliminate(segment, near, value)
-    scale = max(bracket.outside, value + error)
+    scale = max(bracket.outside, min(value + error, tree.eliminated))
     until = tree.began + _WITNESS_SHARE * tree.seconds
     while scale < tree.eliminated and not (bracket.is_eliminated or tree.has_spent(_WITNESS_SHARE)):
         longest = longest_lived(segment.at(scale), n_steps, until)
@@ -576,7 +580,7 @@ def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLi
     >>> longest_lived((1.2, 0.9), 1000).kicks < 1000
     True
     """
-    kappa = forcing(kappa)
+    kappa, until = forcing(kappa), real("until", until)
     if has_dominant_line(kappa):
         y, steps = symmetry_line.longest_lived(kappa, n_max)
         site, x = dominant_centre(kappa)

@@ -309,7 +309,7 @@ def test_where_all_candidates_are_wrong_the_tree_answers(wrong, monkeypatch):
     assert rounds
 
 
-@pytest.mark.parametrize("questions", [1, 5, 9])
+@pytest.mark.parametrize("questions", [1, 2])
 def test_with_too_few_questions_there_is_no_value_but_a_true_bound(questions):
     exact = critical_scale(GENERIC, 1e-3).value
     found = critical_scale(GENERIC, 1e-3, effort=barriers.Effort(max_questions=questions))
