@@ -21,9 +21,11 @@ from numpy.typing import ArrayLike
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import LANES
 from nasm.checks import count
-from nasm.critical import Status
+from nasm.critical import Result, Status
 from nasm.escape import MAX_STEPS, advance, ensemble, kick_series
 from nasm.maps import forcing
+from nasm.tables import html_table, status_text
+from nasm.texts import rounded_value
 from nasm.types import FloatArray
 
 __all__ = ["Diffusion", "diffusion"]
@@ -37,9 +39,11 @@ _MAX_GROWTH_EXPONENT = 1.2  # of n, in the growth of mean squares
 _MAX_SQUARE_RATIO = 100.0  # of the largest square to the mean: chance takes no orbit further
 
 
-@dataclass(frozen=True)
-class Diffusion:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diffusion(Result):
     """Diffusion constant of an ensemble.
+
+    It prints on one line, with the digits that the error leaves; notebooks show it as a table.
 
     Attributes
     ----------
@@ -48,11 +52,31 @@ class Diffusion:
         status is not OK.
     status : Status
         OK, NOT_CONVERGED if n_max was too small, or ANOMALOUS.
+
+    Examples
+    --------
+    >>> from nasm.critical import Status
+    >>> from nasm.diffusion import Diffusion
+    >>> Diffusion(0.52314, 0.0123, Status.OK)
+    Diffusion(0.523 ± 0.012 per period, OK)
     """
 
     value: float
     error: float
     status: Status
+
+    def __repr__(self) -> str:
+        return f"Diffusion({self._value()}, {status_text(self.status)})"
+
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        rows = {"D": self._value(), "status": status_text(self.status)}
+        return html_table(rows, "Diffusion constant, in squares of y")
+
+    def _value(self) -> str:
+        if np.isnan(self.value):
+            return "no value"
+        return f"{rounded_value(self.value, self.error)} per period"
 
 
 def diffusion(kappa: ArrayLike, n_orbits: int = 1024, n_max: int = 2**21) -> Diffusion:

@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 from nasm.action import FLAT, MAX_PERIOD, ConvergentOrbits, LostError, Orbit, ordered_orbits
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count
-from nasm.critical import Status
+from nasm.critical import Result, Status
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import (
     RotationNumber,
@@ -40,6 +40,8 @@ from nasm.numbers import (
     distinct_convergents,
 )
 from nasm.symmetries import shorten
+from nasm.tables import html_table, status_text
+from nasm.texts import rounded_value
 from nasm.types import OmegaLike
 
 __all__ = ["Flux", "action_difference", "flux"]
@@ -49,9 +51,11 @@ _AIM = 1e-6  # at which the search ends
 _MAX_CHANGE = 0.01  # that is accepted if it cannot be continued
 
 
-@dataclass(frozen=True)
-class Flux:
+@dataclass(frozen=True, eq=False, repr=False)
+class Flux(Result):
     """Flux through the cantorus of ω, per step of T (one period of the forcing).
+
+    It prints on one line, with the digits that the error leaves; notebooks show it as a table.
 
     Attributes
     ----------
@@ -63,7 +67,15 @@ class Flux:
     period : int
         Longest period of the orbits used.
     omega : RotationNumber
+        Rotation number of the cantorus per step.
     status : Status
+        OK, or the reason and its cure.
+
+    Examples
+    --------
+    >>> from nasm.flux import flux
+    >>> flux("gamma", (1.1,))
+    Flux(3.73...e-05 ± ... per step, orbits of period ..., circle [0;(1)], OK)
     """
 
     value: float
@@ -71,6 +83,25 @@ class Flux:
     period: int
     omega: RotationNumber
     status: Status
+
+    def __repr__(self) -> str:
+        orbits = f"orbits of period {self.period}"
+        return f"Flux({self._value()}, {orbits}, circle {self.omega}, {status_text(self.status)})"
+
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        rows = {
+            "flux": self._value(),
+            "rotation number": f"{self.omega} = {float(self.omega):.12g} per step",
+            "longest period used": f"{self.period}",
+            "status": status_text(self.status),
+        }
+        return html_table(rows, "Flux through a cantorus")
+
+    def _value(self) -> str:
+        if np.isnan(self.value):
+            return "no value"
+        return f"{rounded_value(self.value, self.error)} per step"
 
 
 def flux(omega: OmegaLike, kappa: ArrayLike, q_max: int = 30_000) -> Flux:

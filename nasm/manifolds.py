@@ -33,6 +33,7 @@ from nasm.critical import Result
 from nasm.flux import action_difference
 from nasm.maps import forcing, step_tangent
 from nasm.orbits import orbit
+from nasm.tables import html_table
 from nasm.types import FloatArray
 
 __all__ = ["Turnstile", "stable", "turnstile", "unstable"]
@@ -196,7 +197,7 @@ def _branch(
     return xs[indices], ys[indices]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Turnstile(Result):
     """Turnstile at one edge of the resonance of p/q.
 
@@ -210,6 +211,17 @@ class Turnstile(Result):
 
     area: float
     lobes: tuple[FloatArray, FloatArray]
+
+    def __repr__(self) -> str:
+        return f"<Turnstile: lobes of area {self.area:.6g}, with {self._sizes()} points>"
+
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        rows = {"area of a lobe, per step": f"{self.area:.12g}", "points": self._sizes()}
+        return html_table(rows, "Turnstile")
+
+    def _sizes(self) -> str:
+        return " and ".join(f"{lobe.shape[1]}" for lobe in self.lobes)
 
 
 def turnstile(kappa: ArrayLike, p: int, q: int, above: bool, spacing: float = 1e-3) -> Turnstile:

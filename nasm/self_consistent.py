@@ -22,7 +22,7 @@ is computed as κ²/(√(κ² + η²) - η). η and C are summed in blocks, pair
 by operations that IEEE 754 fixes to the last bit: results do not depend on the machine.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -33,6 +33,7 @@ from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, floats, points, real
 from nasm.critical import Result
 from nasm.maps import MAX_STRENGTH, TWO_PI
+from nasm.tables import html_table
 from nasm.types import FloatArray
 
 __all__ = ["Record", "evolve", "momentum"]
@@ -45,7 +46,7 @@ MIN_AMPLITUDE = 1e-100
 _BLOCK_SIZE = 256  # particles whose terms are summed pairwise; a power of two
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Record(Result):
     """Strengths and phases of n kicks of the self-consistent map, and the state after them.
 
@@ -59,11 +60,26 @@ class Record(Result):
         θ after the last kick, in turns; the amplitude is kappa[-1].
     """
 
-    kappa: FloatArray = field(repr=False)
-    theta: FloatArray = field(repr=False)
-    x: FloatArray = field(repr=False)
-    y: FloatArray = field(repr=False)
+    kappa: FloatArray
+    theta: FloatArray
+    x: FloatArray
+    y: FloatArray
     phase: float
+
+    def __repr__(self) -> str:
+        size = f"{self.kappa.size} kicks of {self.x.size} particles"
+        return f"<Record: {size}; at the end κ = {self.kappa[-1]:.6g}, θ = {self.phase:.6g} turns>"
+
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        rows = {
+            "kicks": f"{self.kappa.size}",
+            "particles": f"{self.x.size}",
+            "strengths": f"{self.kappa.min():.6g} to {self.kappa.max():.6g}",
+            "strength of the last kick": f"{self.kappa[-1]:.12g}",
+            "phase after it": f"{self.phase:.12g} turns",
+        }
+        return html_table(rows, "Record of self-consistent kicks")
 
 
 def evolve(

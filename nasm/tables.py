@@ -1,11 +1,12 @@
 """Results as tables that a notebook shows."""
 
 from collections.abc import Mapping
+from enum import Enum
 from html import escape
 
 from nasm.numbers import RotationNumber
 
-__all__ = ["html_table", "omega_text"]
+__all__ = ["html_table", "omega_text", "status_text"]
 
 
 def omega_text(number: RotationNumber, period: int) -> str:
@@ -22,6 +23,19 @@ def omega_text(number: RotationNumber, period: int) -> str:
     if period == 1:
         return f"{number} = {per_kick}"
     return f"{number} = {float(number):.12g} per period of {period} kicks, {per_kick}"
+
+
+def status_text(status: Enum) -> str:
+    """Write a status as its name, with the reason and the cure unless it is OK.
+
+    Examples
+    --------
+    >>> from nasm.critical import Status
+    >>> from nasm.tables import status_text
+    >>> status_text(Status.OK)
+    'OK'
+    """
+    return status.name if status.name == "OK" else f"{status.name}: {status.value}"
 
 
 def html_table(rows: Mapping[str, str], caption: str = "") -> str:

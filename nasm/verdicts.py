@@ -161,7 +161,7 @@ class Verdict(Result):
         if self.steps < inf:
             rows["all starts eliminated"] = f"after {round(self.steps * self.kappa.size)} kicks"
         if self.proof is not None:
-            rows["proof"] = self.proof.why
+            rows["proof"] = self.proof.reason
         if isfinite(self.proved_below):
             rows["barrier proved up to"] = f"{self.proved_below:.10g} times the forcing"
         return html_table(rows, f"Verdict: {self.answer.name}")
@@ -266,7 +266,7 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
         answer, evidence, proof = _prove(kappa, short, circle, answer, evidence)
         is_ray = boundary.value > 1 and size >= MIN_SIZE  # as a profile must be
         if circle is not None and evidence is Evidence.CIRCLE_PROVED and is_ray:
-            from nasm.proofs.fan import proved_below
+            from nasm.proofs.patches import proved_below
 
             below, _ = proved_below(circle.omega, short, boundary.value, _BUDGET)
     return Verdict(kappa, answer, evidence, boundary, graph, steps, proof, below)

@@ -42,17 +42,22 @@ PROVING = {
     "certificate_checker": None,
     "barrier": "_omega_ball _divisors _russmann Grid residual norm slope_modes "
     "bounds_of_the_residual bound_of_the_inverse both_sides inequalities verified balls",
-    "fan": "covered _Fan _chebyshev",
+    "patches": "covered_up_to _Patch _chebyshev",
     "transport": "_closed _is_twist _is_positive _covered _followed _tiles _arithmetic_is_ieee "
     "_follow _start _along _replay _accurate horner _next _kick",
-    "transport_cells": "prove_cell _covered _cover _halve _start _replay _trigonometry _kick",
+    "transport_cells": "prove_cell _covered _cover _bisect _start _replay _trigonometry _kick",
 }
 KERNELS = "transport", "transport_cells"
 # Tests of each module, what takes little time first.
 TESTS = {
-    "certificate_checker": ("certificate_checker", "certificates", "proof_fan", "proof_barrier"),
-    "barrier": ("proof_barrier", "proof_fan", "certificates"),
-    "fan": ("proof_fan", "certificates"),
+    "certificate_checker": (
+        "certificate_checker",
+        "certificates",
+        "proof_patches",
+        "proof_barrier",
+    ),
+    "barrier": ("proof_barrier", "proof_patches", "certificates"),
+    "patches": ("proof_patches", "certificates"),
     "transport": ("proof_transport", "certificates", "proof_cells"),
     "transport_cells": ("proof_cells", "certificates"),
 }

@@ -84,6 +84,18 @@ def test_certificates_name_the_statements_of_the_document_by_their_digests():
     assert digests == {name: digest for name, (digest, _) in certificate_checker.THEOREMS.items()}
 
 
+@pytest.mark.parametrize("name", PROOFS)
+def test_a_proof_prints_on_a_line_and_as_a_table_and_is_no_key(name):
+    proof = PROOFS[name]()
+    line, table = repr(proof), proof._repr_html_()
+    assert "\n" not in line
+    assert ("circle [0;(1)] exists" in line) != ("transport is global" in line)
+    assert table.startswith("<table><caption>Proof that ")
+    assert f"{proof.kappa}" in table or f"{proof.original_kappa}" in table
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(proof)
+
+
 def in_hex(*numbers):
     return [float(number).hex() for number in numbers]
 
@@ -127,22 +139,22 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("barrier", of_another("[0;1,4,4,4,4,3,(4)]", 0.4), "inequality"),
     ("barrier", of_another("[0;1,(4)]", 0.4 * (1 + 2.0**-20)), "inequality"),
     ("ray", {"scales": in_hex(0, 1.1)}, "inequality"),
-    ("ray", {"scales": in_hex(0.75, 0)}, "no part"),
+    ("ray", {"scales": in_hex(0.75, 0)}, "not an interval"),
     ("ray", {"tilt": in_hex(0.001)}, "several directions"),
     ("fan", {"scales": in_hex(0, 1.1)}, "inequality"),
-    ("fan", {"scales": in_hex(0.2, 0.2)}, "no part"),
-    ("fan", {"scales": in_hex(-0.2, 0.2)}, "no part"),
+    ("fan", {"scales": in_hex(0.2, 0.2)}, "not an interval"),
+    ("fan", {"scales": in_hex(-0.2, 0.2)}, "not an interval"),
     ("fan", {"tilt": in_hex(0.0625, 0.126)}, "inequality"),
     ("fan", {"tilt": in_hex(0, 0)}, "functions of t"),
     ("fan", {"tilt": in_hex(0.125)}, "for each kick"),
     ("fan", {"rho": (-0.01).hex()}, "rho is not"),
     ("barrier", {"rho": (-0.07).hex()}, "rho is not"),
-    ("barrier", {"rho": "nan"}, "no number"),
-    ("barrier", {"omega": "[0;2,-3,(1)]"}, "no quadratic irrational"),
+    ("barrier", {"rho": "nan"}, "not a number"),
+    ("barrier", {"omega": "[0;2,-3,(1)]"}, "not a quadratic irrational"),
     ("cell", {"half_width": in_hex(2.0**-6)}, "for each kick"),
     ("barrier", {"moves": {"unit": -76, "numbers": [[]]}}, "degrees"),
     ("barrier", {"moves": {"unit": -76, "numbers": [[[[[], [0, 1]]]]]}}, "inequality"),
-    ("barrier", {"moves": {"unit": -76, "numbers": [[[[[], [0, 1]]] * 2]]}}, "for a kick"),
+    ("barrier", {"moves": {"unit": -76, "numbers": [[[[[], [0, 1]]] * 2]]}}, "for each kick"),
     ("barrier", {"moves": {"unit": -76, "numbers": [[[[[], [0, 1]]]]] * 2}}, "functions of s"),
     ("fan", {"moves": {"unit": -76, "numbers": []}}, "degrees"),
     ("fan", {"moves": {"unit": -76, "numbers": [[], []]}}, "degrees"),
@@ -210,7 +222,7 @@ def test_boxes_that_die_too_late_or_leave_a_gap_are_refused(name):
         changes += [other_life(life[:1]), {"points": right["points"][:-1]}]
         changes += [{"points": [in_hex(x + 2.0**-10, y), *right["points"][1:]]}]
         # If a share could be rounded, both halves could be 0, and Q 2⁻⁵³.
-        refuted(right, other_box(2, -(2.0**-53)), "a share of the site that is")
+        refuted(right, other_box(2, -(2.0**-53)), "a share of the site is")
     for change in changes:
         refuted(right, change)
 
@@ -285,7 +297,7 @@ def matrix_without_an_inverse():
 ALONE = [  # the line, what it would be, why it refuses, and the certificate
     ("points[0][1] != points[-1][1]", "True", "images", polygon_at_one_height),
     ("2 * (s + delta) <= piece + 1", "True", "corner", box_across_a_corner),
-    ("if pivot <= 0:", "if pivot < 0:", "scope", matrix_without_an_inverse),
+    ("if pivot <= 0:", "if pivot < 0:", "does not apply", matrix_without_an_inverse),
 ]
 
 
@@ -334,19 +346,19 @@ MANY = [[[[], [0] * 4000]] * 2, *[[NOTHING] * 2] * 63]
 LARGE = [  # a certificate, what is changed in it, and why it is refused
     *(("transport", {"lives": first(x)}, "from 1 to") for x in (10**9, 0, -1, 1.0, True, "9", [2])),
     ("transport", {"lives": [10**5] * 101, "boxes": ["0" * 1616] * 2}, "in all"),
-    ("transport", {"lives": []}, "lives are no list"),
+    ("transport", {"lives": []}, "lives is not a list"),
     ("transport", {"boxes": ["0"] * 10**5}, "boxes are not 2 texts"),
     ("transport", {"boxes": first("0" * 10**6)}, "boxes are not 2 texts"),
     ("transport", {"kappa": in_hex(*range(65))}, "1 to 64"),
     ("transport", {"kappa": []}, "1 to 64"),
-    ("transport", {"kappa": ["1e-99999999"]}, "is no number"),
+    ("transport", {"kappa": ["1e-99999999"]}, "is not a number"),
     ("transport", {"kappa": ["0." + "0" * 10**6]}, "24 letters"),
     ("transport", {"kappa": ["0.5"]}, "float.hex"),
     ("transport", {"kappa": [1.2]}, "24 letters"),
-    ("transport", {"site": True}, "site is no"),
-    ("transport", {"site": 0.0}, "site is no"),
-    ("transport", {"a": "1e-99999999"}, "a is no"),
-    ("transport", {"a": False}, "a is no"),
+    ("transport", {"site": True}, "site is not"),
+    ("transport", {"site": 0.0}, "site is not"),
+    ("transport", {"a": "1e-99999999"}, "a is not"),
+    ("transport", {"a": False}, "a is not"),
     ("transport", given(kappa=in_hex(*range(1001))), "1 to 1000"),
     *(("transport", {"theorem": of_theorem(version)}, "statement") for version in (1.0, True)),
     ("cell", {"half_width": in_hex(*[0.1] * 65)}, "for each kick"),
@@ -361,7 +373,7 @@ LARGE = [  # a certificate, what is changed in it, and why it is refused
     ("barrier", {"rho": (1e300).hex()}, "rho is not"),
     ("barrier", {"rho": (1.5).hex()}, "rho is not"),
     *(("barrier", {"moves": moves(unit=x)}, "the unit") for x in (10**30, -(10**5), 1.0, True)),
-    *(("barrier", mode(x), "whole numbers") for x in (float("nan"), 1.0, True, 1 << 10001, "1")),
+    *(("barrier", mode(x), "integers") for x in (float("nan"), 1.0, True, 1 << 10001, "1")),
     ("barrier", one_function([], [0], [0]), "two lists"),
     ("barrier", {"moves": moves(more=1)}, "a unit and numbers"),
     ("ray", {"moves": moves(numbers=[[[NOTHING]]] * 65)}, "degrees"),
@@ -400,13 +412,13 @@ def test_whoever_has_the_time_has_longer_proofs_checked(made):
 def test_orbits_that_are_lost_are_not_followed(made):
     """Bounds grow like 4 to the power of 4^n, whose exponents would take all memory."""
     lives = [10**5] * len(made["transport"]["lives"])
-    refuted(made["transport"], {"lives": lives}, "orbits of a box are lost")
+    refuted(made["transport"], {"lives": lives}, "orbits of a box are too far apart")
 
 
 def test_a_circle_with_a_large_residual_is_refused_without_an_inverse(made, monkeypatch):
     monkeypatch.setattr(certificate_checker, "inverse", None)
     unit, numbers = -1, [[[[[], [0, 1, 1, 1]]]]]
-    refuted(made["barrier"], {"moves": {"unit": unit, "numbers": numbers}}, "a residual that")
+    refuted(made["barrier"], {"moves": {"unit": unit, "numbers": numbers}}, "a residual is")
 
 
 def test_an_object_in_an_object_without_end_is_refused():

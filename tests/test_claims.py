@@ -111,7 +111,7 @@ def exact():
     from workflows.claims.periodic import periodic_claims
 
     found = map_claims() | symmetry_claims() | periodic_claims() | circle_claims()
-    return rules.judged(rules.in_words(found | _reductions())), errata()
+    return rules.claims_of(rules.as_texts(found | _reductions())), errata()
 
 
 def test_no_equation_fails_and_all_errata_are_shown(exact):

@@ -353,15 +353,15 @@ def test_the_boundary_on_a_ray_is_known_where_the_rays_begin_without_kicks():
         (None, 1.25, "inside the boundary, which is at 1.25"),
         (None, 0.75, "beyond the boundary, which is at 0.75"),
         (None, np.inf, ""),
-        (Answer.BARRIER, 1 - 1e-9, "on the boundary, or next to it"),
-        (Answer.TRANSPORT, 1 + 1e-9, "on the boundary, or next to it"),
-        (Answer.UNDECIDED, 1 - 1e-9, "not decided on which side of the boundary, which is at 1"),
-        (Answer.UNDECIDED, 1 + 1e-9, "not decided on which side of the boundary, which is at 1"),
+        (Answer.BARRIER, 1 - 1e-9, "on the boundary, or very close to it"),
+        (Answer.TRANSPORT, 1 + 1e-9, "on the boundary, or very close to it"),
+        (Answer.UNDECIDED, 1 - 1e-9, "undecided on which side of the boundary, which is at 1"),
+        (Answer.UNDECIDED, 1 + 1e-9, "undecided on which side of the boundary, which is at 1"),
         (Answer.UNDECIDED, np.nan, ""),
     ],
 )
 def test_the_side_of_the_boundary_is_that_of_the_verdict(answer, value, words):
-    said = plane.side_words(answer, value, f"{value:.6g}")
+    said = plane.side_text(answer, value, f"{value:.6g}")
     assert said.startswith(words)
     assert bool(said) == bool(words)
 

@@ -280,7 +280,7 @@ def test_a_click_beyond_the_boundary_shows_the_longest_lived_start(opened):
     assert told(tab, re.compile("computing the verdict|UNDECIDED"))
     words = told(tab, "UNDECIDED at")
     assert "neither a barrier nor transport could be shown" in words
-    tab.get_by_text("not decided on which side of the boundary, which is at 1 times").wait_for()
+    tab.get_by_text("undecided on which side of the boundary, which is at 1 times").wait_for()
     assert not re.search("(inside|beyond) the boundary", tab.locator("body").inner_text())
     words = browser.click(tab, PLANE, (0.93, 0.3), partial(told, tab, "TRANSPORT at"))
     point = re.search(r"\(kappa1, kappa2\) = \(([^,]*), ([^)]*)\)", words).groups()
@@ -298,7 +298,9 @@ def test_a_click_beyond_the_boundary_shows_the_longest_lived_start(opened):
         .map(({glyph}) => [glyph.type, glyph.fill_color.value])""")
     assert drawn == [["Scatter", "black"]]
     lifetime = f"eliminated after {2 * steps:.0f} kicks"
-    assert f"Not a barrier: the longest-lived start, {lifetime}" in told(tab, "of them chaotic")
+    assert f"No barrier: the longest-lived start is eliminated after {lifetime}" in told(
+        tab, "of them chaotic"
+    )
     assert f"longest-lived start after {2 * steps:.0f} kicks" in words
     (scale,) = re.findall(r"last circle breaks at (\S+) ± \S+ times these strengths", words)
     tab.get_by_text(f"beyond the boundary, which is at {scale} times these").wait_for()
@@ -321,7 +323,7 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
     tab, _ = opened
     at(tab)
     ready(tab, SLOW)
-    words = browser.click(tab, PORTRAIT, (0.5, 0.45), partial(told, tab, "The one added at"))
+    words = browser.click(tab, PORTRAIT, (0.5, 0.45), partial(told, tab, "The orbit added at"))
     x, y, omega = map(float, re.search(r"added at \((.*), (.*)\): ω = (\S+)", words).groups())
     assert (x, y) == pytest.approx((0.5, 0.3), abs=0.005)
     assert omega == pytest.approx(float(orbits.rotation_number(KAPPA, x, y, 5000)[0]), abs=1e-6)

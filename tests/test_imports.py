@@ -43,7 +43,7 @@ NASM, PIPELINE, FIGURES, WORKFLOWS = (
 )
 
 # The compiled kernels on disk have more than one writer; flint is of the extra `proof`.
-MORE = {"arithmetic.kernels": "filelock", "proofs.barrier": "flint", "proofs.fan": "flint"}
+MORE = {"arithmetic.kernels": "filelock", "proofs.barrier": "flint", "proofs.patches": "flint"}
 
 
 @pytest.mark.parametrize("module", NASM)

@@ -82,7 +82,7 @@ def assert_the_inverse_is_bounded_by_a_poor_approximation_too(module):
 
 def certificate(module, omega, kappa, n=None):
     proof = module.prove(parse(omega), kappa, n=n)
-    assert proof.proved, proof.why
+    assert proof.proved, proof.reason
     return json.loads(json.dumps(proof.certificate())), proof.constants
 
 
@@ -200,7 +200,7 @@ def test_circles_below_the_breakup_are_proved(case):
     last, distance = case
     omega, kappa, u = near(*last, distance)
     proof = prove(omega, kappa, start=u)
-    assert proof.proved, proof.why
+    assert proof.proved, proof.reason
     assert proof.kappa == tuple(kappa)
 
 
@@ -273,7 +273,7 @@ def test_more_time_proves_a_circle_nearer_to_the_breakup(monkeypatch):
     refined, now = barrier.refined, [0.0]
 
     def timed(grid, start):
-        now[0] += barrier._SECONDS * grid.n * grid.sites
+        now[0] += barrier._SECONDS_PER_POINT * grid.n * grid.sites
         return refined(grid, start)
 
     monkeypatch.setattr(barrier, "refined", timed)
@@ -322,7 +322,7 @@ def test_what_is_no_circle_proves_nothing_and_raises_nothing(start):
 def test_what_is_not_proved_says_why(omega, kappa, options, told):
     proof = prove(omega, kappa, **options)
     assert not proof.proved
-    assert told in proof.why
+    assert told in proof.reason
     with pytest.raises(ValueError, match=r"not proved: .*needs proved=True"):
         proof.certificate()
 

@@ -60,7 +60,7 @@ BOX = {"y": 0.5, "δ": 2.0**-44, "k0": 1.0, "h0": 2.0**-38, "k1": 1.0, "h1": 2.0
 )
 def test_a_box_is_halved_exactly_or_not_at_all(split, changes, exact):
     box = [*(BOX | changes).values(), 127 / 256, 127 / 256, 0.0]
-    assert proofs.transport_cells._halve(np.zeros((4, 9)), 0, np.array(box), split) == exact
+    assert proofs.transport_cells._bisect(np.zeros((4, 9)), 0, np.array(box), split) == exact
 
 
 def test_cells_with_a_circle_are_not_proved():
@@ -152,8 +152,8 @@ CHANGES = {
     "q left out of |x - x̂|": ("straight = at + ap + aq", "straight = at + ap"),
     "qq left out of |x - x̂|": (" + fabs(qq) + unknown", " + unknown"),
     "a square of one factor": ("both = curved * (E + straight)", "both = curved * E"),
-    "a box of any size": ("maximum(0.0, E - _LARGEST)", "0.0"),
-    "a Wronskian of any size": ("+ maximum(0.0, wronskian - _WRONSKIAN)", ""),
+    "a box of any size": ("maximum(0.0, E - _MAX_DEVIATION)", "0.0"),
+    "a Wronskian of any size": ("+ maximum(0.0, wronskian - _MAX_WRONSKIAN_ERROR)", ""),
     "a Wronskian that is not rounded": ("+ 4 * ULP * (fabs(vt)", "- 4 * ULP * (fabs(vt)"),
 }
 

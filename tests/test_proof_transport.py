@@ -198,7 +198,7 @@ CHANGES = {
     "nothing along t": ("fma(defect, fabs(v), B)", "B"),
     "q left out of |x - x̂|": ("fabs(q) + unknown", "unknown"),
     "no 1.002": ("(1.002 * scale)", "scale"),
-    "payments are not more than records": (" + due / V * MORE", " + due / V"),
+    "payments are not more than records": (" + due / V * PAYMENT_FACTOR", " + due / V"),
     "what is due is not rounded up": ("+ rest) * UP - paid", "+ rest) - paid"),
     "rounding: a twentieth": ("fma(E, 1e-12, 3e-14)", "fma(E, 0.05e-12, 0.15e-14)"),
     "orbit: a tenth": ("(size + 1.0) * ORBIT", "(size + 1.0) * 0.1 * ORBIT"),
@@ -212,8 +212,8 @@ CHANGES = {
     "solutions: error of cos": ("fma(E2, 41.0, E) * (size * (COS + 4 * ULP))", "0.0"),
     "solutions: 1 for 3.1": ("3.1 * ULP", "1.0 * ULP"),
     "error of the sine": ("fma(fabs(h), TWO_PI, 7e-16)", "fabs(h) * TWO_PI"),
-    "a box of any size": ("maximum(0.0, E - _LARGEST)", "0.0"),
-    "a Wronskian of any size": ("+ maximum(0.0, wronskian - _WRONSKIAN)", ""),
+    "a box of any size": ("maximum(0.0, E - _MAX_DEVIATION)", "0.0"),
+    "a Wronskian of any size": ("+ maximum(0.0, wronskian - _MAX_WRONSKIAN_ERROR)", ""),
     "a Wronskian that is not rounded": ("+ fabs(tv) * (4", "- fabs(tv) * (4"),
 }
 
@@ -228,7 +228,7 @@ def test_lanes_and_floats_compute_what_the_source_says():
     proof = prove(beyond(20, 0.1))
     found = zip(proof.boxes.tolist(), proof.slopes, strict=True)
     boxes = [(proof.points, *box, slope, way) for box, slope in found for way in (0, 1)][:16]
-    cycle = np.tile(np.roll(proof.kappa, -proof.site), proofs.transport._BLOCK // 2)
+    cycle = np.tile(np.roll(proof.kappa, -proof.site), proofs.transport._KICKS_PER_BLOCK // 2)
     lanes, events = np.zeros((proofs.transport._ROWS, 16)), np.empty((2, 16))
     for lane, box in enumerate(boxes):
         proofs.transport._start(lanes, lane, *box)
@@ -244,7 +244,9 @@ def test_lanes_and_floats_compute_what_the_source_says():
                 life = n + 1, int(bad > 0)
         assert lanes[:, lane].tolist() == [*state, scale]
         assert events[:, lane].tolist() == [smallest, worst]
-        assert replayed[lane] == (life or (proofs.transport._BLOCK, proofs.transport._FAILED))
+        assert replayed[lane] == (
+            life or (proofs.transport._KICKS_PER_BLOCK, proofs.transport._FAILED)
+        )
 
 
 def test_every_fma_is_one_and_nothing_else_is():
@@ -289,7 +291,7 @@ def after_a_block(row, value, kappa=(1.5, 1.2)):
     for lane in range(16):
         proofs.transport._start(lanes, lane, LINE, 0.3, 1e-3, kappa[0] / 2, 0)
     lanes[row, 0] = value
-    cycle = np.tile(kappa, proofs.transport._BLOCK // 2)
+    cycle = np.tile(kappa, proofs.transport._KICKS_PER_BLOCK // 2)
     _, outcome = proofs.transport._replay(cycle, lanes, 0)
     proofs.transport._advance(cycle, lanes, events)
     return outcome, not (events[0, 0] > 0 and events[1, 0] <= 0)
@@ -320,7 +322,7 @@ def test_mackay_percival_1985_and_jungreis_1991(kappa, budget, kicks):
     """No circle of the standard map at 63/64, in a millisecond, and at 0.9718."""
     proof = prove((kappa,), budget)
     assert proof.proved
-    assert proof.lives.sum() < kicks
+    assert proof.lifetimes.sum() < kicks
     if kappa > 0.98:
         checker.check(json.loads(json.dumps(proof.certificate())))
 
@@ -341,7 +343,7 @@ def test_every_shorter_life_that_is_false_is_refused():
     proof = prove(beyond(30, 0.1))
     kappa = np.roll(proof.kappa, -proof.site)
     refused = 0
-    for (y, delta), life in zip(proof.boxes, proof.lives[:, 0], strict=True):
+    for (y, delta), life in zip(proof.boxes, proof.lifetimes[:, 0], strict=True):
         starts = [y + place * delta for place in (-1, 0, 1)]
         lived = len(kappa) * max(symmetry_line.elimination_time(kappa, starts, 10**4))
         assert lived <= life
@@ -369,7 +371,7 @@ def test_a_polygon_begins_and_ends_where_its_images_continue_it():
 
 
 def test_lifetimes_beyond_the_allowance_for_rounding_prove_nothing(monkeypatch):
-    monkeypatch.setattr(proofs.transport, "_LONGEST", 5)
+    monkeypatch.setattr(proofs.transport, "_MAX_LIFETIME", 5)
     with pytest.raises(RuntimeError, match="lives for 5 kicks"):
         prove(beyond(20, 0.1))
 
@@ -414,7 +416,7 @@ def test_the_search_for_a_polygon_ends_with_the_budget(monkeypatch):
 def test_strong_kicks_are_proved_at_once(kappa):
     proof = prove(kappa)
     assert proof.proved
-    assert proof.lives.sum() < 3000
+    assert proof.lifetimes.sum() < 3000
 
 
 def test_below_the_breakup_nothing_is_proved():
@@ -455,7 +457,7 @@ def tried(profile, excess, checks):
         kappa = 2 * (tuple((scale * np.array(profile)).tolist()),)
         below, _ = proofs.transport._covered(*kappa, proof.site, proof.points, 0.2)
         assert not below.proved
-        assert below.lives.size > 0  # most of the polygon is no circle's
+        assert below.lifetimes.size > 0  # most of the polygon is no circle's
     assert not prove(0.9 * found.lower * np.array(profile), 0.2).proved
     if checks and proof.proved:
         checker.check(json.loads(json.dumps(proof.certificate())))

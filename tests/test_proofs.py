@@ -40,7 +40,7 @@ def test_the_last_barrier_breaks_between_two_proofs(angle):
 def test_where_no_barrier_is_found_nothing_is_proved():
     near_cusp = (1, 1 - 1e-8)
     bracket = proofs.critical_scale(near_cusp, 0.1)
-    assert bracket.found.status is not Status.OK
+    assert bracket.estimate.status is not Status.OK
     assert np.isnan([bracket.lower, bracket.upper]).all()
     assert bracket.barrier is bracket.transport is None
 

@@ -9,6 +9,9 @@ import pytest
 from nasm import circles, critical, periodic, planes, self_consistent
 from nasm.converse_kam.transversal import Transversal
 from nasm.critical import CriticalScale, Status
+from nasm.diffusion import Diffusion
+from nasm.flux import Flux
+from nasm.manifolds import Turnstile
 from nasm.numbers import parse
 from nasm.verdicts import verdict
 
@@ -23,6 +26,8 @@ MADE = {
     "no scale": (lambda nan: CriticalScale(*[nan] * 4, None, Status.NO_CIRCLE), np.nan, 1.0),
     "self-consistent kicks": (lambda x: self_consistent.evolve([x], [0.1], 0.1, 0.1, 3), 0.3, 0.4),
     "plane": (planes.three_kicks, 0.3, 0.31),
+    "flux": (lambda value: Flux(value, np.nan, 8, GAMMA, Status.OK), np.nan, 1.0),
+    "diffusion": (lambda value: Diffusion(value, np.nan, Status.OK), np.nan, 1.0),
 }
 
 
@@ -80,6 +85,35 @@ def test_a_notebook_shows_a_critical_scale_as_a_table():
         assert f"<td>{cell}</td>" in html
     assert "<td>a &lt; b</td>" in html
     assert "a circle exists" not in html
+
+
+NO_VALUE = Diffusion(np.nan, np.nan, Status.ANOMALOUS)
+RECORD = self_consistent.evolve([0.25], [0.1], 0.0, 0.5, 3)
+PRINTED = [  # a result, its line, and a cell of its table
+    (
+        Flux(3.7312e-5, 2.1e-9, 610, GAMMA, Status.OK),
+        "Flux(3.73120e-05 ± 2.1e-09 per step, orbits of period 610, circle [0;(1)], OK)",
+        "[0;(1)] = 0.61803398875 per step",
+    ),
+    (
+        Diffusion(0.52314, 0.0123, Status.OK),
+        "Diffusion(0.523 ± 0.012 per period, OK)",
+        "0.523 ± 0.012 per period",
+    ),
+    (NO_VALUE, f"Diffusion(no value, ANOMALOUS: {Status.ANOMALOUS.value})", "no value"),
+    (
+        Turnstile(0.25, (np.zeros((2, 3)), np.zeros((2, 5)))),
+        "<Turnstile: lobes of area 0.25, with 3 and 5 points>",
+        "3 and 5",
+    ),
+    (RECORD, "<Record: 3 kicks of 1 particles; at the end κ = 0.5, θ = 0 turns>", "0.5 to 0.5"),
+]
+
+
+@pytest.mark.parametrize(("found", "line", "cell"), PRINTED)
+def test_a_result_prints_on_a_line_and_as_a_table(found, line, cell):
+    assert repr(found) == line
+    assert f"<td>{cell}</td>" in found._repr_html_()
 
 
 @pytest.mark.parametrize("status", [one for one in Status if one is not Status.OK])

@@ -13,7 +13,7 @@ import workflows.shared
 
 # Not annotated yet.
 LATER = """
-nasm.proofs
+
 """
 
 

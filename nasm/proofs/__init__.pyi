@@ -3,7 +3,7 @@ from . import bracket as bracket
 from . import cells as cells
 from . import certificate_checker as certificate_checker
 from . import certificates as certificates
-from . import fan as fan
+from . import patches as patches
 from . import transport as transport
 from . import transport_cells as transport_cells
 from .barrier import BarrierProof as BarrierProof
@@ -14,8 +14,8 @@ from .bracket import critical_scale as critical_scale
 from .cells import proved_cells as proved_cells
 from .cells import triangles as triangles
 from .certificates import certificate as certificate
-from .fan import covered as covered
-from .fan import proved_below as proved_below
+from .patches import covered_up_to as covered_up_to
+from .patches import proved_below as proved_below
 from .transport import TransportProof as TransportProof
 from .transport import proved_upper as proved_upper
 from .transport_cells import CellProof as CellProof

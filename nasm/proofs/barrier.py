@@ -1,31 +1,34 @@
-"""A barrier exists: the invariant circle of ω under one forcing, proved in ball arithmetic.
+"""A proof in ball arithmetic that the invariant circle of ω exists under one forcing.
 
     E_j(φ) = g_{j+1}(φ + α) - 2g_j(φ) + g_{j-1}(φ - α) - (κ_j/2π) sin 2πg_j(φ),      α = ω/P,
 
 where g_j(φ) = φ + u_j(φ), u_{j+P} = u_j: the chain of `nasm.circles` with g_j(θ + jα) = h_j(θ).
-Trigonometric polynomials u_j for which E is small enough have a true circle near them; "small
-enough" is the theorem of proofs/README.md, "A barrier exists". With ‖f‖ = Σ_k |f_k| e^{2π|k|ρ} its
+Near trigonometric polynomials u_j for which E is small enough there is a true circle; the theorem
+of proofs/README.md, "A barrier exists", says how small. With ‖f‖ = Σ_k |f_k| e^{2π|k|ρ} its
 hypotheses are upper bounds of
 
     n_j ≥ ‖g_j'‖,    p_j ≥ ‖1/g_j'‖,    k_j ≥ ‖e^{2πig_j}‖,    ε ≥ Σ_j n_j ‖E_j‖,    C ≥ C_R + δ.
 
-What a proof rests on: FLINT's balls (python-flint, the extra `proof`), and the functions from
-`_omega_ball` to `balls`. There every number that enters a bound is a ball or an exact dyadic;
-floats only choose (ρ, ρ̂, where sums are cut, the polynomial near 1/g_j'), and any choice is sound.
-How u was found does not matter: `refined` and what follows it may do as they like.
+A proof relies on the balls of FLINT (python-flint, the extra `proof`), and on the functions from
+`_omega_ball` to `balls`. There every number that enters a bound is a ball or an exact dyadic
+number; floats only choose ρ, ρ̂, the mode at which sums are cut, and the polynomial near 1/g_j', and
+any choice is sound. The functions after these search for u, which a proof may get from anywhere.
 
-For P ≤ 2 the u_j are odd, as h_j(θ) → -h_{-j}(-θ) maps circles to circles. Then all is real, and
-one transform stands for two functions.
+For P ≤ 2 the u_j are odd, as h_j(θ) → -h_{-j}(-θ) maps circles to circles. Then all modes are real,
+and one transform serves two functions.
 """
 
 import time
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache, reduce
 from itertools import islice
-from math import ceil, inf, log, nan, pi, sqrt
+from math import ceil, inf, isnan, log, nan, pi, sqrt
+from typing import Any, Self, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from nasm import circles
 from nasm.checks import count, positive, real
@@ -35,6 +38,8 @@ from nasm.maps import MAX_STRENGTH, MIN_SIZE, direction, forcing
 from nasm.numbers import RotationNumber, as_rotation_number, convergents
 from nasm.proofs.certificates import certificate, in_hex
 from nasm.symmetries import shorten
+from nasm.tables import html_table, omega_text
+from nasm.types import FloatArray, OmegaLike
 
 __all__ = ["BarrierProof", "need_flint", "prove", "proved_lower"]
 
@@ -43,33 +48,65 @@ try:
 except ImportError:  # the extra `proof`
     arb = None  # type: ignore[assignment, misc]
 
-KEPT = 0.38  # modes of u, in parts of the grid
-_STEPS = 6  # of Newton's method in balls, of which 0 to 3 are needed
-_LARGEST = 2**22  # points of a grid
-_SECONDS = 1e-5  # of computing, for a point and kick on a fast machine
-_ROUNDED = 46  # e^-46 is 10^-20, a bit of long doubles near 0.1
+MODES_PER_POINT = 0.38  # modes of u
+_MAX_NEWTON_STEPS = 6  # in balls; 0 to 3 are needed
+_MAX_POINTS = 2**22  # of a grid
+_SECONDS_PER_POINT = 1e-5  # and kick, of CPU time on a fast machine
+_LOG_ROUNDING = 46  # e^-46 is 10^-20, the rounding of long doubles near 0.1
+
+ComplexArray: TypeAlias = NDArray[Any]
+"""Complex numbers, in double or long double."""
+
+Ball: TypeAlias = Any
+"""A ball of FLINT: an `arb` for the modes of odd functions, otherwise an `acb`."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BarrierProof(Result):
-    """Whether a rotational invariant circle of omega is proved to exist under kappa; or in a fan,
-    under s(kappa + t·tilt) for all s from one scale to the other and all t from -1 to 1.
+    """A proof that a rotational invariant circle exists, or the reason why none was found.
 
-    proved : bool. why : str, "" if proved, else "not proved: " and the reason.
-    omega : RotationNumber per period. kappa : tuple of P floats, exact.
-    short_omega, short_kappa : of the shorter map (`symmetries.shorten`) in which it was proved;
-        nothing is shortened where tilt is not 0.
-    tilt : tuple, of as many numbers as short_kappa. scales : two floats. Of a fan; else empty.
-    n : int, points of the grid. rho : float, width of the strip where E was bounded; NaN if none
-        was. constants : dict of floats, rounded upper bounds, for all s and t at once: see
-        proofs/README.md.
-    unit : int, and moves : list [m][l][j] of [re, im], lists of ints: u_j = Σ C_jml T_m(σ) T_l(t),
-        and C_jml has the modes (re[k] + i im[k])·2^unit, k ≥ 0; what is not in a list is 0. Under
-        one forcing m = l = 0.
+    The proof is about one forcing kappa, or about a patch: all forcings s·(kappa + t·tilt) with
+    scales[0] ≤ s ≤ scales[1] and |t| ≤ 1.
+
+    Attributes
+    ----------
+    proved : bool
+        True if the circle is proved to exist; False makes no statement.
+    reason : str
+        "" if proved, else "not proved: " and the reason.
+    omega : RotationNumber
+        Rotation number per period.
+    kappa : tuple of P floats
+        Forcing. The proof holds for exactly these floats.
+    short_omega, short_kappa
+        The same of the shorter map (`symmetries.shorten`) for which it was proved. Nothing is
+        shortened if tilt is not 0.
+    tilt : tuple of float
+        For a patch, of the length of short_kappa; otherwise empty.
+    scales : tuple of 2 floats
+        For a patch; otherwise empty.
+    n : int
+        Points of the grid.
+    rho : float
+        Half width of the strip in which E was bounded; NaN if it was not.
+    constants : dict of float
+        Upper bounds, for all s and t: see proofs/README.md.
+    unit : int
+        Binary exponent of the coefficients.
+    coefficients : list
+        [m][l][j] is [re, im], lists of integers: u_j = Σ C_jml T_m(σ) T_l(t), where C_jml has the
+        modes (re[k] + i im[k])·2^unit, k ≥ 0; modes beyond the lists are 0. For one forcing
+        m = l = 0.
+
+    Examples
+    --------
+    >>> from nasm.proofs.barrier import prove
+    >>> prove("gamma", (0.3, 0.2))
+    <BarrierProof: the circle [0;(1)] exists under (0.3, 0.2); proved on 64 points>
     """
 
     proved: bool
-    why: str
+    reason: str
     omega: RotationNumber
     kappa: tuple[float, ...]
     short_omega: RotationNumber
@@ -78,71 +115,139 @@ class BarrierProof(Result):
     scales: tuple[float, ...] = ()
     n: int = 0
     rho: float = nan
-    constants: dict = field(default_factory=dict, repr=False)
+    constants: dict[str, float] = field(default_factory=dict)
     unit: int = 0
-    moves: list = field(default_factory=list, repr=False)
+    coefficients: list[Any] = field(default_factory=list)
 
-    def certificate(self):
-        """What another program needs to check the proof; ValueError if nothing was proved."""
-        fields = {
+    def __repr__(self) -> str:
+        proved = f"exists under {self._forcings()}; proved on {self.n} points"
+        outcome = proved if self.proved else f"under {self._forcings()} is {self.reason}"
+        return f"<BarrierProof: the circle {self.omega} {outcome}>"
+
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        ratio = self.constants.get("ratio", nan)
+        rows = {
+            "rotation number": omega_text(self.omega, len(self.kappa)),
+            "forcing": self._forcings(),
+            "outcome": "a rotational invariant circle exists" if self.proved else self.reason,
+            "points": f"{self.n}" if self.n else "",
+            "left side of (1), relative to the largest allowed": (
+                "" if isnan(ratio) else f"{32 * ratio:.2g}"
+            ),
+        }
+        return html_table(rows, "Proof that a barrier exists")
+
+    def _forcings(self) -> str:
+        if not self.scales:
+            return f"{self.kappa}"
+        low, high = self.scales
+        tilted = f"({self.kappa} + t·{self.tilt}), |t| ≤ 1" if any(self.tilt) else f"{self.kappa}"
+        return f"s·{tilted}, {low:g} ≤ s ≤ {high:g}"
+
+    def certificate(self) -> dict[str, Any]:
+        """Return what another program needs to check the proof, a dict fit for JSON.
+
+        Raises
+        ------
+        ValueError
+            If nothing was proved.
+
+        Examples
+        --------
+        >>> from nasm.proofs import barrier, certificate_checker
+        >>> certificate_checker.check(barrier.prove("gamma", (0.4, 0.2)).certificate())
+        'a rotational invariant circle of [0;(1)] exists under the forcing (0.4, 0.2)'
+        """
+        fields: dict[str, Any] = {
             "shortened_from": {"omega": str(self.omega), "kappa": in_hex(self.kappa)},
             "omega": str(self.short_omega),
             "kappa": in_hex(self.short_kappa),
             "rho": self.rho.hex(),
-            "moves": {"unit": self.unit, "numbers": self.moves},
+            "moves": {"unit": self.unit, "numbers": self.coefficients},
         }
         theorem = "A barrier exists"
         if self.scales:
             fields |= {"tilt": in_hex(self.tilt), "scales": in_hex(self.scales)}
             theorem = "A barrier exists in a fan"
-        about = self.kappa, self.tilt, self.omega, self.scales
-        return certificate(self, theorem, fields, *about)
+        return certificate(self, theorem, fields, self.kappa, self.tilt, self.omega, self.scales)
 
 
-def prove(omega, kappa, n=None, start=None, budget=20.0):
+def prove(
+    omega: OmegaLike,
+    kappa: ArrayLike,
+    n: int | None = None,
+    start: ArrayLike | None = None,
+    budget: float = 20.0,
+) -> BarrierProof:
     """Prove that the circle of rotation number omega exists under the forcing kappa.
 
-    1. Take the shorter map, where the forcing repeats itself.
-    2. Find the circle in doubles: `start`, or `circles.invariant_circle`.
-    3. Newton's steps, the linear algebra in doubles, the residual E in balls.
-    4. After each residual try to verify the theorem with it. If that fails for want of grid points,
-       again with a third more, as long as the budget lasts.
+    1. If the forcing repeats itself, take the shorter map.
+    2. Compute the circle in doubles, by `circles.invariant_circle`, unless `start` is passed.
+    3. Refine it by Newton's method, with linear algebra in doubles and the residual E in balls.
+    4. Try to verify the theorem with each residual. If it fails because the grid is too coarse,
+       repeat with a third more points, as long as the budget lasts.
+
+    FLINT's precision belongs to the process, so proofs must not run in several threads at once.
 
     Parameters
     ----------
-    omega : RotationNumber or its text, irrational; e.g. "gamma".
-    kappa : sequence of P floats, taken as the exact binary fractions that they are.
-    n : int, even, 64 to 4194304, points of the grid; default by the decay of the circle's modes.
-    start : ndarray (P, m), deviations near the circle of the forcing, or of a shortened one, whose
-        rows are its first.
-    budget : float, CPU seconds; a grid that would take longer is not tried.
+    omega : RotationNumber or str
+        Rotation number per period, irrational, e.g. "gamma".
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first. The proof is about exactly these floats.
+    n : int, optional
+        Points of the grid, even, from 64 to 4194304; by default chosen by the decay of the modes.
+    start : array_like, shape (P, m), optional
+        Deviations u near the circle on a grid. If the forcing is shortened, only the first rows
+        count.
+    budget : float
+        CPU seconds; grids that would take longer are not tried.
 
     Returns
     -------
-    BarrierProof. proved=False says nothing about whether the circle exists. Not for several threads
-    at once: FLINT's precision belongs to the process.
+    BarrierProof
+        A proof that fails makes no statement about the circle.
 
-    ImportError without python-flint. ValueError if omega is no RotationNumber, kappa is no forcing,
-    or another argument is out of range.
+    Raises
+    ------
+    ImportError
+        If python-flint is not installed.
+    ValueError
+        If omega is not a rotation number, kappa is not finite or too large, or another argument is
+        out of range.
+
+    References
+    ----------
+    J.-Ll. Figueras, A. Haro and A. Luque, Found. Comput. Math. 17 (2017) 1123, arXiv:1601.00084:
+    a-posteriori KAM proofs on a computer. `nasm/proofs/README.md` has the theorem used here.
+
+    Examples
+    --------
+    >>> from nasm.proofs.barrier import prove
+    >>> prove("gamma", (0.9,)).proved
+    True
+    >>> prove("gamma", (1.1,)).reason
+    "not proved: no circle was found: ..."
     """
     omega = as_rotation_number(omega)
     kappa = forcing(kappa)
     budget = positive("budget", budget, "seconds of computing time")
-    if n is not None and count("n", n, 64, _LARGEST) % 2:
+    if n is not None and count("n", n, 64, _MAX_POINTS) % 2:
         raise ValueError(f"n={n} must be even, the points of a grid")
     need_flint()
     (short,), short_omega = shorten([kappa], omega)
-    about = {"omega": omega, "kappa": tuple(kappa.tolist())}
+    about: dict[str, Any] = {"omega": omega, "kappa": tuple(kappa.tolist())}
     about |= {"short_omega": short_omega, "short_kappa": tuple(short.tolist())}
     if omega.is_rational:
-        why = "not proved: omega is rational, so its circles are no barriers"
-        return BarrierProof(False, why, **about)
+        reason = "not proved: omega is rational, so its circles are no barriers"
+        return BarrierProof(False, reason, **about)
     until = time.thread_time() + budget
     if start is None:
         circle = circles.invariant_circle(short_omega, short, 2**16)
         if not circle.certified:
-            why = f"not proved: no circle was found: {circle.status.value}"
-            return BarrierProof(False, why, **about)
+            reason = f"not proved: no circle was found: {circle.status.value}"
+            return BarrierProof(False, reason, **about)
         start = circle.u
     else:
         start = np.asarray(start, dtype=float)
@@ -158,29 +263,49 @@ def prove(omega, kappa, n=None, start=None, budget=20.0):
     return _proved(short_omega, short, start, n, until, about)
 
 
-def proved_lower(omega, profile, value, budget):
-    """The largest scale s at which the circle of omega is proved to exist on the ray s·profile.
+def proved_lower(
+    omega: OmegaLike, profile: ArrayLike, value: float, budget: float
+) -> tuple[float, BarrierProof | None]:
+    """Search for the largest scale s at which the circle of omega is proved under s·profile.
 
-    Circles nearer and nearer to the breakup are proved until the time is used up: the work grows
-    like the power -1.2 to -1.4 of the distance. A proof at s says that a circle exists at exactly
-    s·profile as rounded to doubles, and nothing of smaller scales: no theorem says that a circle
-    does not break and come back on the way.
+    Circles closer and closer to the breakup are proved until the time is spent; the work grows like
+    the power -1.2 to -1.4 of the distance. The proof is about exactly s·profile rounded to doubles.
+    It makes no statement about smaller scales, at which the circle might not exist;
+    `patches.proved_below` does.
 
     Parameters
     ----------
-    omega : RotationNumber, irrational. profile : sequence of P floats, not all zero.
-    value : float, 1e-300 to 1e306, where the circle breaks, e.g. by `periodic.critical_scale`. It
-        says only where to look.
-    budget : float, CPU seconds to spend, as nearly as can be foreseen; 0.1 s reach 0.95 of the
-        breakup, 1 s 0.99 and more, and from there the way left shrinks as the time grows.
+    omega : RotationNumber or str
+        Rotation number per period, irrational.
+    profile : array_like, shape (P,)
+        Direction of the ray, not zero.
+    value : float
+        Scale at which the circle breaks, e.g. by `periodic.critical_scale`, from 1e-300 to 1e306.
+        It only chooses where to try proofs.
+    budget : float
+        CPU seconds, which are kept approximately: 0.1 s reach 0.95 of the breakup, 1 s more than
+        0.99.
 
     Returns
     -------
-    scale : float; NaN if nothing was proved.
-    proof : BarrierProof there, whose kappa are the exact doubles; the one that failed if scale is
-    NaN, None if not even a circle in doubles was found.
+    scale : float
+        NaN if nothing was proved.
+    proof : BarrierProof or None
+        Proof at that scale, or the last that failed; None if no circle was found in doubles.
 
-    ImportError without python-flint; ValueError for a bad argument.
+    Raises
+    ------
+    ImportError
+        If python-flint is not installed.
+    ValueError
+        If an argument is out of range.
+
+    Examples
+    --------
+    >>> from nasm.proofs import proved_lower
+    >>> scale, proof = proved_lower("gamma", (1.0,), 0.971635, budget=0.2)
+    >>> proof.proved, 0.9 < scale < 0.971635
+    (True, True)
     """
     omega, profile = as_rotation_number(omega), direction(profile)
     value = real("value", value, MIN_SIZE, MAX_STRENGTH / MIN_SIZE)
@@ -208,34 +333,53 @@ def proved_lower(omega, profile, value, budget):
     return best, best_proof
 
 
-def need_flint():
-    """ImportError, with the name "flint", unless python-flint is installed."""
+def need_flint() -> None:
+    """Check that python-flint is installed.
+
+    Raises
+    ------
+    ImportError
+        If it is not, with the name "flint".
+
+    Examples
+    --------
+    >>> from nasm.proofs import need_flint
+    >>> need_flint()
+    """
     if arb is None:
         message = "a proof needs python-flint: pip install 'nasm-transport[proof]'"
         raise ImportError(message, name="flint")
 
 
-def _proved(omega, kappa, start, n, until, about):
+def _proved(
+    omega: RotationNumber,
+    kappa: FloatArray,
+    start: FloatArray,
+    n: int | None,
+    until: float,
+    about: dict[str, Any],
+) -> BarrierProof:
+    """Try to prove a circle near `start`, on finer and finer grids."""
     size, before = n or grid_size(start), None
     while True:
-        seconds = _SECONDS * size * kappa.size
-        if not n and (size > _LARGEST or seconds > until - time.thread_time()):
-            why = f"not proved: {size} points are beyond the budget: some {seconds:.1g} seconds"
-            return BarrierProof(False, why, **about, n=size)
+        seconds = _SECONDS_PER_POINT * size * kappa.size
+        if not n and (size > _MAX_POINTS or seconds > until - time.thread_time()):
+            reason = f"not proved: {size} points are beyond the budget: some {seconds:.1g} seconds"
+            return BarrierProof(False, reason, **about, n=size)
         with ctx.workprec(128 if size < 2**18 else 160):
-            found = refined(Grid(omega, kappa.tolist(), size), start)
-        least = found.pop("least", inf)
-        proof = BarrierProof(**about, n=size, **found)
-        if proof.proved or n or (before is not None and not least < 0.5 * before):
+            outcome = refined(Grid(omega, kappa.tolist(), size), start)
+        ratio = outcome.pop("estimated_ratio", inf)
+        proof = BarrierProof(**about, n=size, **outcome)
+        if proof.proved or n or (before is not None and not ratio < 0.5 * before):
             return proof
-        size, before = fast_size(4 * size // 3), least
+        size, before = fast_size(4 * size // 3), ratio
 
 
 # --- the rotation number --------------------------------------------------------------------------
 
 
-def _omega_ball(omega, bits):
-    """ω as a ball: |ω - p_n/q_n| < 1/(q_n q_{n+1}), with q_n q_{n+1} > 2^bits."""
+def _omega_ball(omega: RotationNumber, bits: int) -> Ball:
+    """Return ω as a ball: |ω - p_n/q_n| < 1/(q_n q_{n+1}), with q_n q_{n+1} > 2^bits."""
     last = None
     for f in convergents(omega):
         if last is not None and last.denominator * f.denominator >> bits:
@@ -245,25 +389,29 @@ def _omega_ball(omega, bits):
 
 
 @lru_cache(maxsize=64)
-def _divisors(omega):
-    """(q_n, |e^{2πiq_nω} - 1|, whether the last period bounds what follows) for n = 0, 1, …, to 40
-    quotients or more, and a whole period, into the tail."""
+def _divisors(omega: RotationNumber) -> list[tuple[int, Ball, bool]]:
+    """Return (q_n, |e^{2πiq_nω} - 1|, if n is in the last period) for n = 0, 1, …
+
+    The last period begins 40 quotients or more behind the beginning of the tail, and bounds all n
+    that follow.
+    """
     length = len(omega.tail)
     last = len(omega.prefix) + (40 // length + 2) * length
-    found = [*islice(convergents(omega), last)]
-    bits = 2 * max(map(abs, found[-1].as_integer_ratio())).bit_length() + 64
+    fractions = [*islice(convergents(omega), last)]
+    bits = 2 * max(map(abs, fractions[-1].as_integer_ratio())).bit_length() + 64
     with ctx.workprec(bits):
         ball = _omega_ball(omega, bits)
         return [
             (f.denominator, 2 * abs((ball * f.denominator).sin_pi()), n >= last - length)
-            for n, f in enumerate(found)
+            for n, f in enumerate(fractions)
         ]
 
 
-def _russmann(omega, delta):
-    """C_R = sup δ'σ(δ') over 0 < δ' ≤ δ, σ(δ) = sup_k e^{-2πkδ}/|e^{2πikω} - 1|: see the README.
+def _russmann(omega: RotationNumber, delta: Ball) -> Ball:
+    """Bound C_R = sup δ'σ(δ') over 0 < δ' ≤ δ, σ(δ) = sup_k e^{-2πkδ}/|e^{2πikω} - 1|.
 
-    The peaks of the last period, whatever delta is, bound those of all later ones but for 10⁻⁶.
+    For any delta the peaks of the last period bound those of all later ones, up to a factor
+    1 + 10⁻⁶. See README.md, "Small divisors".
     """
     worst, two_pi = arb(0), 2 * arb.pi()
     for q, divisor, ends in _divisors(omega):
@@ -279,9 +427,9 @@ def _russmann(omega, delta):
 
 
 class Grid:
-    """The chain of P sites on n points: what `residual` needs again and again, in balls."""
+    """The chain of P sites on n points: the balls that every call of `residual` needs."""
 
-    def __init__(self, omega, kappa, n):
+    def __init__(self, omega: RotationNumber, kappa: Sequence[float], n: int) -> None:
         self.omega, self.n, self.sites, self.odd = omega, n, len(kappa), len(kappa) <= 2
         self.kappa = [arb(k) for k in kappa]
         alpha, half = _omega_ball(omega, ctx.prec + 40) / self.sites, n // 2
@@ -292,34 +440,34 @@ class Grid:
             self.turn = [acb(x).exp_pi_i() for x in phases]
         self.angles = [arb(2 * i) / n for i in range(half if self.odd else n)]
 
-    def under(self, kappa):
-        """The grid of other strengths, balls."""
+    def under(self, kappa: list[Ball]) -> Self:
+        """Return the grid for other strengths."""
         other = copy(self)
         other.kappa = kappa
         return other
 
-    def samples(self, modes):
-        """Values of real functions at φ = i/n, i < n/2 if they are odd, else i < n."""
+    def samples(self, modes: list[list[Ball]]) -> list[list[Ball]]:
+        """Return the values of real functions at φ = i/n, i < n/2 if they are odd, else i < n."""
         rows = [row + [arb(0)] * (self.n // 2 - len(row)) for row in modes]
         if self.odd:
             return self._sines(rows)
         ends = [([acb(x).conjugate() for x in row], row[:0:-1]) for row in rows]
         return [[v.real for v in acb.dft([*low, arb(0), *high])] for low, high in ends]
 
-    def modes(self, values):
-        """Modes 0, …, n/2 - 1, aliased, of the real functions with these values."""
+    def modes(self, values: list[list[Ball]]) -> list[list[Ball]]:
+        """Return the modes 0, …, n/2 - 1, aliased, of the real functions with these values."""
         rows = self._sines(values) if self.odd else map(acb.dft, values)
         return [[x / self.n for x in row[: self.n // 2]] for row in rows]
 
-    def _sines(self, rows):
-        """2 Σ_k x_k sin(2πki/n), i < n/2, of one or two rows of n/2 reals with x_0 = 0."""
+    def _sines(self, rows: list[list[Ball]]) -> list[list[Ball]]:
+        """Return 2 Σ_k x_k sin(2πki/n), i < n/2, for one or two rows of n/2 reals with x_0 = 0."""
         x = [acb(*pair) for pair in zip(*rows, strict=True)]
         y = acb.dft([*x, arb(0), *(-v for v in x[:0:-1])])[: self.n // 2]  # -i times that
         return [[-v.imag for v in y], [v.real for v in y]][: len(rows)]
 
 
-def residual(grid, u):
-    """Modes 0, …, n/2 - 1 of E_j, in which those of the sine are aliased."""
+def residual(grid: Grid, u: list[list[Ball]]) -> list[list[Ball]]:
+    """Return the modes 0, …, n/2 - 1 of E_j, in which those of the sine are aliased."""
     sines = [
         [(angle + 2 * x).sin_pi() for angle, x in zip(grid.angles, row, strict=True)]
         for row in grid.samples(u)
@@ -339,22 +487,29 @@ def residual(grid, u):
 # --- the theorem ----------------------------------------------------------------------------------
 
 
-def norm(a, rho):
-    """‖f‖_ρ = Σ|f_k| e^{2π|k|ρ} of a real f with |f_k| ≤ a_k, k ≥ 0."""
+def norm(a: list[Ball], rho: Ball) -> Ball:
+    """Bound ‖f‖_ρ = Σ|f_k| e^{2π|k|ρ} of a real f with |f_k| ≤ a_k, k ≥ 0."""
     return 2 * arb_poly(a)((2 * arb.pi() * rho).exp()) - a[0]
 
 
-def slope_modes(row, odd):
-    """Modes of g_j' = 1 + u_j'."""
+def slope_modes(row: list[Ball], odd: bool) -> list[Ball]:
+    """Return the modes of g_j' = 1 + u_j'."""
     factor = 2 * arb.pi() if odd else 2 * arb.pi() * acb(0, 1)
     return [arb(1), *(factor * k * x for k, x in enumerate(row[1:], 1))]
 
 
-def bounds_of_the_residual(grid, u, E, rho, rho_hat, cut):
-    """Upper bounds of ‖E_j‖_ρ. u, E: bounds of the modes' sizes.
+def bounds_of_the_residual(
+    grid: Grid,
+    u: list[list[Ball]],
+    E: list[list[Ball]],
+    rho: Ball,
+    rho_hat: Ball,
+    cut: int,
+) -> list[Ball]:
+    """Bound ‖E_j‖_ρ from bounds u and E of the sizes of the modes.
 
-    |sin 2πg_j| ≤ M for |Im φ| ≤ ρ̂, so its modes are below M e^{-2πρ̂|k|}. Those of |k| < cut are
-    taken from E, with their aliases, which are k + n, k - n, …; the others have no u_k in them.
+    |sin 2πg_j| ≤ M for |Im φ| ≤ ρ̂, so its modes are below M e^{-2πρ̂|k|}. Modes |k| < cut are taken
+    from E, which contains their aliases k + n, k - n, …; the others are modes of the sine alone.
     """
     n, two_pi, bounds = grid.n, 2 * arb.pi(), []
     if not (max(map(len, u)) <= cut <= n // 2 and 0 < rho < rho_hat):
@@ -371,11 +526,18 @@ def bounds_of_the_residual(grid, u, E, rho, rho_hat, cut):
     return bounds
 
 
-def bound_of_the_inverse(slope, near, rho, odd, kept, moved=0):
-    """p ≥ ‖1/g'‖_ρ = ‖d/(1 - (1 - g'd))‖ by d, doubles near the modes of 1/g'; inf if it is poor.
+def bound_of_the_inverse(
+    slope: list[Ball],
+    near: ComplexArray,
+    rho: Ball,
+    odd: bool,
+    kept: int,
+    moved: Ball | int = 0,
+) -> Ball:
+    """Bound p ≥ ‖1/g'‖_ρ = ‖d/(1 - (1 - g'd))‖ for all g' with ‖g' - slope‖ ≤ moved.
 
-    For all g' with ‖g' - slope‖ ≤ moved at once. g'd is multiplied out for the first `kept` modes
-    of slope, the others are bounded.
+    d are doubles near the modes of 1/g'; the bound is infinite if ‖1 - g'd‖ ≥ 1. g'd is multiplied
+    out for the first `kept` modes of slope, and bounded for the others.
     """
     d = [arb(x.real) if odd else acb(x.real, x.imag) for x in near]
     sizes = [x.abs_upper() for x in slope]
@@ -389,17 +551,27 @@ def bound_of_the_inverse(slope, near, rho, odd, kept, moved=0):
     return size / (1 - small) if small < 1 else arb.pos_inf()
 
 
-def both_sides(half, odd):
+def both_sides(half: list[Ball], odd: bool) -> Any:
+    """Return the polynomial of all modes of a real function, from those with k ≥ 0."""
     if odd:
         return arb_poly(half[:0:-1] + half)
     return acb_poly([acb(x).conjugate() for x in half[:0:-1]] + half)
 
 
-def inequalities(omega, kappa, rho, eps, n, p, k, part=1):
-    """The names of those of the theorem's inequalities that fail, and the left sides of all; and
-    the largest |κ_j|, δ, C and ε.
+def inequalities(
+    omega: RotationNumber,
+    kappa: list[Ball],
+    rho: Ball,
+    eps: Ball,
+    n: list[Ball],
+    p: list[Ball],
+    k: list[Ball],
+    part: float = 1,
+) -> tuple[list[str], dict[str, Ball]]:
+    """Return the names of the inequalities of the theorem that fail, and its constants.
 
-    part : of the right sides, below which the left ones are asked to be; at most 1.
+    The constants are the left sides, the largest |κ_j|, δ, C and ε. A left side fails unless it is
+    below `part` of its right side, 0 < part ≤ 1.
     """
     two_pi, e = 2 * arb.pi(), arb(1).exp()
     eps = eps.max(arb(2) ** -1000)  # any upper bound will do; and 0 would give 0/0
@@ -425,26 +597,51 @@ def inequalities(omega, kappa, rho, eps, n, p, k, part=1):
     return failed, left | {"kappa": largest, "delta": delta, "C": C, "epsilon": eps}
 
 
-def verified(grids, u, E, sizes, apart, kappa, between, part=1):
-    """Try to verify the theorem for all forcings of a fan; a dict of what came out.
+def verified(
+    grids: list[Grid],
+    u: list[list[list[Ball]]],
+    E: list[list[list[Ball]]],
+    sizes: list[list[list[Ball]]],
+    apart: list[Ball],
+    kappa: list[Ball],
+    between: Callable[[Ball, Ball, list[Ball], int], Ball],
+    part: float = 1,
+) -> dict[str, Any]:
+    """Try to verify the theorem for all forcings of a patch.
 
-    grids, u, E : of points of the fan; modes and residuals there. sizes, apart : for each degree
-    the sizes of the modes of C_jml, and how much T_mT_l moves between these points at most.
-    kappa : bounds of |κ_j|. between : (error, rho, norms of the C_jml, j) → a bound of ‖E_j‖ in all
-    of the fan from one at the points. Floats choose ρ, ρ̂, the cut and the polynomials near 1/g_j';
-    `least` is their estimate of the left side of (1).
+    Parameters
+    ----------
+    grids, u, E
+        Grids at the points of the patch, and the modes of u and of the residuals there.
+    sizes
+        For each degree (m, l) the sizes of the modes of C_jml.
+    apart
+        For each degree, how much T_m T_l differs from its value at the nearest point at most.
+    kappa
+        Bounds of |κ_j|.
+    between : callable
+        (error, rho, norms of the C_jml, j) → a bound of ‖E_j‖ in all of the patch, from the bound
+        `error` at the points.
+    part : float
+        As for `inequalities`.
+
+    Returns
+    -------
+    dict
+        Fields of a `BarrierProof`, and `estimated_ratio`, the left side of (1) in floats, which
+        choose ρ, ρ̂, the cut and the polynomials near 1/g_j'.
     """
     (grid, *_), two_pi = grids, 2 * arb.pi()
     bounds = [[[[x.abs_upper() for x in row] for row in t] for t in rows] for rows in (u, E)]
-    largest = [np.array(rows, dtype=float).max(axis=0) for rows in bounds]
+    largest_u, largest_E = (np.array(rows, dtype=float).max(axis=0) for rows in bounds)
     inverses = [
         np.fft.rfft(1 / slopes_on_grid(as_doubles(x, grid.odd), grid.n)) / grid.n for x in u
     ]
-    chosen = best_widths(grid, *largest, np.abs(inverses[0]))
+    chosen = best_widths(grid, largest_u, largest_E, np.abs(inverses[0]))
     rho, rho_hat = arb(chosen["rho"]), arb(chosen["rho_hat"])
     errors = [
-        bounds_of_the_residual(grid, *both, rho, rho_hat, chosen["cut"])
-        for grid, *both in zip(grids, *bounds, strict=True)
+        bounds_of_the_residual(grid, u_sizes, E_sizes, rho, rho_hat, chosen["cut"])
+        for grid, u_sizes, E_sizes in zip(grids, *bounds, strict=True)
     ]
     norms = [[norm(row, rho) for row in table] for table in sizes]  # [m][j]
     slopes = [[two_pi * norm([i * x for i, x in enumerate(row)], rho) for row in t] for t in sizes]
@@ -468,28 +665,29 @@ def verified(grids, u, E, sizes, apart, kappa, between, part=1):
     left |= {key: reduce(arb.max, of_sites) for key, of_sites in worst.items()}
     # Floats above: the nearest to the upper end of a ball may be below it.
     constants = {key: float(np.nextafter(float(x.upper()), inf)) for key, x in left.items()}
-    why = f"not proved: inequalities of the theorem fail: {', '.join(failed)}" if failed else ""
-    found = {"proved": not failed, "why": why, "rho": float(rho), "constants": constants}
-    return found | {"least": chosen["least"]}
+    reason = f"not proved: inequalities of the theorem fail: {', '.join(failed)}" if failed else ""
+    outcome = {"proved": not failed, "reason": reason, "rho": float(rho), "constants": constants}
+    return outcome | {"estimated_ratio": chosen["estimated_ratio"]}
 
 
-def balls(moves, unit, size, odd):
-    """The modes k < size of functions, exact, from whole numbers as of a `BarrierProof`."""
-    scale, rows = arb(2) ** unit, []
-    for parts in moves:
+def balls(coefficients: list[list[list[int]]], unit: int, size: int, odd: bool) -> list[list[Ball]]:
+    """Return the exact modes k < size of functions from the integers of a `BarrierProof`."""
+    scale: Ball = arb(2) ** unit
+    rows = []
+    for parts in coefficients:
         if any(parts[1][:1]) or (odd and parts[0]):
-            raise ValueError("the modes of a real function are wanted, for two kicks of an odd one")
-        re, im = ([*(x * scale for x in part), *[0] * (size - len(part))] for part in parts)
+            raise ValueError("modes must be of a real function, for two kicks of an odd one")
+        re, im = ([*(x * scale for x in part), *[arb(0)] * (size - len(part))] for part in parts)
         rows.append([arb(-b) for b in im] if odd else [acb(*x) for x in zip(re, im, strict=True)])
     return rows
 
 
-# --- what need not be right: choices, and Newton's steps ------------------------------------------
+# --- choices and Newton's method, on which no proof depends ---------------------------------------
 
 
 @np.errstate(all="ignore")
-def best_widths(grid, u, e, near):
-    """ρ, ρ̂ and the cut that look best in floats; `least`: the left side of (1) with them."""
+def best_widths(grid: Grid, u: FloatArray, e: FloatArray, near: FloatArray) -> dict[str, Any]:
+    """Choose ρ, ρ̂ and the cut in floats; `estimated_ratio` is the left side of (1) with them."""
     n, K = grid.n, u.shape[1] - 1
     k, strength = np.arange(n // 2), np.abs(np.array(grid.kappa, dtype=float))[:, None] / (2 * pi)
     hats = decay(u.max(axis=0)) * np.geomspace(0.005, 1.25, 60)
@@ -511,30 +709,30 @@ def best_widths(grid, u, e, near):
         inverse = near[:, :-1] * weights
         p = inverse.sum(axis=1)
         size = np.exp(2 * pi * (rho + (u * weights[: K + 1]).sum(axis=1)))
-        numbers = [[arb(x) for x in row] for row in (n_j, p, size)]
+        n_balls, p_balls, k_balls = ([arb(x) for x in row] for row in (n_j, p, size))
         eps = arb((n_j * errors).sum())
-        _, left = inequalities(grid.omega, grid.kappa, arb(rho), eps, *numbers)
+        _, left = inequalities(grid.omega, grid.kappa, arb(rho), eps, n_balls, p_balls, k_balls)
         trials.append(
             {
-                "least": np.nan_to_num(float(left["ratio"].mid()), nan=inf),
+                "estimated_ratio": np.nan_to_num(float(left["ratio"].mid()), nan=inf),
                 "rho": float(rho),
                 "rho_hat": float(hat),
                 "cut": cut,
-                "kept": _part(slopes, 1e-6),
-                "modes": _part(inverse, 1e-5),
+                "kept": _leading(slopes, 1e-6),
+                "modes": _leading(inverse, 1e-5),
             }
         )
-    return min(trials, key=lambda trial: trial["least"])
+    return min(trials, key=lambda trial: trial["estimated_ratio"])
 
 
-def _part(weighted, small):
-    """How many leading columns hold all but a small part of the sum of each row."""
+def _leading(weighted: FloatArray, small: float) -> int:
+    """Count the leading columns that hold all but a small part of the sum of each row."""
     left = np.cumsum(weighted[:, ::-1], axis=1)[:, ::-1] < small * weighted.sum(axis=1)[:, None]
     return int(left.all(axis=0).argmax()) or weighted.shape[1]
 
 
-def decay(sizes, least=1e-12):
-    """ρ with sizes_k ~ e^{-2πρk}, from the modes above `least` of the largest."""
+def decay(sizes: FloatArray, least: float = 1e-12) -> float:
+    """Fit ρ in sizes_k ~ e^{-2πρk} to the modes above `least` of the largest."""
     k = np.arange(len(sizes))
     good = (k > 0) & (sizes > least * sizes[1:].max(initial=0))
     good[: good.sum() // 10] = False
@@ -544,36 +742,40 @@ def decay(sizes, least=1e-12):
 
 
 @np.errstate(all="ignore")
-def refined(grid, start):
-    """Newton's steps from `start` until the theorem is verified, or nothing is won by another; a
-    dict of what came out."""
-    K, turn = int(KEPT * grid.n), turns(grid.omega, grid.sites, grid.n // 2 + 1)
+def refined(grid: Grid, start: FloatArray) -> dict[str, Any]:
+    """Refine `start` by Newton's method until the theorem is verified, or the residual stagnates.
+
+    Return fields of a `BarrierProof`, and `estimated_ratio` as `verified`.
+    """
+    K, turn = int(MODES_PER_POINT * grid.n), turns(grid.omega, grid.sites, grid.n // 2 + 1)
     modes, last, unit = polished(grid.kappa, grid.n, turn, start), inf, -ctx.prec
     if not np.isfinite(modes).all():
-        return {"proved": False, "why": "not proved: Newton's method diverges from the start"}
+        return {"proved": False, "reason": "not proved: Newton's method diverges from the start"}
     modes = as_balls(modes, grid.odd)
-    for _ in range(_STEPS):
-        moves = [whole(row, unit) for row in modes]
-        modes = balls(moves, unit, K + 1, grid.odd)
+    for _ in range(_MAX_NEWTON_STEPS):
+        coefficients = [integers(row, unit) for row in modes]
+        modes = balls(coefficients, unit, K + 1, grid.odd)
         E, sizes = residual(grid, modes), [[[x.abs_upper() for x in row] for row in modes]]
-        found = verified([grid], [modes], [E], sizes, [0], grid.kappa, lambda error, *_: error)
-        found |= {"unit": unit, "moves": [[moves]]}
+        outcome = verified([grid], [modes], [E], sizes, [0], grid.kappa, lambda error, *_: error)
+        outcome |= {"unit": unit, "coefficients": [[coefficients]]}
         size = _largest_mode(E, K + 1)
-        if found["proved"] or not size < 0.5 * last:
+        if outcome["proved"] or not size < 0.5 * last:
             break
         last, following = size, stepped(grid, turn, modes, E)
         if following is None:
             break
         modes = following
-    return found
+    return outcome
 
 
-def _largest_mode(E, K):
+def _largest_mode(E: list[list[Ball]], K: int) -> float:
     return max(float(x.abs_upper()) for row in E for x in row[:K])
 
 
-def stepped(grid, turn, modes, E):
-    """Newton's step from modes with the residual E; None if it fails."""
+def stepped(
+    grid: Grid, turn: ComplexArray, modes: list[list[Ball]], E: list[list[Ball]]
+) -> list[list[Ball]] | None:
+    """Return the modes after a step of Newton's method, given the residual E; None if it fails."""
     K = len(modes[0])
     scale = arb(_largest_mode(E, K))
     step = correction(turn, as_doubles(modes, grid.odd), as_doubles(E, grid.odd, 1 / scale))
@@ -585,8 +787,8 @@ def stepped(grid, turn, modes, E):
     ]
 
 
-def turns(omega, n_sites, n_modes):
-    """e^{2πikα}, α = ω/P, in long double, by a convergent of ω; see `circles.fourier.turns`."""
+def turns(omega: RotationNumber, n_sites: int, n_modes: int) -> ComplexArray:
+    """Return e^{2πikα}, α = ω/P, in long double, by a convergent of ω: see `fourier.turns`."""
     for f in convergents(omega):
         if f.denominator * n_sites > 10**12:
             break
@@ -595,20 +797,23 @@ def turns(omega, n_sites, n_modes):
     return np.exp(2j * np.arccos(np.longdouble(-1)) * x)
 
 
-def polished(kappa, n, turn, start):
-    """The modes kept on n points of the circle near values on a grid: Newton's steps in long double
-    while they help, on the modes above its rounding: beyond them small divisors would make rounding
-    larger than u itself."""
-    modes = np.zeros((len(kappa), int(KEPT * n) + 1), np.clongdouble)
-    given = np.fft.rfft(start)[:, : modes.shape[1]] / start.shape[1]
-    modes[:, : given.shape[1]] = (
-        given * turn[: given.shape[1]].conj() ** np.arange(len(kappa))[:, None]
-    )
+def polished(kappa: Sequence[Any], n: int, turn: ComplexArray, start: FloatArray) -> ComplexArray:
+    """Refine values of a circle on a grid by Newton's method in long double; return its modes.
+
+    Modes of the size of rounding are left as they are: small divisors would make their rounding
+    larger than u itself.
+    """
+    modes = np.zeros((len(kappa), int(MODES_PER_POINT * n) + 1), np.clongdouble)
+    known = np.fft.rfft(start)[:, : modes.shape[1]] / start.shape[1]
+    to_sites = turn[: known.shape[1]].conj() ** np.arange(len(kappa))[:, None]
+    modes[:, : known.shape[1]] = known * to_sites
     K, last, best = modes.shape[1], inf, modes
-    kept = np.arange(K) < _ROUNDED / (2 * pi * decay(np.abs(modes).max(axis=0).astype(float), 1e-6))
+    kept = np.arange(K) < _LOG_ROUNDING / (
+        2 * pi * decay(np.abs(modes).max(axis=0).astype(float), 1e-6)
+    )
     two_pi, rotation = 2 * np.arccos(np.longdouble(-1)), turn[:K]
     strength, theta = np.array(kappa, float)[:, None] / two_pi, np.arange(n) / np.longdouble(n)
-    for _ in range(_STEPS):
+    for _ in range(_MAX_NEWTON_STEPS):
         x = theta + np.fft.irfft(modes, n) * n
         E = -np.fft.rfft(strength * np.sin(two_pi * x)) / n
         E[:, :K] += np.roll(modes, -1, axis=0) * rotation - 2 * modes
@@ -622,10 +827,10 @@ def polished(kappa, n, turn, start):
     return best
 
 
-def correction(turn, modes, E):
-    """Modes of Levi and Moser's step, in doubles, for the modes E of the residual: see circles.
+def correction(turn: ComplexArray, modes: ComplexArray, E: ComplexArray) -> ComplexArray:
+    """Return the modes of Levi and Moser's step, in doubles, for the modes E of the residual.
 
-    modes, E : arrays (P, ..., modes); what is between is done at once.
+    modes and E have the shape (P, ..., modes). See `nasm.circles`.
     """
     n, sites = 2 * (turn.size - 1), np.arange(len(modes)).reshape(-1, *[1] * (modes.ndim - 1))
     turn = turn.astype(complex)
@@ -644,14 +849,14 @@ def correction(turn, modes, E):
     return np.fft.rfft(slopes * w) / n * shift.conj()
 
 
-def slopes_on_grid(modes, n):
-    """g_j' at φ = i/n."""
+def slopes_on_grid(modes: ComplexArray, n: int) -> FloatArray:
+    """Return g_j' at φ = i/n."""
     k = np.arange(modes.shape[-1])
     return 1 + np.fft.irfft(2j * pi * k * modes, n) * n
 
 
-def as_balls(modes, odd):
-    """The modes as exact balls, of long doubles in two parts."""
+def as_balls(modes: ComplexArray, odd: bool) -> list[list[Ball]]:
+    """Convert modes in long double to exact balls, each long double in two parts."""
 
     def exact(x):
         high = x.astype(float)
@@ -664,31 +869,33 @@ def as_balls(modes, odd):
     return [[acb(*pair) for pair in row] for row in both]
 
 
-def as_doubles(rows, odd, scale=1):
+def as_doubles(rows: list[list[Ball]], odd: bool, scale: Ball | int = 1) -> ComplexArray:
+    """Round balls to an array of complex doubles."""
     if odd:
         return -1j * np.array([[float(x * scale) for x in row] for row in rows])
     return np.array([[complex(x * scale) for x in row] for row in rows])
 
 
-def whole(row, unit):
-    """[re, im] of modes in whole numbers, times 2^unit."""
-    odd, scale, found = isinstance(row[0], arb), arb(2) ** -unit, []  # odd: they are -ib
+def integers(row: list[Ball], unit: int) -> list[list[int]]:
+    """Round modes to integers times 2^unit; return [re, im]."""
+    odd, scale = isinstance(row[0], arb), arb(2) ** -unit  # odd: the modes are -i·row
+    rounded = []
     parts = ([], [-x for x in row]) if odd else ([x.real for x in row], [x.imag for x in row])
     for part in parts:
         numbers = [int((x * scale + 0.5).mid().floor().unique_fmpz()) for x in part]
         while numbers and not numbers[-1]:
             numbers.pop()
-        found.append(numbers)
-    return found
+        rounded.append(numbers)
+    return rounded
 
 
-def grid_size(start):
-    """Points for the circle's rate of decay: enough on nearly all of the rays that were tried."""
+def grid_size(start: FloatArray) -> int:
+    """Choose the points of a grid by the decay of the circle's modes; enough on nearly all rays."""
     rate = decay(np.abs(np.fft.rfft(start)).max(axis=0), 1e-6)
     return fast_size(max(64, 2 * ceil(max(5.5, -2.2 * log(rate)) / rate)))
 
 
-def fast_size(n):
-    """The least of 2^k, 5·2^k and 6·2^k from n on: FLINT transforms it twice as fast as others."""
+def fast_size(n: int) -> int:
+    """Return the least of 2^k, 5·2^k and 6·2^k from n on; FLINT transforms these twice as fast."""
     power = 2 ** (n.bit_length() - 3)
     return power * next(m for m in (4, 5, 6, 8) if m * power >= n)

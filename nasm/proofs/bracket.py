@@ -1,70 +1,130 @@
-"""Both sides of the boundary on a ray κ = s·profile, proved; between the two scales nothing is.
+"""Proved lower and upper bounds of the boundary on a ray κ = s·profile.
 
-The lower side is by the theorem of `nasm.proofs.barrier`, at one scale, and by `nasm.proofs.fan` at
-every scale from 0 on, less far; the upper side is by the theorem of `nasm.proofs.transport`. What
-`nasm.barriers` finds tells only where to look.
+The lower bound is that of `nasm.proofs.barrier`, at one scale; `nasm.proofs.patches` proves a
+barrier at every scale from 0 up to a somewhat smaller one. The upper bound is that of
+`nasm.proofs.transport`. `nasm.barriers` only chooses where to try proofs.
 """
 
 import time
 from dataclasses import dataclass, field
 from math import nan
 
+from numpy.typing import ArrayLike
+
 from nasm import barriers
 from nasm.checks import positive
 from nasm.critical import CriticalScale, Result
 from nasm.maps import direction
 from nasm.proofs.barrier import BarrierProof, proved_lower
-from nasm.proofs.fan import proved_below
+from nasm.proofs.patches import proved_below
 from nasm.proofs.transport import TransportProof, proved_upper
+from nasm.tables import html_table
+from nasm.texts import rounded_bracket
 
 __all__ = ["ProvedBracket", "critical_scale"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ProvedBracket(Result):
-    """What is proved of a ray, and where it was looked for.
+    """Proved bounds of the scale at which the last barrier breaks on a ray.
 
-    found : CriticalScale by `barriers.critical_scale`, which is no proof.
-    lower, upper : a barrier is proved to exist at lower·profile, transport to be global at
-        upper·profile, as these are rounded to floats; NaN where nothing was proved.
-    barrier, transport : BarrierProof and TransportProof of that, with their certificates, or the
-        last that failed; None where nothing was tried.
-    below : a barrier is proved to exist at s·profile for 0 ≤ s ≤ below; NaN where not tried.
-    rays : the BarrierProofs of that, of fans.
+    Between `lower` and `upper` nothing is proved.
+
+    Attributes
+    ----------
+    estimate : CriticalScale
+        Result of `barriers.critical_scale`, which proves nothing.
+    lower : float
+        A barrier is proved to exist at lower·profile, rounded to floats; NaN if none was proved.
+    upper : float
+        Transport is proved to be global at upper·profile, rounded to floats; NaN if it was not.
+    barrier : BarrierProof or None
+        Proof at `lower`, or the last that failed; None if none was tried.
+    transport : TransportProof or None
+        Proof at `upper`, or the last that failed; None if none was tried.
+    below : float
+        A barrier is proved to exist at s·profile for all 0 ≤ s ≤ below; NaN if this was not tried.
+    below_proofs : list of BarrierProof
+        Proofs for intervals of s, which together give `below`.
+
+    Examples
+    --------
+    >>> from nasm.proofs import critical_scale
+    >>> critical_scale((1.0,), seconds=0.2)
+    <ProvedBracket: a barrier exists at 0.9..., transport is global at 0.97...; a barrier exists at
+    all scales up to 0...>
     """
 
-    found: CriticalScale
+    estimate: CriticalScale
     lower: float = nan
     upper: float = nan
     barrier: BarrierProof | None = None
     transport: TransportProof | None = None
     below: float = nan
-    rays: list[BarrierProof] = field(default_factory=list, repr=False)
+    below_proofs: list[BarrierProof] = field(default_factory=list)
+
+    def __repr__(self) -> str:
+        rows = self._rows()
+        both = ", ".join(filter(None, (rows["lower bound"], rows["upper bound"])))
+        parts = filter(None, (both, rows["at all scales"]))
+        return f"<ProvedBracket: {'; '.join(parts) or 'nothing is proved'}>"
+
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        return html_table(
+            {"estimate, not proved": repr(self.estimate)} | self._rows(), "Proved bounds on a ray"
+        )
+
+    def _rows(self) -> dict[str, str]:
+        lower, upper = rounded_bracket(self.lower, self.upper)
+        below, _ = rounded_bracket(self.below, nan)
+        return {
+            "lower bound": f"a barrier exists at {lower}" if lower else "",
+            "upper bound": f"transport is global at {upper}" if upper else "",
+            "at all scales": (
+                f"a barrier exists at all scales up to {below}" if self.below > 0 else ""
+            ),
+        }
 
 
-def critical_scale(profile, seconds=8.0):
-    """The scale at which the last barrier breaks, between two scales that are proved.
+def critical_scale(profile: ArrayLike, seconds: float = 8.0) -> ProvedBracket:
+    """Enclose the scale at which the last barrier breaks between two proved bounds.
 
     Parameters
     ----------
-    profile : sequence of P floats, not all 0.
-    seconds : float > 0, CPU time for the weaker kicks, and on average for each of the two sides:
-        the upper one has half of it and still comes ten times as near. How near they come to the
-        breakup depends on it and on the machine; what they say does not.
+    profile : array_like, shape (P,)
+        Direction of the ray, not zero.
+    seconds : float
+        CPU time for `below`, and on average for each of the two bounds. The upper bound gets half
+        of it, and still comes ten times closer than the lower one. The width of the bracket depends
+        on the time and on the machine; each of its bounds is proved.
 
     Returns
     -------
-    ProvedBracket. ImportError without python-flint; ValueError as `barriers.critical_scale` raises,
-    or if seconds is not positive.
+    ProvedBracket
+
+    Raises
+    ------
+    ImportError
+        If python-flint is not installed.
+    ValueError
+        If profile is zero, not finite or too large, or seconds is not positive.
+
+    Examples
+    --------
+    >>> from nasm.proofs import critical_scale
+    >>> bracket = critical_scale((1.0, 0.5), seconds=0.2)
+    >>> bracket.lower < bracket.estimate.value < bracket.upper
+    True
     """
     profile = direction(profile)
     seconds = positive("seconds", seconds, "CPU time for each proof")
-    found = barriers.critical_scale(profile)
-    if not found.value > 0:
-        return ProvedBracket(found)
+    estimate = barriers.critical_scale(profile)
+    if not estimate.value > 0 or estimate.omega is None:
+        return ProvedBracket(estimate)
     start = time.thread_time()
-    upper, transport = proved_upper(profile, found.value, seconds / 2)
-    left = 2 * seconds - (time.thread_time() - start)
-    lower, barrier = proved_lower(found.omega, profile, found.value, max(left, seconds))
-    below, rays = proved_below(found.omega, profile, found.value, seconds)
-    return ProvedBracket(found, lower, upper, barrier, transport, below, rays)
+    upper, transport = proved_upper(profile, estimate.value, seconds / 2)
+    remaining = 2 * seconds - (time.thread_time() - start)
+    lower, barrier = proved_lower(estimate.omega, profile, estimate.value, max(remaining, seconds))
+    below, proofs = proved_below(estimate.omega, profile, estimate.value, seconds)
+    return ProvedBracket(estimate, lower, upper, barrier, transport, below, proofs)

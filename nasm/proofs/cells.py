@@ -1,42 +1,90 @@
-"""Where transport is proved to be global, in cells of the (κ1, κ2) plane; triangles with a barrier.
+"""Cells of the (κ1, κ2) plane with global transport, and triangles with a barrier, proved.
 
-In a cell transport is proved for all forcings, by `nasm.proofs.transport_cells`; a cell for which
-it is not is cut into four. A barrier is proved in triangles from κ = 0 on, by `nasm.proofs.fan`.
+`nasm.proofs.transport_cells` proves transport for all forcings of a cell; a cell for which it fails
+is divided into four. `nasm.proofs.patches` proves a barrier for triangles with a corner at κ = 0.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from nasm.proofs import transport_cells
+from nasm.proofs.transport_cells import CellProof
+from nasm.types import FloatArray
 
 __all__ = ["distance", "proved_cells", "triangles"]
 
-OPEN, TRANSPORT = 1, 2  # states of a cell
-_TOO_NEAR = 0.003  # to the boundary, in parts of it: of cells that near 2 of 128 are proved in 1 s
+OPEN = 1
+"""State of a cell for which nothing is proved."""
+
+TRANSPORT = 2
+"""State of a cell for which transport is proved to be global."""
+
+# Relative distance from the boundary, for proofs of 1 s: closer, 2 of 128 cells were proved.
+_MIN_DISTANCE = 0.003
 
 
-def distance(rays, kappa1, kappa2):
-    """1 - s/s_c, about, of forcings of the first quadrant, negative beyond the breakup.
+def distance(rays: Sequence[Sequence[float]], kappa1: ArrayLike, kappa2: ArrayLike) -> FloatArray:
+    """Estimate 1 - s/s_c of forcings with κ1, κ2 ≥ 0, negative beyond the breakup.
 
-    rays : list of (angle in degrees, s_c), from 0 to 45 degrees. They only choose which proof to
-    try in a cell.
+    It only chooses which proof to try in a cell.
+
+    Parameters
+    ----------
+    rays : sequence of (angle, scale)
+        Angles in degrees, from 0 to 45, and the scale s_c of the last breakup; between them the
+        scale is interpolated linearly.
+    kappa1, kappa2 : array_like
+        Strengths, not negative.
+
+    Returns
+    -------
+    ndarray
+        Of the shape to which kappa1 and kappa2 broadcast.
+
+    Examples
+    --------
+    >>> from nasm.proofs.cells import distance
+    >>> distance([(0.0, 0.5), (45.0, 1.4)], 0.25, 0.0)
+    0.5
     """
     angle = np.rad2deg(np.arctan2(np.minimum(kappa1, kappa2), np.maximum(kappa1, kappa2)))
     return 1 - np.hypot(kappa1, kappa2) / np.interp(angle, *np.transpose(rays))
 
 
-def triangles(angles, scales, circles, sagitta):
-    """Triangles from κ = 0 on that fill the region below the boundary, nearly.
+def triangles(
+    angles: FloatArray, scales: FloatArray, circles: Sequence[str], sagitta: float
+) -> list[tuple[list[float], list[float], list[str]]]:
+    """Divide the region below the boundary into triangles with a corner at κ = 0.
 
-    angles, scales : ndarrays (n,), of rays as of `distance`. circles : list of n, the last circles.
-    sagitta : float; the boundary is that much nearer than the far side of a triangle at most, in
-    parts, or else the triangle is of two neighbouring rays.
+    Parameters
+    ----------
+    angles, scales : ndarray, shape (n,)
+        Rays, as those of `distance`.
+    circles : sequence of str
+        The last circle on each ray, as text.
+    sagitta : float
+        Largest relative distance by which the boundary lies inside the far side of a triangle that
+        comprises more than two rays.
 
-    Returns a list of (corner, corner, circles): far corners as two floats of 20 binary places,
-    which neighbours share, and the one circle, or the two, to try.
+    Returns
+    -------
+    list of (corner, corner, circles)
+        Far corners, each two floats of 20 binary places that neighbouring triangles share, and the
+        one or two circles to try.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.proofs import triangles
+    >>> circles = ["[0;2,(1)]", "[0;2,(1)]"]
+    >>> triangles(np.array([0.0, 10.0]), np.array([0.5, 0.5]), circles, 0.01)
+    [([0.5, 0.0], [0.4924039840698242, 0.08682441711425781], ['[0;2,(1)]'])]
     """
     points = np.stack([np.cos(np.deg2rad(angles)), np.sin(np.deg2rad(angles))], 1)
     corners = np.round(points * scales[:, None] * 2**20) / 2**20
-    found, first = [], 0
+    divided, first = [], 0
     while first < len(angles) - 1:
         last = first + 1
         for end in range(first + 2, len(angles)):
@@ -48,38 +96,71 @@ def triangles(angles, scales, circles, sagitta):
                 break
             last = end
         both = sorted({circles[first], circles[last]} - {None}, key=str)
-        found.append((*corners[[first, last]].tolist(), both))
+        low, high = corners[[first, last]].tolist()
+        divided.append((low, high, both))
         first = last
-    return found
+    return divided
 
 
-def _cross(a, b):
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def proved_cells(low, size, depth, rays, seconds, failed=None):
-    """What is proved in the 4**depth cells of a square: OPEN or TRANSPORT.
+def proved_cells(
+    low: tuple[float, float],
+    size: float,
+    depth: int,
+    rays: Sequence[Sequence[float]],
+    seconds: float,
+    failed: list[tuple[float, float]] | None = None,
+) -> tuple[NDArray[np.int8], list[CellProof]]:
+    """Prove global transport in the 4**depth cells of a square.
 
-    low : κ1 and κ2 of its lower left corner, not negative. size : its width; all corners of cells
-    must be multiples of 2⁻³⁰. rays : as of `distance`. seconds : CPU time for a proof in a finest
-    cell; in larger ones half of it, as their quarters are tried next.
-    failed : for itself, a list of (size, distance) of cells for which transport was not proved.
+    1. Try a proof for all of the square, unless it is too close to the boundary.
+    2. If that fails, divide it into quarters, and begin with those far from the boundary.
+    3. Once a proof has failed, try none for a square as large that is closer.
 
-    Returns an int8 array (2**depth, 2**depth), index κ2, κ1, and the list of the proofs. A square
-    is proved whole if it can be, else by quarters, those far from the boundary first: where one
-    fails, none as large that is nearer is tried. What lies in κ2 > κ1 is left OPEN: it is an image.
+    Parameters
+    ----------
+    low : (float, float)
+        κ1 and κ2 of the lower left corner, not negative.
+    size : float
+        Width of the square; the corners of all cells must be multiples of 2⁻³⁰.
+    depth : int
+        Number of divisions by two.
+    rays : sequence of (angle, scale)
+        The boundary, as for `distance`.
+    seconds : float
+        CPU time for a proof in a finest cell; larger ones get half of it.
+    failed : list of (size, distance), optional
+        Squares for which transport was not proved; for recursive calls.
+
+    Returns
+    -------
+    states : ndarray of int8, shape (2**depth, 2**depth)
+        OPEN or TRANSPORT, with the indices of κ2 and κ1. Cells with κ2 > κ1 are images of others,
+        and stay OPEN.
+    proofs : list of CellProof
+
+    Examples
+    --------
+    >>> from nasm.proofs import proved_cells
+    >>> states, proofs = proved_cells((0.75, 0.25), 0.0625, 1, [(0.0, 0.5), (45.0, 0.7)], 1.0)
+    >>> states.tolist(), len(proofs)
+    ([[2, 2], [2, 2]], 1)
     """
     n, (low1, low2) = 2**depth, low
     failed = [] if failed is None else failed
-    states, proofs = np.full((n, n), OPEN, np.int8), []
+    states = np.full((n, n), OPEN, np.int8)
+    proofs: list[CellProof] = []
     if low2 >= low1 + size:
         return states, proofs
     centre = low1 + size / 2, low2 + size / 2
     corners = low1 + np.array([0, size, 0, size]), low2 + np.array([0, 0, size, size])
-    near = distance(rays, *corners)
-    if (near > 0).all():
+    distances = distance(rays, *corners)
+    if (distances > 0).all():
         return states, proofs
-    nearest, limit = near.max(), -_TOO_NEAR / max(seconds, 1.0)
+    nearest, limit = distances.max(), -_MIN_DISTANCE / max(seconds, 1.0)
     if nearest < limit and not any(size >= smaller and nearest >= at for smaller, at in failed):
         proof = transport_cells.prove_cell(centre, size / 2, seconds / (2 if depth else 1))
         if proof.proved:
@@ -89,7 +170,8 @@ def proved_cells(low, size, depth, rays, seconds, failed=None):
         # Beyond the boundary the upper right quarters are the far ones.
         for i, j in (1, 1), (1, 0), (0, 1), (0, 0):
             quarter = low1 + j * size / 2, low2 + i * size / 2
-            found, more = proved_cells(quarter, size / 2, depth - 1, rays, seconds, failed)
-            states[i * n // 2 : (i + 1) * n // 2, j * n // 2 : (j + 1) * n // 2] = found
+            quarter_states, more = proved_cells(quarter, size / 2, depth - 1, rays, seconds, failed)
+            block = slice(i * n // 2, (i + 1) * n // 2), slice(j * n // 2, (j + 1) * n // 2)
+            states[block] = quarter_states
             proofs += more
     return states, proofs

@@ -1,62 +1,72 @@
-"""Check certificates of proofs, slowly and obviously, in ball arithmetic: a second program.
+"""Check certificates of proofs in ball arithmetic, by a second program, slow and simple.
 
-    check(json.loads(text))   # the claim that is thereby proved, or Refuted
+    check(json.loads(text))   # returns the claim, which is then proved, or raises Refuted
 
-It needs python-flint alone, and shares no line with the programs that made the certificates. What
-the fields mean, and the statements of the five theorems, is in nasm/proofs/README.md,
-"Certificates".
+It needs python-flint alone, and shares no code with the programs that made the certificates.
+nasm/proofs/README.md, "Certificates", describes the fields and states the five theorems.
 
-*Transport.* From a forcing, or a cell of forcings, boxes and their lives N it verifies that the
-boxes cover the starts of a curve, and that for each box there is one η, of finite support, whose
-second variation along every orbit of the box is
+*Transport.* Given a forcing, or a cell of forcings, and boxes with their lifetimes N, it verifies
+that the boxes cover the initial conditions on a curve, and that each box has an η of finite support
+whose second variation along every orbit of the box is
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0.
 
-On a symmetry line η is even, and half of Q is summed; on a polygon both halves are, with η = 1 at
-the site of the curve, each with its own share of that site. Orbits of a box are
+On a symmetry line η is even, and half of Q is summed. On a polygon both halves are summed, with
+η = 1 at the site of the curve, each with its own share of that site. Orbits of a box are
 
     x_k = x̂_k + Σ_i σ_i ξ_ik + Σ_{i≤j} σ_iσ_j ξ_ijk + ρ_k,   |σ_i| ≤ 1,
 
-where x̂_k, ξ_ik, … are exact numbers of 128 bits, and ρ_k is bounded with all that they miss; one
-parameter is that of the start, and two, in a cell, are those of the strengths k + σ_i h. η is any
-sequence of floats.
+where x̂_k, ξ_ik, … are exact numbers of 128 bits, and the bound of ρ_k includes their errors. One
+parameter is that of the initial condition; in a cell two more are those of the strengths k + σ_i h.
+Any sequence of floats will do for η.
 
-*A barrier*, under one forcing or in a fan. A function is a Laurent polynomial in z = e^{2πiφ},
-with balls for coefficients; 1/g_j' is found by sums and products of such. The sine is taken on a
-grid, at each of many points of a fan, with a bound of the aliases (`Grid`).
+*A barrier*, under one forcing or in a patch (a "fan" in certificates). A function is a Laurent
+polynomial in z = e^{2πiφ} with balls as coefficients; 1/g_j' is computed by sums and products of
+these. The sine is evaluated on a grid, at many points of a patch, with a bound of the aliases
+(`Grid`).
 
-A certificate may be anybody's. `within_limits` refuses what would take too long or too much memory
-before anything is computed from it.
+A certificate may come from anybody. `within_limits` refuses it before anything is computed if the
+check would take too much time or memory.
 """
 
 import hashlib
 import json
 import re
 import struct
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from functools import reduce
 from itertools import combinations_with_replacement
+from typing import Any, TypeAlias
 
 from flint import acb, acb_poly, arb, arb_poly, ctx, fmpq
 
 __all__ = ["Refuted", "check"]
 
+Certificate: TypeAlias = dict[str, Any]
+"""A JSON object."""
+
+Ball: TypeAlias = Any
+"""A real or complex ball of FLINT, `arb` or `acb`."""
+
+Cuboid: TypeAlias = tuple[tuple[Fraction, Fraction], ...]
+
 BITS = 192
 
-# What is larger is refused before anything is computed.
-KICKS = 64  # of a period
-GIVEN_KICKS = 1000  # of a period of the forcing that was shortened
-LIFE = 10**5  # kicks of one box: 50 MB of memory
-LIVES = 10**7  # kicks of all boxes: a quarter of an hour
-QUOTIENTS, DIGITS = 200, 50  # of ω, and of each quotient
-DEGREES = 64  # in s, and in t
-UNIT = 10**4  # of 2^unit, either sign; and bits of the whole number of a mode
-_LOST = 1000  # turns between orbits of a box: bounds beyond grow like 4 to the power of 4^n
-MODES = 3 * 10**7  # modes of the longest function, times points of the fan, times kicks: an hour
+# Larger certificates are refused before anything is computed.
+MAX_PERIOD = 64  # kicks
+MAX_ORIGINAL_PERIOD = 1000  # kicks, before the forcing was shortened
+MAX_LIFETIME = 10**5  # kicks of one box: 50 MB of memory
+MAX_TOTAL_KICKS = 10**7  # kicks of all boxes: a quarter of an hour
+MAX_QUOTIENTS, MAX_DIGITS = 200, 50  # of ω, and of each quotient
+MAX_DEGREES = 64  # in s, and in t
+MAX_UNIT = 10**4  # largest |unit| of 2^unit; and bits of the integer of a mode
+_MAX_SPREAD = 1000  # turns between orbits of a box; beyond, bounds grow like 4 to the power of 4^n
+MAX_MODES = 3 * 10**7  # modes of the longest function, times points, times kicks: an hour
 
 _TRANSPORT = {"kappa", "site", "boxes", "lives"}
 _BARRIER = {"kappa", "omega", "rho", "shortened_from", "moves"}
-# Of each theorem: the digest of its statement; the fields besides `claim`, `theorem` and the seal.
+# For each theorem the digest of its statement, and the fields besides claim, theorem and seal.
 THEOREMS = {
     "Transport is global": (
         "262141d95693b0b62f3f795cda61e9e083a5385af394d67e85edbe1571432456",
@@ -82,17 +92,37 @@ THEOREMS = {
 
 
 class Refuted(Exception):
-    """The certificate does not prove what it says."""
+    """The certificate does not prove its claim."""
 
 
-def check(certificate, most_kicks=LIVES):
-    """The claim, which is proved, of a certificate that is genuine and right; Refuted otherwise.
+def check(certificate: Certificate, max_kicks: float = MAX_TOTAL_KICKS) -> str:
+    """Check a certificate, and return its claim, which is then proved.
 
-    most_kicks : of all boxes of a proof of transport together; more are refused unread. They take
-    about 7·10⁻⁵ s each.
+    Parameters
+    ----------
+    certificate : dict
+        A JSON object; see nasm/proofs/README.md, "Certificates".
+    max_kicks : float
+        Largest number of kicks of all boxes together, for transport; each takes some 7·10⁻⁵ s.
+
+    Raises
+    ------
+    Refuted
+        If the certificate is malformed or too large, or does not prove its claim.
+
+    Examples
+    --------
+    >>> from nasm.proofs import barrier
+    >>> from nasm.proofs.certificate_checker import check
+    >>> certificate = barrier.prove("gamma", (0.3,)).certificate()
+    >>> check(certificate)
+    'a rotational invariant circle of [0;(1)] exists under the forcing (0.3,)'
+    >>> check(certificate | {"omega": "[0;(2)]"})
+    Traceback (most recent call last):
+    nasm.proofs.certificate_checker.Refuted: the seal is broken
     """
     try:
-        return _checked(certificate, most_kicks)
+        return _checked(certificate, max_kicks)
     except (
         ArithmeticError,
         AttributeError,
@@ -105,7 +135,7 @@ def check(certificate, most_kicks=LIVES):
         raise Refuted(f"malformed: {type(error).__name__}: {error}") from None
 
 
-def _checked(certificate, most_kicks):
+def _checked(certificate: Certificate, max_kicks: float) -> str:
     data = {key: value for key, value in certificate.items() if key != "sha256"}
     text = json.dumps(data, sort_keys=True).encode()
     demand(hashlib.sha256(text).hexdigest() == certificate.get("sha256"), "the seal is broken")
@@ -113,9 +143,9 @@ def _checked(certificate, most_kicks):
     digest, fields = THEOREMS[name]
     demand(data["theorem"] == {"name": name, "version": 1, "sha256": digest}, "another statement")
     demand(type(data["theorem"]["version"]) is int, "another statement")
-    demand(data.keys() == {"claim", "theorem", *fields}, "fields are missing, or unknown")
-    within_limits(data, most_kicks)
-    demand(data["claim"] == claim(data), f"what is claimed is not {claim(data)!r}")
+    demand(data.keys() == {"claim", "theorem", *fields}, "fields are missing or unknown")
+    within_limits(data, max_kicks)
+    demand(data["claim"] == claim(data), f"the statement claimed is not {claim(data)!r}")
     if "shortened_from" in data:
         shortened(data)
     if "points" in data:
@@ -124,127 +154,140 @@ def _checked(certificate, most_kicks):
         hypothesis(data)
     else:
         with ctx.workprec(BITS):
-            holds, found = theorem(data)
-        demand(holds, f"an inequality of the theorem fails: {found}")
+            holds, constants = theorem(data)
+        demand(holds, f"an inequality of the theorem fails: {constants}")
     return data["claim"]
 
 
-def within_limits(data, most_kicks):
-    """Refuted unless all fields are of their kind, and none is too large to be checked."""
-    given = data.get("shortened_from", {})
-    demand(type(given) is dict, "shortened_from is no object")
-    demand(is_row(data["kappa"], KICKS), f"kappa is no list of 1 to {KICKS} numbers")
-    if given:
-        words = f"the given forcing is no list of 1 to {GIVEN_KICKS} numbers"
-        demand(is_row(given["kappa"], GIVEN_KICKS), words)
+def within_limits(data: Certificate, max_kicks: float) -> None:
+    """Refute unless all fields have the right types, and none is too large to be checked."""
+    original = data.get("shortened_from", {})
+    demand(type(original) is dict, "shortened_from is not an object")
+    demand(is_row(data["kappa"], MAX_PERIOD), f"kappa is not a list of 1 to {MAX_PERIOD} numbers")
+    if original:
+        message = f"the original forcing is not a list of 1 to {MAX_ORIGINAL_PERIOD} numbers"
+        demand(is_row(original["kappa"], MAX_ORIGINAL_PERIOD), message)
     for field in {"half_width", "tilt"} & data.keys():
-        words = f"{field} has not a number for each kick"
-        demand(is_row(data[field], KICKS) and len(data[field]) == len(data["kappa"]), words)
+        message = f"{field} does not have a number for each kick"
+        demand(is_row(data[field], MAX_PERIOD) and len(data[field]) == len(data["kappa"]), message)
     if "boxes" in data:
-        within_limits_of_boxes(data, most_kicks)
+        within_limits_of_boxes(data, max_kicks)
     else:
-        for omega in (data["omega"], given["omega"]):
+        for omega in (data["omega"], original["omega"]):
             quotients(omega)
         within_limits_of_moves(data)
 
 
-def within_limits_of_boxes(data, most_kicks):
+def within_limits_of_boxes(data: Certificate, max_kicks: float) -> None:
+    """Refute unless boxes and lifetimes have the right types and are not too large."""
     boxes, lives = data["boxes"], data["lives"]
     several = "points" in data
-    demand(type(lives) is list and lives, "lives are no list")
-    demand(is_whole(data["site"]), "site is no whole number")
+    demand(type(lives) is list and lives, "lives is not a list")
+    demand(is_whole(data["site"]), "site is not an integer")
     if several:
-        words = "lives are not in pairs, forwards and backwards"
-        demand(all(type(pair) is list and len(pair) == 2 for pair in lives), words)
-    kicks = [life for pair in lives for life in pair] if several else lives
-    words = f"lives are not whole numbers from 1 to {LIFE}"
-    demand(all(is_whole(life) and 1 <= life <= LIFE for life in kicks), words)
-    demand(sum(kicks) <= most_kicks, f"boxes live for more than {most_kicks} kicks in all")
+        message = "lives are not in pairs, forwards and backwards"
+        demand(all(type(pair) is list and len(pair) == 2 for pair in lives), message)
+    kicks = [lifetime for pair in lives for lifetime in pair] if several else lives
+    message = f"lives are not integers from 1 to {MAX_LIFETIME}"
+    demand(all(is_whole(lifetime) and 1 <= lifetime <= MAX_LIFETIME for lifetime in kicks), message)
+    demand(sum(kicks) <= max_kicks, f"boxes have more than {max_kicks} kicks in all")
     columns = 3 if several else 9 if "half_width" in data else 2
-    words = f"boxes are not {columns} texts of 16 digits for each life"
-    demand(type(boxes) is list and len(boxes) == columns, words)
-    demand(all(type(column) is str and len(column) == 16 * len(lives) for column in boxes), words)
+    message = f"boxes are not {columns} texts of 16 digits for each lifetime"
+    demand(type(boxes) is list and len(boxes) == columns, message)
+    demand(all(type(column) is str and len(column) == 16 * len(lives) for column in boxes), message)
     if several:
         points = data["points"]
-        words = "points are not 2 or more pairs, or are more than the boxes can join"
-        demand(type(points) is list and 2 <= len(points) <= len(lives) + 1, words)
-        demand(all(is_row(point, 2) and len(point) == 2 for point in points), words)
+        message = "points are not pairs, or fewer than 2, or more than the boxes can join"
+        demand(type(points) is list and 2 <= len(points) <= len(lives) + 1, message)
+        demand(all(is_row(point, 2) and len(point) == 2 for point in points), message)
     else:
-        demand(type(data["a"]) in (int, float), "a is no number")
+        demand(type(data["a"]) in (int, float), "a is not a number")
 
 
-def within_limits_of_moves(data):
+def within_limits_of_moves(data: Certificate) -> None:
+    """Refute unless the functions of a circle have the right types and are not too large."""
     demand(0 < exact(data["rho"]) <= 1, "rho is not from 0 to 1")
     if "scales" in data:
         demand(is_row(data["scales"], 2) and len(data["scales"]) == 2, "scales are not 2 numbers")
     demand(data["moves"].keys() == {"unit", "numbers"}, "moves are not a unit and numbers")
     unit, numbers = data["moves"]["unit"], data["moves"]["numbers"]
-    words = f"the unit is no whole number from -{UNIT} to {UNIT}"
-    demand(is_whole(unit) and abs(unit) <= UNIT, words)
+    message = f"the unit is not an integer from -{MAX_UNIT} to {MAX_UNIT}"
+    demand(is_whole(unit) and abs(unit) <= MAX_UNIT, message)
     for rows in (numbers, *numbers):
-        words = f"functions are not of 1 to {DEGREES} degrees in s, and in t"
-        demand(type(rows) is list and 1 <= len(rows) <= DEGREES, words)
+        message = f"functions do not have 1 to {MAX_DEGREES} degrees in s, and in t"
+        demand(type(rows) is list and 1 <= len(rows) <= MAX_DEGREES, message)
     longest = 0
     for functions in (functions for rows in numbers for functions in rows):
-        words = "not a function for a kick"
-        demand(type(functions) is list and len(functions) == len(data["kappa"]), words)
-        words = f"a function is not two lists of whole numbers of {UNIT} bits"
+        message = "not one function for each kick"
+        demand(type(functions) is list and len(functions) == len(data["kappa"]), message)
+        message = f"a function is not two lists of integers of {MAX_UNIT} bits"
         for parts in functions:
-            demand(type(parts) is list and len(parts) == 2, words)
+            demand(type(parts) is list and len(parts) == 2, message)
             for part in parts:
-                demand(type(part) is list, words)
-                demand(all(is_whole(x) and x.bit_length() <= UNIT for x in part), words)
+                demand(type(part) is list, message)
+                demand(all(is_whole(x) and x.bit_length() <= MAX_UNIT for x in part), message)
                 longest = max(longest, len(part))
     points = (len(numbers) + 1) * (max(map(len, numbers)) + 1)
-    demand(longest * points * len(data["kappa"]) <= MODES, "modes are too many for their points")
+    demand(longest * points * len(data["kappa"]) <= MAX_MODES, "too many modes for their points")
 
 
-def is_whole(x):
-    """Whether it is an int; bools and floats that equal one are not."""
+def is_whole(x: Any) -> bool:
+    """Return True for an int; False for bools, and for floats that equal one."""
     return type(x) is int
 
 
-def is_row(texts, most):
-    """Whether it is a list of 1 to `most` numbers, each a text as `float.hex` writes it."""
-    return type(texts) is list and 1 <= len(texts) <= most and all(map(is_number, texts))
+def is_row(texts: Any, max_length: int) -> bool:
+    """Return True for a list of 1 to max_length numbers, each as `float.hex` writes it."""
+    return type(texts) is list and 1 <= len(texts) <= max_length and all(map(is_number, texts))
 
 
-def is_number(text):
+def is_number(text: Any) -> bool:
+    """Return True for a number as `float.hex` writes it; refute otherwise."""
     return exact(text) is not None
 
 
-def claim(data):
-    """What the certificate may claim, in the words of README.md, of the forcing as it was given."""
-    given = data.get("shortened_from", data)
-    under = f"the forcing {spelled(given['kappa'])}"
+def claim(data: Certificate) -> str:
+    """Return the claim that the certificate may make, about the forcing before it was shortened."""
+    original = data.get("shortened_from", data)
+    under = f"the forcing {decimals(original['kappa'])}"
     if "half_width" in data:
-        under = f"every forcing within {spelled(data['half_width'])} of {spelled(given['kappa'])}"
+        cell = f"within {decimals(data['half_width'])} of {decimals(original['kappa'])}"
+        under = f"every forcing {cell}"
     elif "scales" in data:
         low, high = (repr(float.fromhex(number)) for number in data["scales"])
-        along = spelled(given["kappa"])
+        along = decimals(original["kappa"])
         if any(map(exact, data["tilt"])):
-            along = f"({along} + t {spelled(data['tilt'])}), -1 <= t <= 1"
+            along = f"({along} + t {decimals(data['tilt'])}), -1 <= t <= 1"
         under = f"every forcing from {low} to {high} times {along}"
-    if "omega" in given:
-        return f"a rotational invariant circle of {given['omega']} exists under {under}"
+    if "omega" in original:
+        return f"a rotational invariant circle of {original['omega']} exists under {under}"
     return f"transport is global under {under}"
 
 
-def spelled(numbers):
+def decimals(numbers: list[str]) -> str:
+    """Write hexadecimal numbers as decimals, each of which denotes exactly one float."""
     return f"({', '.join(repr(float.fromhex(number)) for number in numbers)})"
 
 
-def shortened(data):
-    """Refuted unless the forcing, and ω, are those given, or the same map's with fewer kicks.
+def shortened(data: Certificate) -> None:
+    """Refute unless the forcing, and ω, are the original ones, or the shortened ones.
 
-    Either κ repeats itself; or only every m-th site is kicked, and it does with every second of
-    these signs turned, as x moves on by 1/2 more from one of these sites to the next.
+    Either the original κ repeats the shortened one; or only every m-th site is kicked, and it does
+    so up to alternating signs, as x advances by 1/2 more from one of these sites to the next.
     """
-    given = data["shortened_from"]
-    long, short = ([exact(k) for k in strengths] for strengths in (given["kappa"], data["kappa"]))
+    original = data["shortened_from"]
+    long, short = (
+        [exact(k) for k in strengths] for strengths in (original["kappa"], data["kappa"])
+    )
     n_long, n_short = len(long), len(short)
-    demand(n_short > 0 and n_long % n_short == 0, "a forcing that is not shortened to a part")
-    demand(given.keys() == {"kappa", "omega"} & data.keys(), "fields of shortened_from")
+    demand(
+        n_short > 0 and n_long % n_short == 0,
+        "the length of the shortened forcing does not divide that of the original one",
+    )
+    demand(
+        original.keys() == {"kappa", "omega"} & data.keys(),
+        "fields of shortened_from are missing or unknown",
+    )
     repeated = short * (n_long // n_short)
     turns = [Fraction(0)] if long == repeated else []  # of a period, beyond ω
     for spacing in (m for m in range(1, n_long // 2 + 1) if n_long % (2 * m) == 0):
@@ -255,19 +298,19 @@ def shortened(data):
             pairs = zip(signs, long, repeated, strict=True)
             if all(k == sign * kept and (sign or not kept) for sign, k, kept in pairs):
                 turns.append(Fraction(n_long, 2 * spacing))
-    demand(turns, "the forcing is not the given one, shortened")
+    demand(turns, "the forcing is not the original one, shortened")
     if "omega" in data:
         if any(map(exact, data.get("tilt", []))):
-            demand(long == short, "forcings in several directions are not shortened")
+            demand(long == short, "forcings in several directions cannot be shortened")
             turns = [Fraction(0)]  # the others have not the symmetry of κ
-        (a, b), (a_short, b_short) = surd(given["omega"]), surd(data["omega"])
+        (a, b), (a_short, b_short) = surd(original["omega"]), surd(data["omega"])
         times = Fraction(n_long, n_short)
         same = [((a_short * times - a - turn) / n_long).denominator == 1 for turn in turns]
-        demand(b_short * times**2 == b and any(same), "omega is not the given one, shortened")
+        demand(b_short * times**2 == b and any(same), "omega is not the original one, shortened")
 
 
-def surd(text):
-    """(a, ±b²) of ω = a ± b, b the root of a fraction."""
+def surd(text: str) -> tuple[Fraction, Fraction]:
+    """Return (a, ±b²) of ω = a ± b, where b is the root of a fraction."""
     head, tail = quotients(text)
     (p, p_last), (q, q_last) = product(tail)  # x = (p x + p')/(q x + q') = (r + √d)/t
     r, t, d = p - q_last, 2 * q, (q_last - p) ** 2 + 4 * q * p_last
@@ -278,32 +321,34 @@ def surd(text):
     return Fraction(a * above - d * b * below, norm), root * abs(root) * d
 
 
-def product(quotients):
+def product(quotients: list[int]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return ((p, p'), (q, q')), numerators and denominators of the last two convergents."""
     p, q = (1, 0), (0, 1)
     for a in quotients:
         p, q = (a * p[0] + p[1], p[0]), (a * q[0] + q[1], q[0])
     return p, q
 
 
-def exact(text):
-    """The number that a text is, as `float.hex` writes it: "0.5" would be read as 5/16."""
-    demand(type(text) is str and len(text) <= 24, "a number that is no text of at most 24 letters")
+def exact(text: Any) -> Fraction:
+    """Read a number as `float.hex` writes it; other texts are refuted, as "0.5" would be 5/16."""
+    demand(type(text) is str and len(text) <= 24, "a number is not a text of at most 24 letters")
     try:
         number = float.fromhex(text)
         demand(number.hex() == text, f"{text!r} is not as float.hex writes it")
         return Fraction(*number.as_integer_ratio())
     except (ValueError, OverflowError):
-        raise Refuted(f"{text!r} is no number") from None
+        raise Refuted(f"{text!r} is not a number") from None
 
 
-def rows(columns):
-    """Rows of exact numbers from the texts of their columns, of 16 hexadecimal digits a number."""
-    columns = [bytes.fromhex(column) for column in columns]
-    columns = [map(Fraction, struct.unpack(f">{len(data) // 8}d", data)) for data in columns]
-    return list(zip(*columns, strict=True))
+def rows(columns: list[str]) -> list[tuple[Fraction, ...]]:
+    """Return rows of exact numbers from the texts of their columns, 16 digits a number."""
+    data = [bytes.fromhex(column) for column in columns]
+    numbers = [map(Fraction, struct.unpack(f">{len(each) // 8}d", each)) for each in data]
+    return list(zip(*numbers, strict=True))
 
 
-def demand(truth, complaint):
+def demand(truth: Any, complaint: str) -> None:
+    """Refute the certificate unless `truth` is true."""
     if not truth:
         raise Refuted(complaint)
 
@@ -311,19 +356,19 @@ def demand(truth, complaint):
 # --- transport is global --------------------------------------------------------------------------
 
 
-def hypothesis(certificate):
-    """Refuted unless the hypothesis of transport's theorem holds, for a forcing or a cell."""
+def hypothesis(certificate: Certificate) -> None:
+    """Refute unless the hypothesis of "Transport is global" holds, for a forcing or a cell."""
     kappa = [exact(strength) for strength in certificate["kappa"]]
     widths = [exact(width) for width in certificate.get("half_width", [(0.0).hex()] * len(kappa))]
     site, a, lives = certificate["site"], Fraction(certificate["a"]), certificate["lives"]
     largest = [abs(strength) + width for strength, width in zip(kappa, widths, strict=True)]
-    demand(len(kappa) == 1 or (len(kappa) == 2 and min(largest) < 2), "scope")
-    demand(site in range(len(kappa)) and a in (0, Fraction(1, 2)), "no symmetry line")
+    demand(len(kappa) == 1 or (len(kappa) == 2 and min(largest) < 2), "the theorem does not apply")
+    demand(site in range(len(kappa)) and a in (0, Fraction(1, 2)), "not a symmetry line")
     boxes = rows(certificate["boxes"])
-    demand(len(boxes) == len(lives), "not a life for each box")
+    demand(len(boxes) == len(lives), "not one lifetime for each box")
     kappa, widths = kappa[site:] + kappa[:site], widths[site:] + widths[:site]
     if "half_width" in certificate:
-        pieces = {}
+        pieces: dict[Fraction, list[tuple[Fraction, ...]]] = {}
         for box in boxes:
             pieces.setdefault(box[-1], []).append(box)
         covered = [cover_of_piece(group, kappa, widths) for group in pieces.values()]
@@ -332,14 +377,14 @@ def hypothesis(certificate):
         strengths = [number for k in kappa for number in (k, Fraction(0))]
         boxes = [(*box, *strengths) for box in boxes]
     cover(covered, Fraction(1, 2))
-    for box, life in zip(boxes, lives, strict=True):
-        demand(isinstance(life, int) and life > 0, f"a life of {life!r} kicks")
-        bound = second_variation(a, box, life)
+    for box, lifetime in zip(boxes, lives, strict=True):
+        demand(isinstance(lifetime, int) and lifetime > 0, f"a lifetime of {lifetime!r} kicks")
+        bound = second_variation(a, box, lifetime)
         demand(bound <= 0, f"Q/2 may be {bound} in the box {[float(number) for number in box]}")
 
 
-def cover(intervals, end):
-    """Refuted unless the intervals cover [0, end]."""
+def cover(intervals: list[tuple[Fraction, Fraction]], end: Fraction) -> None:
+    """Refute unless the intervals cover [0, end]."""
     reached = Fraction(0)
     for left, right in sorted(intervals):
         demand(left < right and left <= reached, f"a gap beyond {float(reached)}")
@@ -347,30 +392,33 @@ def cover(intervals, end):
     demand(reached >= end, f"a gap beyond {float(reached)}")
 
 
-def hypothesis_of_several(certificate):
-    """Refuted unless the hypothesis of the theorem for several kicks holds."""
+def hypothesis_of_several(certificate: Certificate) -> None:
+    """Refute unless the hypothesis of "Transport is global under several kicks" holds."""
     kappa = [exact(strength) for strength in certificate["kappa"]]
-    demand(any(is_positive(kappa[m + 1 :] + kappa[:m]) for m in range(len(kappa))), "scope")
+    is_twist = any(is_positive(kappa[m + 1 :] + kappa[:m]) for m in range(len(kappa)))
+    demand(is_twist, "the theorem does not apply")
     points = [tuple(exact(number) for number in point) for point in certificate["points"]]
     ends = {(2 * x).denominator * (2 * y).denominator for x, y in (points[0], points[-1])}
-    demand(ends == {1} and points[0][1] != points[-1][1], "a curve that its images do not continue")
+    demand(
+        ends == {1} and points[0][1] != points[-1][1], "the images of the curve do not continue it"
+    )
     boxes = rows(certificate["boxes"])
     lives, site = certificate["lives"], certificate["site"]
-    demand(site in range(len(kappa)) and len(boxes) == len(lives), "site, or lives")
+    demand(site in range(len(kappa)) and len(boxes) == len(lives), "site or lives does not match")
     cover([(s - delta, s + delta) for s, delta, _ in boxes], Fraction(len(points) - 1, 2))
     ahead = kappa[site:] + kappa[:site]
-    for (s, delta, split), life in zip(boxes, lives, strict=True):
+    for (s, delta, split), lifetime in zip(boxes, lives, strict=True):
         piece = int(2 * (s - delta))
-        demand(2 * (s + delta) <= piece + 1, "a box across a corner")
-        demand(Fraction(float(1 - split)) == 1 - split, "a share of the site that is no float")
+        demand(2 * (s + delta) <= piece + 1, "a box extends across a corner")
+        demand(Fraction(float(1 - split)) == 1 - split, "a share of the site is not a float")
         (x, y), (x_end, y_end) = points[piece : piece + 2]
-        middle = [
+        x_middle, y_middle = (
             start + (2 * s - piece) * (end - start) for start, end in ((x, x_end), (y, y_end))
-        ]
-        width = 2 * delta * (x_end - x), 2 * delta * (y_end - y)
-        begun = halves(*middle, *width, split)
-        for half, kicks, n in zip(begun, (ahead, ahead[::-1]), life, strict=True):
-            demand(isinstance(n, int) and n > 0, f"a life of {n!r} kicks")
+        )
+        x_width, y_width = 2 * delta * (x_end - x), 2 * delta * (y_end - y)
+        begun = halves(x_middle, y_middle, x_width, y_width, split)
+        for half, kicks, n in zip(begun, (ahead, ahead[::-1]), lifetime, strict=True):
+            demand(isinstance(n, int) and n > 0, f"a lifetime of {n!r} kicks")
             with ctx.workprec(128):
                 eta, *orbit = [[ball(number) for number in pair] for pair in half]
                 strengths = [(ball(k), arb(0)) for k in kicks]
@@ -379,8 +427,8 @@ def hypothesis_of_several(certificate):
             demand(bound <= 0, f"half of Q may be {bound} in the box at {float(s)}")
 
 
-def is_positive(kappa):
-    """Whether the matrix with 2 - |κ_j| on the diagonal and -1 beside it is positive definite."""
+def is_positive(kappa: list[Fraction]) -> bool:
+    """Return True if the matrix of 2 - |κ_j|, with -1 beside the diagonal, is positive definite."""
     pivot = None
     for k in kappa:
         pivot = 2 - abs(k) - (1 / pivot if pivot else 0)
@@ -389,13 +437,16 @@ def is_positive(kappa):
     return True
 
 
-def halves(x, y, x_width, y_width, split):
-    """Of the half of Q from the curve's site on, and of that from the site before on, where
-    x_{c-n} → -x_{c-n}: η, x, v and t, each of the site in front and of the first site.
+def halves(
+    x: Fraction, y: Fraction, x_width: Fraction, y_width: Fraction, split: Fraction
+) -> tuple[tuple[tuple[Any, Any], ...], ...]:
+    """Return the initial η, x, v and t of both halves of Q, each at the site before and the first.
 
-    The curve's site counts ahead as if η before it were 1 - split; behind, η is that there.
+    One half begins at the site of the curve, the other, with x_{c-n} → -x_{c-n}, at the site before
+    it. The site of the curve counts in the former as if η before it were 1 - split, which is η at
+    the first site of the latter.
     """
-    # Any slope of v will do that makes it no multiple of t: `split`, if it is none nearly.
+    # Any slope of v that makes it independent of t: `split`, unless it makes them nearly parallel.
     near = abs(y_width - split * x_width) < (abs(x_width) + abs(y_width)) / 10_000
     slope = split + near
     ahead = (1 - split, 1), (x - y, x), (1 - slope, 1), (x_width - y_width, x_width)
@@ -403,27 +454,29 @@ def halves(x, y, x_width, y_width, split):
     return ahead, behind
 
 
-def cover_of_piece(boxes, kappa, widths):
-    """The interval of y that boxes with one shear cover for every κ of the cell.
+def cover_of_piece(
+    boxes: list[tuple[Fraction, ...]], kappa: list[Fraction], widths: list[Fraction]
+) -> tuple[Fraction, Fraction]:
+    """Return the interval of y that boxes with the same shear cover for every κ of the cell.
 
-    In u = y - g_0 κ_0 - g_1 κ_1 they are cuboids, which must tile one.
+    In u = y - g_0 κ_0 - g_1 κ_1 they are cuboids, which must tile a cuboid.
     """
     (shears,) = {box[6:8] for box in boxes}
     cuboids = []
     for y, delta, k0, h0, k1, h1, *_ in boxes:
-        demand(min(delta, h0, h1) > 0, "a box without a width")
+        demand(min(delta, h0, h1) > 0, "the width of a box is not positive")
         u = y - shears[0] * k0 - shears[1] * k1
         cuboids.append(((u - delta, u + delta), (k0 - h0, k0 + h0), (k1 - h1, k1 + h1)))
     left = min(cuboid[0][0] for cuboid in cuboids)
     right = max(cuboid[0][1] for cuboid in cuboids)
     cell = [(k - h, k + h) for k, h in zip(kappa, widths, strict=True)]
-    demand(tile(((left, right), *cell), cuboids), "boxes that do not tile their piece of the cell")
+    demand(tile(((left, right), *cell), cuboids), "the boxes do not tile their piece of the cell")
     moves = [[shear * end for end in ends] for shear, ends in zip(shears, cell, strict=True)]
     return left + sum(map(max, moves)), right + sum(map(min, moves))
 
 
-def tile(whole, cuboids):
-    """Whether cuboids that were made by halving tile the whole: halve it where none is cut."""
+def tile(whole: Cuboid, cuboids: Sequence[Cuboid]) -> bool:
+    """Return True if cuboids that were made by bisection tile `whole`: repeat the bisections."""
     if len(cuboids) == 1:
         return cuboids[0] == whole
     for axis, (low, high) in enumerate(whole):
@@ -438,23 +491,24 @@ def tile(whole, cuboids):
     return False
 
 
-def ball(fraction):
+def ball(fraction: Fraction) -> Ball:
+    """Return a fraction as a ball."""
     return arb(fmpq(fraction.numerator, fraction.denominator))
 
 
-def second_variation(a, box, life):
-    """An upper bound of Q/2 on the box of a symmetry line, a ball, for an even η of our choice.
+def second_variation(a: Fraction, box: Sequence[Fraction], lifetime: int) -> Ball:
+    """Bound Q/2 from above on a box of a symmetry line, for an even η that is chosen here.
 
-    box : ŷ, δ, then k and h of each strength, the first one that of the kick at x = a, then, if
-    there are any, the shears.
+    box : ŷ, δ, then k and h of each strength, beginning with the kick at x = a, then, in a cell,
+    the shears.
     """
     with ctx.workprec(128):
-        begun, eta = on_a_line(a, box)
-        return summed(list(orbits(*begun, life)), *eta)
+        (start, strengths, aside), eta = on_a_line(a, box)
+        return summed(list(orbits(start, strengths, aside, lifetime)), *eta)
 
 
-def on_a_line(a, box):
-    """The arguments of `orbits`, and of `summed`, for such a box."""
+def on_a_line(a: Fraction, box: Sequence[Fraction]) -> tuple[Any, tuple[Any, ...]]:
+    """Return the arguments of `orbits`, and of `summed`, for a box as in `second_variation`."""
     y, delta, *strengths = (ball(number) for number in box[:6])
     strengths = list(zip(strengths[::2], strengths[1::2], strict=True))
     shears = [ball(number) for number in box[6:8]] or [arb(0)] * len(strengths)
@@ -464,17 +518,17 @@ def on_a_line(a, box):
     return (begun, strengths, aside), (before, 1.0, fmpq(1, 2))
 
 
-def summed(sites, before, first, share=1):
-    """An upper bound of the sum over what `orbits` yields, for an η of our choice.
+def summed(sites: list[Any], before: Ball, first: float, share: Any = 1) -> Ball:
+    """Bound the sum of Q over the sites that `orbits` yields from above, for an η chosen here.
 
-    before, first : η in front of the first site, and there. share : of the first site; with 1/2, η
-    is even about it, and what is in front of it is what is behind it.
+    before, first : η at the site before the first, and at the first. share : weight of the first
+    site; with 1/2, η is even about it.
     """
     eta = some_sequence(sites, before, first, share)
     middle = rest = arb(0)
     signed, squares = ([arb(0)] * len(terms) for terms in sites[0][1:3])
     for n, (terms, value) in enumerate(zip(sites, eta, strict=True)):
-        half = share if n == 0 else 1  # the other half of the first site is on the other side
+        half = share if n == 0 else 1  # its other half belongs to the other half of Q
         square = arb(value) ** 2 * half
         after = arb(eta[n + 1]) if n + 1 < len(eta) else arb(0)
         if n > 0:
@@ -488,23 +542,25 @@ def summed(sites, before, first, share=1):
     return middle + sum(map(upper, signed)) + sum(map(positive, squares)) + rest
 
 
-def orbits(begun, strengths, aside, life):
-    """For each site balls of κ cos 2πx = [0] + Σ f_i [1]_i + Σ σ_i² [2]_i ± [3], on the box.
+def orbits(
+    begun: Any, strengths: Sequence[tuple[Ball, Ball]], aside: list[Ball], lifetime: int
+) -> Iterator[tuple[Ball, list[Ball], list[Ball], Ball]]:
+    """Yield for each site balls with κ cos 2πx = [0] + Σ f_i [1]_i + Σ σ_i² [2]_i ± [3] on the box.
 
-    f_i are the parameters σ_i, and then the products of two different ones.
+    f_i are the parameters σ_i, followed by the products of two different ones.
 
-    begun : x, v and t, each in front of the first site and there. strengths : k and h of each kick,
-    the first one that of the first site. aside : how far x of the second site moves with each
-    strength, [] if all h are 0.
+    begun : x, v and t, each at the site before the first and at the first. strengths : k and h of
+    each kick, beginning with the first site. aside : how much x of the second site changes with
+    each strength; [] if all h are 0.
     """
     pi = arb.pi()
     (x_last, x), (v_last, v), (t_last, t) = begun
-    # By the parameters: the start's, and those of the strengths; and by products of two of them.
+    # Derivatives by the parameters: the initial condition and the strengths; then second order.
     moves_last, moves = [t_last, *(-move for move in aside)], [t] + [arb(0)] * len(aside)
     pairs = list(combinations_with_replacement(range(len(moves)), 2))
     bends_last = bends = [arb(0)] * len(pairs)
     on_v = on_t = arb(0)  # |ρ| ≤ on_v |v| + on_t |t|
-    for n in range(life):
+    for n in range(lifetime):
         i = n % len(strengths)
         k, width = strengths[i]
         sine, cosine = (2 * x).sin_cos_pi()
@@ -514,7 +570,7 @@ def orbits(begun, strengths, aside, life):
         curved = sum(map(upper, bends)) + rho
         straight = sum(map(upper, moves))
         largest = straight + curved
-        demand(largest < _LOST, f"after {n} kicks orbits of a box are lost")
+        demand(largest < _MAX_SPREAD, f"after {n} kicks the orbits of a box are too far apart")
         squares = curved * (largest + straight)  # ≥ |(x - x̂)² - ξ²|
         products = [moves[a] * moves[b] * (1 if a == b else 2) for a, b in pairs]
         # σ_i of this kick's strength, times ξ.
@@ -536,8 +592,8 @@ def orbits(begun, strengths, aside, life):
             # σ_i h_i (cos - cos), beyond σ_i h_i ξ
             + width * 2 * pi * (upper(sine) * curved + pi * largest**2),
         )
-        # What the next site of the expansion misses is spread over v and t, which also miss a
-        # little; by Cramer's rule, with their Wronskian v_n t_{n+1} - v_{n+1} t_n.
+        # The defect of the expansion at the next site is written in terms of v and t, which have
+        # defects too, by Cramer's rule, with the Wronskian v_n t_{n+1} - v_{n+1} t_n.
         defect = upper(k) * (
             pi * upper(sine) * squares
             + 2 * pi**2 / 3 * upper(cosine) * largest**3
@@ -559,7 +615,7 @@ def orbits(begun, strengths, aside, life):
             slope * bend - last - pi * k * sine * product + width * cosine * other
             for bend, last, product, other in zip(bends, bends_last, products, mixed, strict=True)
         ]
-        # Exact numbers take their place, so that balls do not grow: that is one more miss.
+        # Exact numbers replace the balls, which would grow; the defect includes the change.
         x_next, missed = x_next.mid(), upper(x_next - x_next.mid())
         defect += missed + on_v * upper(v_next - v_next.mid())
         defect += sum(upper(move - move.mid()) for move in moves_next + bends_next)
@@ -573,9 +629,12 @@ def orbits(begun, strengths, aside, life):
         bends, bends_last = [bend.mid() for bend in bends_next], bends
 
 
-def some_sequence(sites, before, first, share=1):
-    """Floats η: the solution of the linear chain in the middle of the box, with payments for what Q
-    may be larger by elsewhere; 0 from where it is not positive. As `summed`."""
+def some_sequence(sites: list[Any], before: Ball, first: float, share: Any = 1) -> list[float]:
+    """Choose η: the solution of the linear chain in the middle of the box, in floats.
+
+    Payments increase it by what Q may exceed its value in the middle by. It is cut off where it is
+    not positive. Arguments as for `summed`.
+    """
     eta, last, paid = [first], float(arb(before).mid()), 0.0
     signed, squares = ([0.0] * len(terms) for terms in sites[0][1:3])
     rest = 0.0
@@ -597,33 +656,34 @@ def some_sequence(sites, before, first, share=1):
     return eta + [0.0] * (len(sites) - len(eta))
 
 
-def upper(number):
-    """|number|, from above."""
+def upper(number: Ball) -> Ball:
+    """Bound |number| from above."""
     return arb(number.abs_upper())
 
 
-def positive(number):
-    """max(0, number), from above."""
+def positive(number: Ball) -> Ball:
+    """Bound max(0, number) from above."""
     return arb(number.max(arb(0)).upper())
 
 
 # --- a barrier exists -----------------------------------------------------------------------------
 
 
-def norm(modes, r):
-    """Σ_k |f_k| r^|k|, of the modes -K, …, K."""
+def norm(modes: list[Ball], r: Ball) -> Ball:
+    """Return Σ_k |f_k| r^|k| for the modes -K, …, K."""
     middle = len(modes) // 2
     up, down = (sizes(half)(r) for half in (modes[middle:], modes[middle::-1]))
     return up + down - abs(modes[middle])
 
 
-def multiplied(f, g):
+def multiplied(f: list[Ball], g: list[Ball]) -> list[Ball]:
+    """Return the coefficients of the product of two polynomials."""
     both = acb_poly(f) * acb_poly(g)
     return [both[k] for k in range(len(f) + len(g) - 1)]
 
 
-def inverse(f, r, most):
-    """Modes |k| ≤ most of d near 1/f, f > 0 on the reals, by d → d(2 - fd); and ‖1 - fd‖."""
+def inverse(f: list[Ball], r: Ball, most: int) -> tuple[list[Ball], Ball]:
+    """Iterate d → d(2 - fd) towards 1/f, f > 0; return the modes |k| ≤ most of d, and ‖1 - fd‖."""
     after = [1 / norm(f, r)]
     for _ in range(41):
         d, defect = after, [-x for x in multiplied(f, after)]
@@ -636,33 +696,36 @@ def inverse(f, r, most):
     return d, size
 
 
-def inner(modes, most):
+def inner(modes: list[Ball], most: int) -> list[Ball]:
+    """Return the modes |k| ≤ most."""
     beyond = max(0, len(modes) // 2 - most)
     return modes[beyond : len(modes) - beyond]
 
 
-def neumann(size, defect):
-    """A bound of ‖1/f‖ from ‖d‖ and ‖1 - fd‖."""
+def neumann(size: Ball, defect: Ball) -> Ball:
+    """Bound ‖1/f‖, given ‖d‖ and ‖1 - fd‖."""
     return size / (1 - defect) if defect < 1 else arb.pos_inf()
 
 
-def quotients(text):
-    """The partial quotients of a text like "[0;2,(1)]": those before the period, and one period."""
-    most = QUOTIENTS * (DIGITS + 1)
-    demand(type(text) is str and len(text) <= most, f"omega is no text of at most {most} letters")
+def quotients(text: Any) -> tuple[list[int], list[int]]:
+    """Parse a text like "[0;2,(1)]": partial quotients before the period, and one period."""
+    most = MAX_QUOTIENTS * (MAX_DIGITS + 1)
+    demand(
+        type(text) is str and len(text) <= most, f"omega is not a text of at most {most} letters"
+    )
     match = re.fullmatch(r"\[((?:-?\d+;)?(?:\d+,)*)\(((?:\d+,)*\d+)\)\]", text, re.ASCII)
-    demand(match, f"{text[:40]!r} is no quadratic irrational")
-    parts = [re.findall(r"-?\d+", part) for part in match.groups()]
-    words = f"omega has not 1 to {QUOTIENTS} partial quotients of at most {DIGITS} digits"
-    demand(sum(map(len, parts)) <= QUOTIENTS, words)
-    demand(all(len(a.lstrip("-")) <= DIGITS for part in parts for a in part), words)
+    demand(match, f"{text[:40]!r} is not a quadratic irrational")
+    parts = [re.findall(r"-?\d+", part) for part in match.groups()]  # type: ignore[union-attr]
+    message = f"omega is not of 1 to {MAX_QUOTIENTS} quotients of at most {MAX_DIGITS} digits"
+    demand(sum(map(len, parts)) <= MAX_QUOTIENTS, message)
+    demand(all(len(a.lstrip("-")) <= MAX_DIGITS for part in parts for a in part), message)
     head, tail = ([int(a) for a in part] for part in parts)
     demand(min(head[1:] + tail) >= 1, f"{text[:40]!r} has a partial quotient below 1")
     return head, tail
 
 
-def rotation(text):
-    """ω as a ball, and (q_n, 2|sin πq_nω|) for n = 0, 1, … up to far into the period."""
+def rotation(text: str) -> tuple[Ball, list[tuple[int, Ball]], int]:
+    """Return ω as a ball, (q_n, 2|sin πq_nω|) for n = 0, 1, …, and the length of the period."""
     head, tail = quotients(text)
     period = len(tail)
     n = len(head) + period * (60 // period + 2)
@@ -676,32 +739,49 @@ def rotation(text):
     return omega, list(zip(denominators, divisors, strict=False)), period
 
 
-def russmann(divisors, period, delta):
-    """sup of δ'e^{-2πqδ'}/divisor over δ' ≤ δ and all denominators q."""
+def russmann(divisors: list[tuple[int, Ball]], period: int, delta: Ball) -> Ball:
+    """Bound δ'e^{-2πqδ'}/divisor for all δ' ≤ δ and all denominators q."""
     worst = arb(0)
     for n, (q, divisor) in enumerate(divisors):
         peak = 1 / (2 * arb.pi() * q)
         at = delta if peak > delta and n < len(divisors) - period else peak
         term = at * (-2 * arb.pi() * q * at).exp() / divisor
-        if n >= len(divisors) - period:  # these repeat for ever, but for 10^-12
+        if n >= len(divisors) - period:  # these repeat forever, up to 10^-12
             term = term * (1 + arb(10) ** -9)
         worst = worst.max(term)
     return worst
 
 
-def conclusion(kappa, rho, divisors, period, errors, n, p, k):
-    """Whether the inequalities of the theorem hold, and all of its constants."""
+def conclusion(
+    kappa: list[Ball],
+    rho: Ball,
+    divisors: list[tuple[int, Ball]],
+    period: int,
+    errors: list[Ball],
+    n: list[Ball],
+    p: list[Ball],
+    k: list[Ball],
+) -> tuple[bool, dict[str, float]]:
+    """Return True if the inequalities of the theorem hold, and all of its constants."""
     eps = sum(a * b for a, b in zip(n, errors, strict=True)).max(arb(2) ** -1000)
     delta = arb("0.99") * rho / arb("4.2")
     C = russmann(divisors, period, delta) + delta
     holds, left = inequalities(kappa, delta, C, eps, n, p, k)
-    found = left | {"delta": delta, "C": C, "epsilon": eps, "error": reduce(arb.max, errors)}
-    found |= {"n": reduce(arb.max, n), "p": reduce(arb.max, p), "k": reduce(arb.max, k)}
-    return holds, {name: float(x.upper()) for name, x in found.items()}
+    constants = left | {"delta": delta, "C": C, "epsilon": eps, "error": reduce(arb.max, errors)}
+    constants |= {"n": reduce(arb.max, n), "p": reduce(arb.max, p), "k": reduce(arb.max, k)}
+    return holds, {name: float(x.upper()) for name, x in constants.items()}
 
 
-def inequalities(kappa, delta, C, eps, n, p, k):
-    """Whether (1), (2), (3) hold, and their left sides; and the largest |κ_j|."""
+def inequalities(
+    kappa: list[Ball],
+    delta: Ball,
+    C: Ball,
+    eps: Ball,
+    n: list[Ball],
+    p: list[Ball],
+    k: list[Ball],
+) -> tuple[bool, dict[str, Ball]]:
+    """Return True if (1), (2) and (3) hold, and their left sides with the largest |κ_j|."""
     P, e, two_pi, eta = len(kappa), arb(1).exp(), 2 * arb.pi(), arb("0.01")
     grown = 1 + eta
     q = [p[j] * p[(j + 1) % P] for j in range(P)]
@@ -720,8 +800,8 @@ def inequalities(kappa, delta, C, eps, n, p, k):
     return bool(holds), left | {"kappa": largest}
 
 
-def theorem(data):
-    """Whether the theorem applies to the forcing, or to every one of the fan, and its constants.
+def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
+    """Return True if the theorem applies to the forcing, or to all of a patch, and its constants.
 
     u_j = Σ_ml C_jml T_m(σ) T_l(t); a polynomial of the modes k ≥ 0 stands for a real function of φ.
     """
@@ -731,15 +811,16 @@ def theorem(data):
         [exact(x) for x in (single | data)[key]] for key in ("kappa", "tilt", "scales")
     )
     long, fanned = "scales" in data, any(tilt)
-    demand(0 <= low < high or not long, "no part of a fan")
-    demand(rho > 0 and 0 < len(kappa) == len(tilt), "no part of a fan")
+    demand(0 <= low < high or not long, "scales are not an interval")
+    demand(rho > 0 and 0 < len(kappa) == len(tilt), "rho or tilt does not match")
     numbers, unit = data["moves"]["numbers"], arb(2) ** data["moves"]["unit"]
     widest = max(map(len, numbers))
     demand(long or len(numbers) == 1, "functions of s under one forcing")
     demand(fanned or widest == 1, "functions of t on a ray")
-    demand(all(len(f) == len(kappa) for rows in numbers for f in rows), "not a function for a kick")
+    functions_match = all(len(f) == len(kappa) for rows in numbers for f in rows)
+    demand(functions_match, "not one function for each kick")
     moves = {
-        (m, i): [half_modes(*row, unit) for row in functions]
+        (m, i): [half_modes(re, im, unit) for re, im in functions]
         for m, rows in enumerate(numbers)
         for i, functions in enumerate(rows)
     }
@@ -756,17 +837,19 @@ def theorem(data):
     n = [1 + sum(column) for column in zip(*slopes.values(), strict=True)]
     k = [(two_pi * (rho + real_norm(f, r))).exp() for f in totals]
     p, errors, grid = [arb(0)] * len(n), [arb(0)] * len(n), Grid(rho, totals)
-    # One point more than degrees, where anything depends on s, or on t.
+    # One point more than degrees, if anything depends on s, or on t.
     points = len(numbers) + 1 if long else 1, widest + 1 if fanned else 1
     for angle, beside, u in at_points(moves, points):
         there = strengths(middle + half * angle.cos_pi(), beside.cos_pi())
         found = grid.residuals(there, u, omega / len(kappa))
         errors = [old.max(new) for old, new in zip(errors, found, strict=True)]
-    # Between these points an angle differs by π/2few or less, and T_m by 2 sin(mπ/4few).
-    demand(all(error < 1 for error in errors), "a residual that is not even below 1")
-    few = 12 if long else 1, 8 if fanned else 1
-    step = [[2 * (arb(min(m, 2 * f)) / (4 * f)).sin_pi() for m in range(sum(points))] for f in few]
-    for *_, u in at_points(moves, few):
+    # Between these points an angle differs by π/2f at most, and T_m by 2 sin(mπ/4f).
+    demand(all(error < 1 for error in errors), "a residual is not below 1")
+    nodes = 12 if long else 1, 8 if fanned else 1
+    step = [
+        [2 * (arb(min(m, 2 * f)) / (4 * f)).sin_pi() for m in range(sum(points))] for f in nodes
+    ]
+    for *_, u in at_points(moves, nodes):
         for j, f in enumerate(u):
             terms = ((step[0][m] + step[1][i]) * row[j] for (m, i), row in slopes.items())
             moved = sum(terms, arb(0))
@@ -789,38 +872,40 @@ def theorem(data):
     return conclusion([high * x for x in largest], rho, divisors, period, errors, n, p, k)
 
 
-def lebesgue(n):
-    """Lebesgue's constant of interpolation at n Chebyshev points."""
+def lebesgue(n: int) -> Ball:
+    """Return the Lebesgue constant of interpolation at n Chebyshev points."""
     if n == 1:
         return arb(1)
     return sum((arb(2 * i + 1) / (4 * n)).cot_pi() for i in range(n)) / n
 
 
-def sizes(f):
+def sizes(f: Any) -> arb_poly:
+    """Return the polynomial of the absolute values of the coefficients."""
     return arb_poly([abs(x) for x in f])
 
 
-def real_norm(sizes, r):
-    """Σ_k a_|k| r^|k|."""
+def real_norm(sizes: arb_poly, r: Ball) -> Ball:
+    """Return Σ_k a_|k| r^|k|."""
     return 2 * sizes(r) - sizes[0]
 
 
-def slope(f):
-    """Modes of g_j' = 1 + u_j'."""
+def slope(f: Any) -> list[Ball]:
+    """Return the modes of g_j' = 1 + u_j'."""
     half = [acb(1), *(acb(0, 2 * arb.pi() * i) * x for i, x in enumerate(f) if i)]
     return [x.conjugate() for x in half[:0:-1]] + half
 
 
 class Grid:
-    """n points of φ, n > 2K, on which sin 2πg_j is taken under one of the forcings.
+    """n points of φ, n > 2K, on which sin 2πg_j is evaluated for one of the forcings.
 
-    A mode and its aliases k + n, k + 2n, … are one sum. Each of the modes |k| ≥ n/2 is left out
-    once, and is an alias once, of a mode that weighs less. With ‖sin 2πg_j‖ ≤ M for ρ̂ > ρ both
-    together are at most 2M e^{-2π(ρ̂-ρ)n/2}.
+    A mode and its aliases k + n, k + 2n, … appear as their sum. Each mode |k| ≥ n/2 is omitted
+    once, and once it is an alias of a mode with a smaller weight. With ‖sin 2πg_j‖ ≤ M for ρ̂ > ρ
+    both errors together are at most 2M e^{-2π(ρ̂-ρ)n/2}.
+
+    sizes : for each j a polynomial whose coefficients bound |û_k|, k ≥ 0.
     """
 
-    def __init__(self, rho, sizes):
-        """sizes : for each j a polynomial whose coefficients are bounds of |û_k|, k ≥ 0."""
+    def __init__(self, rho: Ball, sizes: list[Any]) -> None:
         two_pi = 2 * arb.pi()
         self.half = 1 << (3 * max(map(len, sizes)) // 2).bit_length()
         self.r, self.missed = (two_pi * rho).exp(), []
@@ -833,8 +918,8 @@ class Grid:
             self.missed.append(2 * min(logs, key=lambda x: float(x.upper())).exp())
         self.angles = [arb(i) / self.half for i in range(2 * self.half)]
 
-    def residuals(self, kappa, u, alpha):
-        """Bounds of ‖E_j‖. u : for each j the polynomial of the modes û_k, k ≥ 0."""
+    def residuals(self, kappa: list[Ball], u: list[Any], alpha: Ball) -> list[Ball]:
+        """Bound ‖E_j‖; u has for each j the polynomial of the modes û_k, k ≥ 0."""
         half, two_pi, errors = self.half, 2 * arb.pi(), []
         u = [[*f.coeffs(), *[acb(0)] * (half - len(f))] for f in u]
         turns = [acb(2 * k * alpha).exp_pi_i() for k in range(half)]
@@ -852,17 +937,20 @@ class Grid:
         return errors
 
 
-def half_modes(re, im, unit):
+def half_modes(re: list[int], im: list[int], unit: Ball) -> acb_poly:
+    """Return the modes k ≥ 0 of a real function as the coefficients of a polynomial."""
     length = max(len(re), len(im))
     re, im = ([*part, *[0] * (length - len(part))] for part in (re, im))
-    demand(not im[:1] or im[0] == 0, "a function that is not real")
+    demand(not im[:1] or im[0] == 0, "a function is not real")
     return acb_poly([acb(a * unit, b * unit) for a, b in zip(re, im, strict=True)])
 
 
-def at_points(moves, points):
-    """(angle of σ, of t, the functions u_j there) at all of the Chebyshev points."""
+def at_points(
+    moves: dict[tuple[int, int], list[Any]], points: tuple[int, int]
+) -> Iterator[tuple[Ball, Ball, list[Any]]]:
+    """Yield the angle of σ, that of t, and the functions u_j there, at all Chebyshev points."""
     for angle in [arb(2 * i + 1) / (2 * points[0]) for i in range(points[0])]:
-        rows = {}  # Σ_m C_jml T_m(σ), by l
+        rows: dict[int, list[Any]] = {}  # Σ_m C_jml T_m(σ), by l
         for (m, degree), functions in moves.items():
             before = rows.get(degree, [acb_poly()] * len(functions))
             T = (m * angle).cos_pi()

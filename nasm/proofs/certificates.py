@@ -1,6 +1,11 @@
-"""What a proof leaves for another program to check; see proofs/README.md, "Certificates"."""
+"""Certificates of proofs, which another program can check: see proofs/README.md, "Certificates"."""
+
+from collections.abc import Iterable
+from typing import Any, Protocol
 
 from nasm.checks import with_sha256
+from nasm.numbers import RotationNumber
+from nasm.types import FloatArray
 
 __all__ = ["certificate"]
 
@@ -21,38 +26,88 @@ _STATEMENTS = {
 }
 
 
-def certificate(proof, theorem, fields, kappa, within=(), omega=None, scales=()):
-    """The certificate of a proof: a dict fit for JSON, `fields` with claim, theorem and seal.
+class _Proof(Protocol):
+    @property
+    def proved(self) -> bool: ...
 
-    kappa : tuple of floats, of the claim; within : of how far around each, where it is a cell or a
-    box of forcings. omega : RotationNumber of the barrier, None for transport. scales : from which
-    to which times kappa + t·within, |t| ≤ 1, in a fan. ValueError if proof.proved is False.
+    @property
+    def reason(self) -> str: ...
+
+
+def certificate(
+    proof: _Proof,
+    theorem: str,
+    fields: dict[str, Any],
+    kappa: tuple[float, ...],
+    half_width: tuple[float, ...] = (),
+    omega: RotationNumber | None = None,
+    scales: tuple[float, ...] = (),
+) -> dict[str, Any]:
+    """Return the certificate of a proof, a dict fit for JSON: `fields`, claim, theorem and seal.
+
+    Parameters
+    ----------
+    proof : BarrierProof, TransportProof or CellProof
+        The proof.
+    theorem : str
+        Name of its theorem in proofs/README.md.
+    fields : dict
+        What the theorem's hypothesis is verified from.
+    kappa : tuple of float
+        Forcing of the claim.
+    half_width : tuple of float
+        Half width of the cell, or the tilt of a patch; () for one forcing.
+    omega : RotationNumber or None
+        Rotation number of the barrier; None for transport.
+    scales : tuple of float
+        For a patch: the forcings are s·(kappa + t·half_width), scales[0] ≤ s ≤ scales[1], |t| ≤ 1.
+
+    Raises
+    ------
+    ValueError
+        If proof.proved is False.
     """
     if not proof.proved:
-        raise ValueError(f"{proof.why}; a certificate needs proved=True")
-    under, given = "the forcing", _spelled(kappa)
+        raise ValueError(f"{proof.reason}; a certificate needs proved=True")
+    domain, forcings = "the forcing", _decimals(kappa)
     if scales:
-        under = f"every forcing from {scales[0]!r} to {scales[1]!r} times"
-        if any(within):
-            given = f"({given} + t {_spelled(within)}), -1 <= t <= 1"
-    elif any(within):
-        under = f"every forcing within {_spelled(within)} of"
+        domain = f"every forcing from {scales[0]!r} to {scales[1]!r} times"
+        if any(half_width):
+            forcings = f"({forcings} + t {_decimals(half_width)}), -1 <= t <= 1"
+    elif any(half_width):
+        domain = f"every forcing within {_decimals(half_width)} of"
     what = f"a rotational invariant circle of {omega} exists" if omega else "transport is global"
-    about = {"name": theorem, "version": _VERSION, "sha256": _STATEMENTS[theorem]}
-    return with_sha256({"claim": f"{what} under {under} {given}", "theorem": about, **fields})
+    claim = f"{what} under {domain} {forcings}"
+    statement = {"name": theorem, "version": _VERSION, "sha256": _STATEMENTS[theorem]}
+    return with_sha256({"claim": claim, "theorem": statement, **fields})
 
 
-def in_hex(numbers):
-    """Floats as text, exactly."""
+def in_hex(numbers: Iterable[float]) -> list[str]:
+    """Write floats exactly, as hexadecimal texts.
+
+    Examples
+    --------
+    >>> from nasm.proofs.certificates import in_hex
+    >>> in_hex((0.5, 0.1))
+    ['0x1.0000000000000p-1', '0x1.999999999999ap-4']
+    """
     return [number.hex() for number in numbers]
 
 
-def columns_in_hex(rows):
-    """The columns of a matrix of floats, each as one text: the 8 bytes of every number, the first
-    being that of its sign, as 16 digits. There are a million rows in some, and so it takes little.
+def columns_in_hex(rows: FloatArray) -> list[str]:
+    """Write each column of a matrix as one text: 16 digits a number, its 8 bytes, sign first.
+
+    Certificates may have a million rows, and this form is short.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.proofs.certificates import columns_in_hex
+    >>> columns_in_hex(np.array([[0.5, -1.0]]))
+    ['3fe0000000000000', 'bff0000000000000']
     """
     return [column.astype(">f8").tobytes().hex() for column in rows.T]
 
 
-def _spelled(numbers):
+def _decimals(numbers: Iterable[float]) -> str:
     return f"({', '.join(map(repr, numbers))})"

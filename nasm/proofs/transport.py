@@ -1,39 +1,43 @@
-"""A proof, by computer, that transport is global: no rotational invariant circle exists.
+"""A computer-assisted proof that transport is global: no rotational invariant circle exists.
 
 Every rotational circle crosses a curve that leads from y = -∞ to y = ∞: for one or two kicks a
-symmetry line x_c = a, for more a polygon through minimax orbits, as `nasm.converse_kam.transversal`
-finds it. If a circle passes through a start, the second variation of the action is positive along
-its orbit. So if for every start on the curve, up to symmetries, some η of finite support has
+symmetry line x_c = a, for more a polygon through minimax orbits (`nasm.converse_kam.transversal`).
+Along an orbit on a circle the second variation of the action is positive. So if for every initial
+condition on the curve, up to symmetries, some η of finite support has
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0,   η ≠ 0,
 
-no circle is left, and there are orbits from any y to any other. The theorem, and why what follows
-proves its hypothesis in floating point, are in `proofs/README.md`, "Transport is global".
+then no circle exists, and orbits lead from any y to any other. `proofs/README.md`, "Transport is
+global", has the theorem, and shows why the computation below proves its hypothesis in spite of
+rounding.
 
 The curve is covered by boxes |s - ŝ| ≤ δ, whose orbits are
 
     x_n(σ) = x̂_n + σ t_n + σ² q_n + ρ_n,   |ρ_n| ≤ A_n|v_n| + B_n|t_n|,   s = ŝ + σδ,   |σ| ≤ 1.
 
-One η serves a box: V, the solution v of the linearised chain with payments. V_N ≤ 0 shows Q ≤ 0 in
-the whole box, and N is its life. A box that fails is halved. On a symmetry line sites n ≥ c are
-enough; on a polygon those before c are followed as sites after it of the kicks in reverse, and a
-box has two lives.
+All orbits of a box share one η: V, the solution v of the linearised chain, increased at each kick
+by a payment for what Q may exceed its value in the middle of the box. V_N ≤ 0 shows Q ≤ 0 in all of
+the box, and N is its lifetime. A box that fails is bisected. On a symmetry line the sites n ≥ c are
+enough. On a polygon the sites before c are followed as well, as those after c under the kicks in
+reverse order, so that a box has two lifetimes.
 
-Sixteen boxes run in lockstep on `nasm.arithmetic.lanes`; an event among them is found again by the
-same kick on floats, which is the definition. Everything rests on IEEE arithmetic with rounding to
-nearest, gradual underflow and a true fma, which `check_arithmetic` tries at run time.
+Sixteen boxes run in lockstep on `nasm.arithmetic.lanes`. After an event in one of them, its block
+of kicks is repeated on floats, by the same function. The proof relies on IEEE arithmetic with
+rounding to nearest, gradual underflow and a fused fma, which `check_arithmetic` tests at run time.
 """
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from functools import cache
 from math import factorial
+from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
 from nasm.arithmetic.double_double import EXACT_PI, pair, renormalised, two_sum
 from nasm.arithmetic.kernels import kernel
@@ -59,6 +63,8 @@ from nasm.maps import MAX_PERIOD, MAX_STRENGTH, MIN_SIZE, direction, forcing
 from nasm.numbers import rational
 from nasm.proofs.certificates import certificate, columns_in_hex, in_hex
 from nasm.symmetries import shorten
+from nasm.tables import html_table
+from nasm.types import FloatArray, IntArray
 
 __all__ = ["Outcome", "TransportProof", "prove", "proved_upper"]
 
@@ -67,205 +73,297 @@ _SERIES = [(-1) ** k * (2 * EXACT_PI) ** (2 * k) / factorial(2 * k + 1) for k in
 _S0, _S1, _S2, _S3 = map(pair, _SERIES[:4])
 _S4 = tuple(map(float, _SERIES[4:]))
 
-ULP = 2.0**-53  # of rounding, relative; and a bound of the error of h = sin 2πx/2π
+ULP = 2.0**-53  # relative rounding error; also a bound of the error of h = sin 2πx/2π
 ORBIT = 2.0**-66  # a bound of the error of h as a sum of two floats, and of rounding x and y
 COS = 2.1e-14  # a bound of the error of cos 2πx; the tests prove both in ball arithmetic
-UP = 1 + 1e-14  # makes up for 90 roundings of sums and products of positive numbers
-MORE = 1.0001  # makes up for `_LONGEST` roundings of a sum of positive numbers
+UP = 1 + 1e-14  # more than 90 roundings of sums and products of positive numbers
+PAYMENT_FACTOR = 1.0001  # more than `_MAX_LIFETIME` roundings of a sum of positive numbers
 PI, TWO_PI, TWO_PI2 = 3.141592653589793, 6.283185307179586, 19.739208802178716
 CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: remainders of h
 COS_CUBIC = 41.35  # (2π)³/6, rounded up: the remainder of cos
 
-_LARGEST = 0.1  # |x - x̂| up to which the bounds hold
-_KNOWN = 0.8  # share of |x - x̂| that may be known by its bound alone; else the box is halved
-_WRONSKIAN = 1e-3  # by which v_n t_{n+1} - v_{n+1} t_n may differ from δ
-_HUGE = 1e100  # V beyond which products may overflow
-_LONGEST = 1e11  # kicks of a box in a proof; they would take hours
+_MAX_DEVIATION = 0.1  # |x - x̂| up to which the bounds hold
+_MAX_UNKNOWN_SHARE = 0.8  # of |x - x̂|, the part beyond first order; the box is bisected above it
+_MAX_WRONSKIAN_ERROR = 1e-3  # relative, of v_n t_{n+1} - v_{n+1} t_n = δ
+_MAX_V = 1e100  # products may overflow beyond
+_MAX_LIFETIME = 1e11  # kicks of a box in a proof; they would take hours
 
-_WEAK = 0.1  # P Σ|κ_j|; it is 0.97 where the last circle of one kick in P breaks
-_FIRST = 16  # boxes to begin with
-_SMALLEST = 2.0**-50  # δ; up to s = 8 centres are exact down to there
-_BLOCK = 8  # kicks between two looks for events, or a few more: whole periods
-_STATE, _ROWS, _V = 18, 19, 6  # numbers of a box: those that change, all, and which is V
-_FIRST_EXCESS = 0.1  # s/value - 1 where `proved_upper` begins
-_KICKS = 2_000_000  # in one call of the kernel
-_CROWD = 128  # boxes, at least, that wait on a piece that is bent
-_LOOK = 2**14  # steps within which floats must eliminate all starts on a polygon
-_GRID = 2.0**26  # of its corners, whose sums and multiples in two floats are exact
+_MIN_TOTAL_STRENGTH = 0.1  # of P Σ|κ_j|; it is 0.97 where the last circle of one kick in P breaks
+_FIRST_BOXES = 16  # on each piece
+_MIN_DELTA = 2.0**-50  # down to which centres are exact, up to s = 8
+_KICKS_PER_BLOCK = 8  # between checks for events; rounded up to periods
+_STATE, _ROWS, _V = 18, 19, 6  # numbers of a box: those that change, all, and the index of V
+_FIRST_EXCESS = 0.1  # of s over value, with which `proved_upper` begins
+_KICKS_PER_CALL = 2_000_000  # of the kernel, between checks of the clock
+_MIN_CROWD = 128  # waiting boxes from which on a piece of the polygon may be bent
+_MAX_STEPS = 2**14  # within which floats must eliminate all initial conditions on a polygon
+_CORNER_GRID = 2.0**26  # inverse spacing of corners, so that their sums are exact in two floats
 
 
 class Outcome(Enum):
-    """What became of a proof."""
+    """Outcome of an attempt to prove that transport is global; each text states the reason.
+
+    Examples
+    --------
+    >>> from nasm.proofs.transport import Outcome
+    >>> print(Outcome.BUDGET.value)
+    not proved: the budget is spent; allow more CPU seconds
+    """
 
     PROVED = "no rotational invariant circle exists: transport is global, by nasm/proofs/README.md"
-    BUDGET = "not proved: the budget is spent"
-    PRECISION = "not proved: boxes became too small or too many; a circle may be left"
+    BUDGET = "not proved: the budget is spent; allow more CPU seconds"
+    PRECISION = "not proved: boxes became too small or too many; a circle may exist"
     SCOPE = (
-        "not proved: the theorem needs one kick a period, two of which one is weaker than 2, or "
-        f"up to {MAX_PERIOD} that are weak enough for a twist map, after shortening"
+        "not proved: the theorem needs, after shortening, one kick per period, or two of which one "
+        f"is weaker than 2, or up to {MAX_PERIOD} that are weak enough for a twist map"
     )
-    WEAK = "not proved, and not tried: kicks are so weak that a circle is plainly there"
+    WEAK = "not proved, and not tried: the kicks are so weak that a circle certainly exists"
+
+    __repr__ = Enum.__str__  # Outcome.PROVED, without its text
 
 
 @dataclass(frozen=True, eq=False)
 class Proof(Result):
-    """A proof, or what was in the way, which says nothing about circles."""
+    """A proof that transport is global, or the reason why none was found.
+
+    A failed proof makes no statement about circles.
+    """
 
     outcome: Outcome
 
     @property
-    def proved(self):
+    def proved(self) -> bool:
+        """True if transport is proved to be global."""
         return self.outcome is Outcome.PROVED
 
     @property
-    def why(self):
+    def reason(self) -> str:
+        """The text of the outcome."""
         return self.outcome.value
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TransportProof(Proof):
-    """The result of trying to prove that a forcing has no rotational invariant circle.
+    """A proof that a forcing has no rotational invariant circle, or the reason why none was found.
 
-    outcome : Outcome; PROVED, or what was in the way, which says nothing about circles.
-    given : tuple of floats, the forcing as it was given. kappa : that, shortened, which the boxes
-        are about. The proof holds for these very floats.
-    site : int; points : ndarray of shape (m, 2), x and y before its kick of the curve's corners: of
-        two ends that are their own images under (x, y) → (-x, -y), up to whole turns, and between.
-    boxes : ndarray of shape (n, 2), rows ŝ, δ: starts |s - ŝ| ≤ δ that no circle meets; s is 0 at
-        the first corner, 1/2 at the second, and so on. A proof's boxes tile the curve, in order.
-    lives : ndarray of shape (n, 1), N: kicks until V ≤ 0, for each box; or (n, 2), forwards and
-        backwards, for three kicks and more.
-    slopes : ndarray of n floats, γ of each box.
+    Attributes
+    ----------
+    outcome : Outcome
+        PROVED, or the reason; a failed proof makes no statement about circles.
+    original_kappa : tuple of float
+        Forcing passed to `prove`. The proof holds for exactly these floats.
+    kappa : tuple of float
+        The same forcing, shortened; the boxes belong to it.
+    site : int
+        Index of the kick at the curve.
+    points : ndarray, shape (m, 2)
+        Corners of the curve, x and y before that kick. Both ends are their own images under
+        (x, y) → (-x, -y), up to whole turns.
+    boxes : ndarray, shape (n, 2)
+        Rows ŝ, δ: no circle passes through initial conditions with |s - ŝ| ≤ δ; s is 0 at the first
+        corner, 1/2 at the second, and so on. The boxes of a proof tile the curve, in order.
+    lifetimes : ndarray of int, shape (n, 1) or (n, 2)
+        Kicks N until V ≤ 0, for each box; for three kicks and more, forwards and backwards.
+    slopes : ndarray, shape (n,)
+        γ of each box.
+
+    Examples
+    --------
+    >>> from nasm.proofs.transport import prove
+    >>> prove((1.2, 0.3))
+    <TransportProof: PROVED, transport is global under (1.2, 0.3); 16 boxes, 68 kicks>
     """
 
-    given: tuple[float, ...]
+    original_kappa: tuple[float, ...]
     kappa: tuple[float, ...]
     site: int
-    points: np.ndarray = field(repr=False)
-    boxes: np.ndarray = field(repr=False)
-    lives: np.ndarray = field(repr=False)
-    slopes: np.ndarray = field(repr=False)
+    points: FloatArray
+    boxes: FloatArray
+    lifetimes: IntArray
+    slopes: FloatArray
 
-    def certificate(self):
-        """What another program needs to check the proof; ValueError if nothing was proved."""
-        fields = {
-            "shortened_from": {"kappa": in_hex(self.given)},
+    def __repr__(self) -> str:
+        effort = f"{len(self.boxes)} boxes, {self.lifetimes.sum()} kicks"
+        claim = "transport is global" if self.proved else "transport is not proved to be global"
+        return (
+            f"<TransportProof: {self.outcome.name}, {claim} under {self.original_kappa}; {effort}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        rows = {
+            "forcing": f"{self.original_kappa}",
+            "outcome": f"{self.outcome.name}: {self.reason}",
+            "boxes": f"{len(self.boxes)}, with {self.lifetimes.sum()} kicks in all",
+        }
+        return html_table(rows, "Proof that transport is global")
+
+    def certificate(self) -> dict[str, Any]:
+        """Return what another program needs to check the proof, a dict fit for JSON.
+
+        Raises
+        ------
+        ValueError
+            If nothing was proved.
+
+        Examples
+        --------
+        >>> from nasm.proofs import certificate_checker, transport
+        >>> certificate_checker.check(transport.prove((1.2, 0.3)).certificate())
+        'transport is global under the forcing (1.2, 0.3)'
+        """
+        fields: dict[str, Any] = {
+            "shortened_from": {"kappa": in_hex(self.original_kappa)},
             "kappa": in_hex(self.kappa),
             "site": self.site,
         }
         if len(self.kappa) > 2:
-            rows, lives = np.column_stack([self.boxes, self.slopes]), self.lives
+            rows, lifetimes = np.column_stack([self.boxes, self.slopes]), self.lifetimes
             theorem = "Transport is global under several kicks"
             fields["points"] = [in_hex(point) for point in self.points.tolist()]
         else:
-            rows, lives, theorem = self.boxes, self.lives[:, 0], "Transport is global"
+            rows, lifetimes, theorem = self.boxes, self.lifetimes[:, 0], "Transport is global"
             fields["a"] = self.a
-        fields |= {"boxes": columns_in_hex(rows), "lives": lives.tolist()}
-        return certificate(self, theorem, fields, self.given)
+        fields |= {"boxes": columns_in_hex(rows), "lives": lifetimes.tolist()}
+        return certificate(self, theorem, fields, self.original_kappa)
 
     @property
-    def a(self):
-        """The curve's first x; of a symmetry line, all."""
+    def a(self) -> float:
+        """First x of the curve; on a symmetry line it is the only one."""
         return float(self.points[0, 0])
 
 
-def prove(kappa, budget=10.0):
+def prove(kappa: ArrayLike, budget: float = 10.0) -> TransportProof:
     """Try to prove that no rotational invariant circle exists under the forcing kappa.
 
     Parameters
     ----------
-    kappa : sequence of P floats. Shortened it must be a twist map: P = 1, P = 2 with min |κ_i| < 2,
-        or 2 < P ≤ 64 and the matrix of `_is_twist` positive definite; otherwise the outcome is
-        SCOPE. It is WEAK, and nothing is tried, where P Σ|κ_j| < 0.1.
-    budget : float, CPU seconds to spend; s/s_c - 1 = 10⁻³ takes some 10⁻² s for two kicks, and up
-        to half a second for three or four; from there it takes ten times as long to come three
-        times as near. For three and more that includes the search for the polygon, whose last step
-        may take a second longer.
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first. After shortening, the map must be a twist map:
+        P = 1, or P = 2 with min |κ_i| < 2, or 2 < P ≤ 64 and the matrix of `_is_twist` positive
+        definite; otherwise the outcome is SCOPE. For P Σ|κ_j| < 0.1 it is WEAK.
+    budget : float
+        CPU seconds. A relative distance of 10⁻³ beyond the breakup takes some 10⁻² s for two kicks
+        and up to 0.5 s for three or four; a distance three times smaller takes ten times as long.
+        For P > 2 the search for the polygon is included, whose last step may exceed the budget by a
+        second.
 
     Returns
     -------
-    TransportProof. What is not proved is not disproved.
+    TransportProof
+        A proof that fails makes no statement about circles.
 
-    ValueError if kappa is no forcing, or budget is not positive. RuntimeError if the machine's
-    arithmetic is not the one that the proof needs.
+    Raises
+    ------
+    ValueError
+        If kappa is not finite or too large, or budget is not positive.
+    RuntimeError
+        If the arithmetic of this machine is not IEEE 754 as the proof needs it.
+
+    References
+    ----------
+    R. S. MacKay and I. C. Percival, Commun. Math. Phys. 98 (1985) 469: converse KAM, made rigorous
+    on a computer. `nasm/proofs/README.md` has the theorem for several kicks.
+
+    Examples
+    --------
+    >>> from nasm.proofs.transport import prove
+    >>> prove((0.9718,)).proved  # Greene's residues give 0.971635
+    True
+    >>> prove((0.9,), budget=0.1).outcome
+    Outcome.BUDGET
     """
     kappa = forcing(kappa)
     (short,), _ = shorten([kappa], rational(0))
     budget = positive("budget", budget, "seconds of computing time")
     check_arithmetic()
     nothing = np.empty((0, 2))
-    _followed(np.zeros(1), 0, nothing, nothing, np.empty(0), math.inf)  # before time counts
-    given, strengths = tuple(kappa.tolist()), tuple(short.tolist())
-    if short.size * np.abs(short).sum() < _WEAK:
-        return _unproved(Outcome.WEAK, given, strengths)
+    _followed(np.zeros(1), 0, nothing, nothing, np.empty(0), math.inf)  # compiled beforehand
+    original_kappa, strengths = tuple(kappa.tolist()), tuple(short.tolist())
+    if short.size * np.abs(short).sum() < _MIN_TOTAL_STRENGTH:
+        return _unproved(Outcome.WEAK, original_kappa, strengths)
     if short.size > MAX_PERIOD or not _is_twist(strengths):
-        return _unproved(Outcome.SCOPE, given, strengths)
+        return _unproved(Outcome.SCOPE, original_kappa, strengths)
     if len(strengths) > 2:
-        return _on_polygon(short, given, strengths, budget)
+        return _on_polygon(short, original_kappa, strengths, budget)
     site = int(np.argmax(np.abs(short)))
     a = 0.5 if short[site] > 0 else 0.0
-    proof, _ = _covered(given, strengths, site, np.array([[a, 0.0], [a, 0.5]]), budget)
+    proof, _ = _covered(original_kappa, strengths, site, np.array([[a, 0.0], [a, 0.5]]), budget)
     return proof
 
 
-def _unproved(outcome, given, kappa):
+def _unproved(
+    outcome: Outcome, original_kappa: tuple[float, ...], kappa: tuple[float, ...]
+) -> TransportProof:
+    """Return a proof that failed before there were boxes."""
     nothing = np.empty((0, 2))
-    lives = np.empty((0, 2), int)
-    return TransportProof(outcome, given, kappa, 0, nothing, nothing, lives, np.empty(0))
+    lifetimes = np.empty((0, 2), int)
+    return TransportProof(
+        outcome, original_kappa, kappa, 0, nothing, nothing, lifetimes, np.empty(0)
+    )
 
 
-def _on_polygon(kappa, given, strengths, budget):
-    """The TransportProof for three kicks and more.
+def _on_polygon(
+    kappa: FloatArray,
+    original_kappa: tuple[float, ...],
+    strengths: tuple[float, ...],
+    budget: float,
+) -> TransportProof:
+    """Try to prove it for three kicks and more.
 
-    A piece of the polygon is bent where more boxes wait than kicks were needed to eliminate all
-    floats. If that does not help, another polygon is tried, and in the end all boxes of the last.
+    A piece of the polygon is bent if more boxes wait on it than kicks were needed to eliminate all
+    floats. If that does not help, another polygon is tried; the last one gets the remaining time.
     """
     _compile_search()
     polygon, end = None, time.thread_time() + budget
-    for curve, kicks in transversal.eliminated_transversals(kappa, _LOOK, end):
+    for curve, kicks in transversal.eliminated_transversals(kappa, _MAX_STEPS, end):
         longest, bent = transversal.longest_period(kicks / kappa.size), True
         while bent:
             points, pieces = _closed(curve.corners)
-            polygon, left = (given, strengths, curve.site, points), end - time.thread_time()
-            proof, crowded = _covered(*polygon, left, max(kicks, _CROWD))
+            polygon = original_kappa, strengths, curve.site, points
+            remaining = end - time.thread_time()
+            proof, crowded = _covered(*polygon, remaining, max(kicks, _MIN_CROWD))
             if crowded is None:
                 return proof
             piece = pieces[crowded]
             bent = 0 <= piece < len(curve.orbits) - 1 and curve.bend(piece, longest)
     if polygon is None:
         late = time.thread_time() > end
-        return _unproved(Outcome.BUDGET if late else Outcome.PRECISION, given, strengths)
+        return _unproved(Outcome.BUDGET if late else Outcome.PRECISION, original_kappa, strengths)
     proof, _ = _covered(*polygon, end - time.thread_time())
     return proof
 
 
 @cache
-def _compile_search():
-    """Search once where it takes no time, so that compiling its kernels does not count."""
+def _compile_search() -> None:
+    """Compile the kernels of the search, so that their compilation does not count."""
     next(transversal.eliminated_transversals((1.9, 1.8, 1.7), 256), None)
 
 
-def _closed(corners):
-    """The corners on a grid, between two that are their own images. And of each piece its number
-    among those of `corners`, which is out of their range where the piece leads to an image."""
-    points = np.rint(corners * _GRID) / _GRID
+def _closed(corners: FloatArray) -> tuple[FloatArray, list[int]]:
+    """Round the corners to a grid, and add ends that are their own images.
+
+    Also return the number of each piece among those of `corners`, out of range for the two pieces
+    at the ends.
+    """
+    points = np.rint(corners * _CORNER_GRID) / _CORNER_GRID
     first, last = np.rint(2 * points[[0, -1]]) / 2
     points = np.concatenate([[first], points, [last]])
     kept = np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))
     return points[kept], (np.flatnonzero(kept)[1:] - 2).tolist()
 
 
-def _is_twist(kappa):
-    """Whether for some m the kicks after κ_m, without κ_m itself, make x_{m+P} grow with x_{m+1}.
+def _is_twist(kappa: tuple[float, ...]) -> bool:
+    """Return True if for some m the kicks after κ_m, without κ_m, make x_{m+P} grow with x_{m+1}.
 
-    That is if the matrix with 2 - |κ_j| on the diagonal, j = m + 1 … m + P - 1, and -1 beside it is
+    It does if the matrix with 2 - |κ_j| on the diagonal, j = m + 1 … m + P - 1, and -1 beside it is
     positive definite: all its leading minors are positive, in exact arithmetic.
     """
     entries = [2 - abs(Fraction(k)) for k in kappa]
     return any(_is_positive(entries[m + 1 :] + entries[:m]) for m in range(len(kappa)))
 
 
-def _is_positive(diagonal):
+def _is_positive(diagonal: list[Fraction]) -> bool:
     minor, last = Fraction(1), Fraction(0)
     for entry in diagonal:
         minor, last = entry * minor - last, minor
@@ -274,27 +372,43 @@ def _is_positive(diagonal):
     return True
 
 
-def proved_upper(profile, value, budget):
-    """The smallest scale found at which transport is proved to be global on a ray κ = s·profile.
+def proved_upper(profile: ArrayLike, value: float, budget: float) -> tuple[float, TransportProof]:
+    """Search for the smallest scale s at which transport is proved to be global under s·profile.
 
     Parameters
     ----------
-    profile : sequence of P floats, as for `prove`.
-    value : float, 1e-300 to 1e306, where the last circle breaks, as by `barriers.critical_scale`. A
-        bad value costs time, no truth.
-    budget : float, CPU seconds in all.
+    profile : array_like, shape (P,)
+        Direction of the ray, as kappa of `prove`.
+    value : float
+        Scale at which the last circle breaks, e.g. by `barriers.critical_scale`, from 1e-300 to
+        1e306. The proof does not depend on it; a bad value only costs time.
+    budget : float
+        CPU seconds in all.
 
     Returns
     -------
-    scale : float, of the best proof; NaN if nothing was proved. proof : TransportProof at
-    scale·profile, the last that failed if none succeeded.
+    scale : float
+        Scale of the best proof; NaN if nothing was proved.
+    proof : TransportProof
+        Proof at scale·profile, or the last that failed.
 
-    ValueError as for `prove`, or if value is out of range.
+    Raises
+    ------
+    ValueError, RuntimeError
+        As `prove`, or if value is out of range.
+
+    Examples
+    --------
+    >>> from nasm.proofs.transport import proved_upper
+    >>> scale, proof = proved_upper((1.0,), 0.971635, budget=0.5)
+    >>> proof.proved, 0.971635 < scale < 0.98
+    (True, True)
     """
     profile = direction(profile)
     value = real("value", value, MIN_SIZE, MAX_STRENGTH / MIN_SIZE)
     end = time.thread_time() + positive("budget", budget, "seconds of computing time")
-    best, scale, reached, failed, affordable = None, math.nan, math.inf, 0.0, 0.0
+    best: TransportProof | None = None
+    scale, reached, failed, affordable = math.nan, math.inf, 0.0, 0.0
     excess = _FIRST_EXCESS
     while excess < 0.9 * reached and (left := end - time.thread_time()) > 0:
         proof = prove(value * (1 + excess) * profile, left if best else left / 4)
@@ -312,12 +426,21 @@ def proved_upper(profile, value, budget):
     return scale, best or proof
 
 
-def _covered(given, kappa, site, points, budget, most=math.inf):
-    """The TransportProof: boxes that fail are halved, level by level. And the piece on which more
-    than `most` wait, if there is one: this ends there."""
-    forwards = np.tile(np.roll(kappa, -site), -(-_BLOCK // len(kappa)))
+def _covered(
+    original_kappa: tuple[float, ...],
+    kappa: tuple[float, ...],
+    site: int,
+    points: FloatArray,
+    budget: float,
+    max_waiting: float = math.inf,
+) -> tuple[TransportProof, int | None]:
+    """Try to prove it on a curve; boxes that fail are bisected, level by level.
+
+    If more than `max_waiting` boxes wait on one piece, stop, and return the index of the piece too.
+    """
+    forwards = np.tile(np.roll(kappa, -site), -(-_KICKS_PER_BLOCK // len(kappa)))
     ways = [forwards, forwards[::-1].copy()] if len(kappa) > 2 else [forwards]
-    boxes = np.full((_FIRST * (len(points) - 1), 2), 0.25 / _FIRST)
+    boxes = np.full((_FIRST_BOXES * (len(points) - 1), 2), 0.25 / _FIRST_BOXES)
     boxes[:, 0] *= 2 * np.arange(len(boxes)) + 1
     end = time.thread_time() + budget
     outcome, found, crowded = Outcome.PROVED, [], None
@@ -326,61 +449,86 @@ def _covered(given, kappa, site, points, budget, most=math.inf):
             slopes = _slopes(np.roll(kappa, -site), points, boxes[:, 0])
         else:
             slopes = np.full(len(boxes), abs(forwards[0]) / 2)
-        lives = np.zeros((len(boxes), len(ways)), np.int64)
+        lifetimes = np.zeros((len(boxes), len(ways)), np.int64)
         for way, cycle in enumerate(ways):
-            rest = lives[:, :way].all(axis=1)
-            lives[rest, way] = _followed(cycle, way, points, boxes[rest], slopes[rest], end)
-        done = lives.all(axis=1)
-        found.append((boxes[done], lives[done], slopes[done]))
+            rest = lifetimes[:, :way].all(axis=1)
+            lifetimes[rest, way] = _followed(cycle, way, points, boxes[rest], slopes[rest], end)
+        done = lifetimes.all(axis=1)
+        found.append((boxes[done], lifetimes[done], slopes[done]))
         middles, half = np.transpose(boxes[~done]) * [[1], [0.5]]
         boxes = np.transpose([[middles - half, middles + half], [half, half]]).reshape(-1, 2)
         waiting = np.bincount((2 * boxes[:, 0]).astype(int), minlength=1)
-        if waiting.max() > most:
+        if waiting.max() > max_waiting:
             crowded = int(waiting.argmax())
         if len(boxes) and (crowded is not None or time.thread_time() > end):
             outcome = Outcome.BUDGET
             break
-        if len(boxes) and half.min() < _SMALLEST * max(1.0, (len(points) - 1) / 16):
+        if len(boxes) and half.min() < _MIN_DELTA * max(1.0, (len(points) - 1) / 16):
             outcome = Outcome.PRECISION
             break
-    boxes, lives, slopes = map(np.concatenate, zip(*found, strict=True))
+    boxes, lifetimes, slopes = map(np.concatenate, zip(*found, strict=True))
     order = np.argsort(boxes[:, 0])
-    boxes, lives, slopes = boxes[order], lives[order], slopes[order]
+    boxes, lifetimes, slopes = boxes[order], lifetimes[order], slopes[order]
     end = len(points) / 2 - 0.5
-    if outcome is Outcome.PROVED and not (_tiles(boxes, end) and lives.max() < _LONGEST):
+    if outcome is Outcome.PROVED and not (_tiles(boxes, end) and lifetimes.max() < _MAX_LIFETIME):
         raise RuntimeError(
-            f"the boxes of a proof do not tile its curve, or one lives for {_LONGEST:g} kicks; "
-            "please report this"
+            "the boxes of a proof do not tile its curve, or one has a lifetime of "
+            f"{_MAX_LIFETIME:g} kicks; please report this"
         )
-    return TransportProof(outcome, given, kappa, site, points, boxes, lives, slopes), crowded
+    return TransportProof(
+        outcome, original_kappa, kappa, site, points, boxes, lifetimes, slopes
+    ), crowded
 
 
-def _slopes(kappa, points, starts):
-    """γ of each start: with it V crosses zero on both sides, in floats, if that can be."""
+def _slopes(kappa: FloatArray, points: FloatArray, starts: FloatArray) -> FloatArray:
+    """Choose γ of each box, if possible such that V crosses zero on both sides in floats."""
     x, y = (np.interp(2 * starts, np.arange(len(points)), axis) for axis in points.T)
-    _, slopes = transversal.elimination(kappa, x, y, _LOOK * len(kappa))
+    _, slopes = transversal.elimination(kappa, x, y, _MAX_STEPS * len(kappa))
     return np.clip(np.rint(slopes * 2.0**20) / 2.0**20, -3, 1 - 2.0**-20)
 
 
-def _followed(cycle, way, points, boxes, slopes, end):
-    """The lives of boxes, 0 of those that fail, or that the time is not enough for."""
-    lives, first, unfinished = np.zeros(len(boxes), np.int64), 0, True
-    lanes, ages, here = np.zeros((_ROWS, FEW)), np.zeros(FEW, np.int64), np.full(FEW, -1)
+def _followed(
+    cycle: FloatArray,
+    way: int,
+    points: FloatArray,
+    boxes: FloatArray,
+    slopes: FloatArray,
+    end: float,
+) -> IntArray:
+    """Return the lifetimes of boxes; 0 for those that fail, or that remain when the time ends."""
+    lifetimes, first, unfinished = np.zeros(len(boxes), np.int64), 0, True
+    lanes, ages, box_ids = np.zeros((_ROWS, FEW)), np.zeros(FEW, np.int64), np.full(FEW, -1)
     while unfinished and time.thread_time() < end:
         first, unfinished = _follow(
-            cycle, way, points, boxes, slopes, lives, lanes, ages, here, first, _KICKS
+            cycle,
+            way,
+            points,
+            boxes,
+            slopes,
+            lifetimes,
+            lanes,
+            ages,
+            box_ids,
+            first,
+            _KICKS_PER_CALL,
         )
-    return np.where(lives, lives + way, 0)
+    return np.where(lifetimes, lifetimes + way, 0)
 
 
-def _tiles(boxes, end=0.5):
-    """Whether the boxes, from left to right, tile [0, end]; the sums are exact."""
+def _tiles(boxes: FloatArray, end: float = 0.5) -> bool:
+    """Return True if the boxes, from left to right, tile [0, end]; the sums are exact."""
     left, right = boxes[:, 0] - boxes[:, 1], boxes[:, 0] + boxes[:, 1]
     return left[0] == 0 and right[-1] == end and bool((left[1:] == right[:-1]).all())
 
 
-def check_arithmetic():
-    """RuntimeError unless floats round to nearest, underflow gradually, and fma is fused."""
+def check_arithmetic() -> None:
+    """Check that floats round to nearest and underflow gradually, and that fma is fused.
+
+    Raises
+    ------
+    RuntimeError
+        If they do not.
+    """
     if not _arithmetic_is_ieee(1.0, 2.0**-53, 2.0**-52, 2.0**-1022):
         raise RuntimeError(
             "this machine's arithmetic is not IEEE 754 with rounding to nearest, gradual underflow "
@@ -390,7 +538,7 @@ def check_arithmetic():
 
 @kernel
 def _arithmetic_is_ieee(one, half, ulp, tiny):
-    """Powers of two as arguments, so that the compiler can work out nothing beforehand."""
+    """Test the arithmetic on powers of two, arguments that the compiler cannot fold."""
     nearest = one + half == one and one + 1.5 * half == one + ulp and -one - half == -one
     fused = fma(one + ulp, one - ulp, -one) == -ulp * ulp
     return nearest and fused and tiny / 2 > 0
@@ -400,44 +548,46 @@ _ELIMINATED, _FAILED = 0, 1
 
 
 @kernel(error_model="numpy")
-def _follow(cycle, way, points, boxes, slopes, lives, lanes, ages, here, first, most_kicks):
-    """Go on with boxes, for some kicks: the first one not begun, and whether any is left.
+def _follow(cycle, way, points, boxes, slopes, lifetimes, lanes, ages, box_ids, first, most_kicks):
+    """Continue with the boxes for some kicks; return the first one not begun, and if any remain.
 
-    cycle : a block of kicks. boxes, slopes, lives : ŝ, δ, γ, and what is found. lanes, ages, here :
-    the state, the kicks and the box of each lane, -1 if there is none.
+    cycle : a block of kicks. boxes, slopes : ŝ, δ and γ. lifetimes : receives the results. lanes,
+    ages, box_ids : the state of each lane, the kicks so far, and the index of its box, -1 for none.
     """
     before, events, kicks = np.empty((_ROWS, FEW)), np.empty((2, FEW)), 0
     while kicks < most_kicks:
         busy = 0
         for lane in range(FEW):
-            if here[lane] < 0 and first < len(boxes):
-                here[lane], ages[lane] = first, 0
+            if box_ids[lane] < 0 and first < len(boxes):
+                box_ids[lane], ages[lane] = first, 0
                 _start(lanes, lane, points, boxes[first, 0], boxes[first, 1], slopes[first], way)
                 first += 1
-            busy += here[lane] >= 0
+            busy += box_ids[lane] >= 0
         if busy == 0:
             return first, False
         before[:] = lanes
         _advance(cycle, lanes, events)
         for lane in range(FEW):
-            if here[lane] < 0:
+            if box_ids[lane] < 0:
                 continue
-            if events[0, lane] > 0 and events[1, lane] <= 0:  # all went well; false for NaN
+            if events[0, lane] > 0 and events[1, lane] <= 0:  # no event; false for NaN
                 ages[lane] += len(cycle)
                 kicks += len(cycle)
                 continue
             n, outcome = _replay(cycle, before, lane)
             kicks += n
             if outcome == _ELIMINATED:
-                lives[here[lane]] = ages[lane] + n
-            here[lane] = -1
+                lifetimes[box_ids[lane]] = ages[lane] + n
+            box_ids[lane] = -1
     return first, True
 
 
 @njit(nogil=True)
 def _start(lanes, lane, points, s, delta, slope, way):
-    """The state of a box before the kick of the curve's site; or, way = 1, before that of the site
-    before it, of the kicks in reverse."""
+    """Set the state of a box before the kick at the curve.
+
+    With way = 1: before the kick at the site before, under the kicks in reverse order.
+    """
     for row in range(_ROWS):
         lanes[row, lane] = 0.0
     at = min(int(2 * s), len(points) - 2)
@@ -461,7 +611,7 @@ def _start(lanes, lane, points, s, delta, slope, way):
 
 @njit(nogil=True)
 def _along(start, part, length):
-    """start + part·length as a sum of two floats, exactly: see README.md."""
+    """Return start + part·length exactly, as a sum of two floats: see README.md."""
     product = part * length
     total, error = two_sum(start, product)
     return total, error + fma(part, length, -product)
@@ -469,7 +619,7 @@ def _along(start, part, length):
 
 @njit(nogil=True, error_model="numpy")
 def _advance(cycle, lanes, events):
-    """A block of kicks of all lanes, in place; the smallest V into events[0], `bad` into [1]."""
+    """Advance all lanes by a block of kicks, in place; events[0] = the least V, [1] = Σ bad."""
     own_frame()
     state = load_state(lanes, 0, _STATE, FEW)
     scale = load_few(lanes, 18 * FEW)
@@ -484,7 +634,7 @@ def _advance(cycle, lanes, events):
 
 @njit(nogil=True, error_model="numpy")
 def _replay(cycle, lanes, lane):
-    """(kicks, outcome) of the lane within a block, kick by kick: the definition."""
+    """Repeat the block of one lane kick by kick; return the kicks to its event, and the outcome."""
     state = load_state(lanes, lane, _STATE, 1)
     for n in range(len(cycle)):
         state, bad = _kick(cycle[n], lanes[18, lane], state)
@@ -497,8 +647,10 @@ def _replay(cycle, lanes, lane):
 
 @njit(forceinline=True)
 def _accurate(x, x_low):
-    """rint X - X of the leading part, h = sin 2πx/2π as a sum of two, and cos 2πx; x - 1/4 = X is
-    x + x_low. On lanes or floats."""
+    """Return rint x - x, h = sin 2πX/2π as a sum of two floats, and cos 2πX, X = x + x_low + 1/4.
+
+    For lanes or floats.
+    """
     back = rint(x) - x
     r = fabs(back)
     u = 0.25 - r
@@ -518,7 +670,7 @@ def _accurate(x, x_low):
 
 @njit(forceinline=True)
 def horner(v, c):
-    """Σ c_k vᵏ of eight coefficients."""
+    """Return Σ c_k vᵏ for eight coefficients."""
     s = fma(v, c[7], c[6])
     s = fma(s, v, c[5])
     s = fma(s, v, c[4])
@@ -530,7 +682,7 @@ def horner(v, c):
 
 @njit(forceinline=True)
 def _next(s, s_low, v, v_low, coefficient):
-    """(s + s_low)(v + v_low) + coefficient, whose leading part is the largest number."""
+    """Return (s + s_low)(v + v_low) + coefficient, whose leading part is the largest number."""
     product = s * v
     error = fma(s_low, v, fma(s, v_low, fma(s, v, -product)))
     total = coefficient[0] + product
@@ -539,10 +691,10 @@ def _next(s, s_low, v, v_low, coefficient):
 
 @njit(forceinline=True, error_model="numpy")
 def _kick(k, scale, state):
-    """One kick of a box, on lanes or floats; x + x_low is the shifted angle x̂ - 1/4, scale 1/δ.
+    """Kick a box, on lanes or floats; x + x_low is the shifted angle x̂ - 1/4, scale is 1/δ.
 
     w, W, z, p are the last differences of v, V, t, q. Returns the state and `bad`, which is 0 while
-    the bounds hold, and NaN or positive if not.
+    the bounds hold, and positive or NaN otherwise.
     """
     x, x_low, y, y_low, v, w, V, W, t, z, q, p, A, B, linear, quadratic, rest, paid = state
     size = fabs(k)
@@ -550,7 +702,7 @@ def _kick(k, scale, state):
     kc = k * c
     f2 = -TWO_PI2 * k * h  # κh''/2
 
-    # |x - x̂|: all of it, what is not σt, and what is known by its bound alone.
+    # |x - x̂|: its first order, the known second order, the bound of the rest; and their sums.
     straight = fabs(t)
     unknown = fma(A, fabs(v), B * straight)
     curved = fabs(q) + unknown
@@ -561,7 +713,7 @@ def _kick(k, scale, state):
     sine = fma(fabs(h), TWO_PI, 7e-16)
     both = curved * (E + straight)  # |(x - x̂)² - (σt)²|
 
-    # Payment: for what Q may be larger by than in the middle, and for rounding.
+    # The payment covers what Q may exceed its value in the middle by, and rounding.
     V2 = V * V
     f4 = 2.0 * f2
     linear = fma(f4 * t, V2, linear)
@@ -572,10 +724,10 @@ def _kick(k, scale, state):
     rest = fma(V2, fma(change, size, rounding * (1.0 + size)), rest) * UP + 1e-15 * signed
     due = maximum(0.0, (fabs(linear) + maximum(0.0, quadratic) + rest) * UP - paid)
     paid = paid + due
-    W = fma(kc, V, W) + due / V * MORE
+    W = fma(kc, V, W) + due / V * PAYMENT_FACTOR
     V = V + W
 
-    # One kick on.
+    # The solutions after the kick.
     w = fma(kc, v, w)
     z = fma(kc, t, z)
     p = fma(f2 * t, t, fma(kc, q, p))
@@ -590,10 +742,10 @@ def _kick(k, scale, state):
     A = fma(defect, straight, A)
     B = fma(defect, fabs(v), B)
     bad = (
-        maximum(0.0, E - _LARGEST)
-        + maximum(0.0, fma(E, -_KNOWN, curved))
-        + maximum(0.0, wronskian - _WRONSKIAN)
-        + maximum(0.0, V - _HUGE)
+        maximum(0.0, E - _MAX_DEVIATION)
+        + maximum(0.0, fma(E, -_MAX_UNKNOWN_SHARE, curved))
+        + maximum(0.0, wronskian - _MAX_WRONSKIAN_ERROR)
+        + maximum(0.0, V - _MAX_V)
     )
     product = k * h
     y, error = two_sum(y, product)

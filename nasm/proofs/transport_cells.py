@@ -1,22 +1,26 @@
 """A proof that transport is global for every forcing of a cell of the (κ1, κ2) plane.
 
-As `nasm.proofs.transport`, to second order, in three parameters: the start and the two strengths,
+The method is that of `nasm.proofs.transport`, to second order in three parameters: the initial
+condition and the two strengths,
 
     y = ŷ + σδ + g_0 σ_0 h_0 + g_1 σ_1 h_1,   κ_i = k_i + σ_i h_i,   |σ|, |σ_0|, |σ_1| ≤ 1,
     x_n = x̂_n + σ t + σ_0 p + σ_1 q + σ² tt + σσ_0 tp + σσ_1 tq + σ_0² pp + σ_0σ_1 pq + σ_1² qq + ρ,
     |ρ_n| ≤ A_n|v_n| + B_n|t_n|.
 
-The shear g lets the starts follow an orbit of much the same rotation number as κ varies, so that p
-and q grow less. [0, 1/2] is cut into pieces, each with a shear of its own; a piece is covered for
-all κ of the cell by starts that reach Σ_i |g_i| h_i beyond its ends. A box that fails is halved
-across the parameter that has moved its orbit most. See `proofs/README.md`, "Transport is global".
+The shear g moves the initial conditions with κ, such that the rotation number of their orbit hardly
+changes and p and q grow less. [0, 1/2] is cut into pieces, each with its own shear. Boxes that
+reach Σ_i |g_i| h_i beyond the ends of a piece cover it for all κ of the cell. A box that fails is
+bisected in the parameter that has moved its orbit most. See `proofs/README.md`, "Cells".
 """
 
 import time
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
 from nasm.arithmetic.double_double import two_sum
 from nasm.arithmetic.kernels import kernel
@@ -53,71 +57,126 @@ from nasm.proofs.transport import (
     horner,
 )
 from nasm.symmetries import dominant_centre
+from nasm.tables import html_table
+from nasm.types import FloatArray, IntArray
 
 __all__ = ["CellProof", "prove_cell"]
 
-_LARGEST, _KNOWN, _WRONSKIAN, _HUGE = 0.1, 0.8, 1e-3, 1e100  # as in `transport`
+# As in `transport`.
+_MAX_DEVIATION, _MAX_UNKNOWN_SHARE, _MAX_WRONSKIAN_ERROR, _MAX_V = 0.1, 0.8, 1e-3, 1e100
 
-_EXACT = 2.0**30  # times which strengths must be whole numbers, so that halving a cell is exact
+_STRENGTH_GRID = 2.0**30  # inverse spacing of strengths, so that bisecting a cell is exact
 _PIECES = 16  # of [0, 1/2]
-_GRID = 2.0**-20  # of the ends of pieces
-_SHEARS = 2.0**-8  # of which g is a multiple
-_SMALLEST_START, _SMALLEST_STRENGTH = 2.0**-45, 2.0**-40
-_BLOCK, _STATE, _ROWS, _COLUMNS = 8, 40, 45, 9  # numbers of a box: those that change, and all
-_MOST_WAITING = 4096
-_KICKS, _FOUND = 200_000, 16_384  # in one call of the kernel
+_END_GRID = 2.0**-20  # spacing of the ends of pieces
+_SHEAR_GRID = 2.0**-8  # spacing of g
+_MIN_DELTA, _MIN_STRENGTH_WIDTH = 2.0**-45, 2.0**-40
+_KICKS_PER_BLOCK = 8  # between checks for events
+_STATE, _ROWS, _COLUMNS = 40, 45, 9  # numbers in a lane: those that change, and all; of a box
+_MAX_WAITING = 4096  # boxes on the stack
+_KICKS_PER_CALL, _MAX_ELIMINATED = 200_000, 16_384  # of the kernel, between checks of the clock
 DOWN = 1 - 1e-14  # as `UP`, for a sum that is subtracted
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CellProof(Proof):
-    """A proof that no rotational invariant circle exists for any forcing of a cell, or why not.
+    """A proof that no forcing of a cell has a rotational invariant circle, or why none was found.
 
-    outcome : Outcome, as of a `TransportProof`.
-    kappa, half_width : tuples of two floats; the cell, |κ_i - kappa_i| ≤ half_width_i.
-    site, a : int and float, the symmetry line: boxes start at x = a before this kick.
-    boxes : ndarray of shape (n, 9), rows ŷ, δ, k_0, h_0, k_1, h_1, g_0, g_1 and the piece of
-        [0, 1/2]; index 0 is the kick at `site`. lives : ndarray of n ints, kicks until V ≤ 0.
+    Attributes
+    ----------
+    outcome : Outcome
+        PROVED, or the reason; a failed proof makes no statement about circles.
+    kappa, half_width : tuple of 2 floats
+        The cell, |κ_i - kappa_i| ≤ half_width_i.
+    site : int
+        Index of the kick at the symmetry line.
+    a : float
+        x of the symmetry line before that kick.
+    boxes : ndarray, shape (n, 9)
+        Rows ŷ, δ, k_0, h_0, k_1, h_1, g_0, g_1 and the piece of [0, 1/2]; 0 is the kick at `site`.
+    lifetimes : ndarray of int, shape (n,)
+        Kicks N until V ≤ 0, for each box.
+
+    Examples
+    --------
+    >>> from nasm.proofs.transport_cells import prove_cell
+    >>> prove_cell((0.75, 0.25), 2.0**-6)
+    <CellProof: PROVED, transport is global within (0.015625, 0.015625) of (0.75, 0.25); ... boxes>
     """
 
     kappa: tuple[float, float]
     half_width: tuple[float, float]
     site: int
     a: float
-    boxes: np.ndarray = field(repr=False)
-    lives: np.ndarray = field(repr=False)
+    boxes: FloatArray
+    lifetimes: IntArray
 
-    def certificate(self):
-        """What another program needs to check the proof; ValueError if nothing was proved."""
+    def __repr__(self) -> str:
+        claim = "transport is global" if self.proved else "transport is not proved to be global"
+        return (
+            f"<CellProof: {self.outcome.name}, {claim} within {self.half_width} of {self.kappa}; "
+            f"{len(self.boxes)} boxes>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        rows = {
+            "centre of the cell": f"{self.kappa}",
+            "half width": f"{self.half_width}",
+            "outcome": f"{self.outcome.name}: {self.reason}",
+            "boxes": f"{len(self.boxes)}, with {self.lifetimes.sum()} kicks in all",
+        }
+        return html_table(rows, "Proof that transport is global in a cell")
+
+    def certificate(self) -> dict[str, Any]:
+        """Return what another program needs to check the proof, a dict fit for JSON.
+
+        Raises
+        ------
+        ValueError
+            If nothing was proved.
+        """
         fields = {
             "kappa": in_hex(self.kappa),
             "half_width": in_hex(self.half_width),
             "site": self.site,
             "a": self.a,
             "boxes": columns_in_hex(self.boxes),
-            "lives": self.lives.tolist(),
+            "lives": self.lifetimes.tolist(),
         }
         cell = self.kappa, self.half_width
         return certificate(self, "Transport is global in a cell", fields, *cell)
 
 
-def prove_cell(kappa, half_width, budget=1.0):
-    """Try to prove that no rotational invariant circle exists for any forcing of a cell.
+def prove_cell(kappa: ArrayLike, half_width: ArrayLike, budget: float = 1.0) -> CellProof:
+    """Try to prove that no forcing of a cell has a rotational invariant circle.
 
     Parameters
     ----------
-    kappa : two floats, the centre of the cell.
-    half_width : float or two floats > 0. The cell is |κ_i - kappa_i| ≤ half_width_i; all of these
-        numbers must be multiples of 2⁻³⁰, so that the corners of the cell are exact. Cells in which
-        some |κ_i| ≥ 2 have the outcome SCOPE.
-    budget : float, CPU seconds to spend.
+    kappa : array_like, shape (2,)
+        Centre of the cell, a multiple of 2⁻³⁰.
+    half_width : float or array_like, shape (2,)
+        The cell is |κ_i - kappa_i| ≤ half_width_i. It is a positive multiple of 2⁻³⁰, so that the
+        corners of the cell are exact. Cells in which some |κ_i| ≥ 2 have the outcome SCOPE.
+    budget : float
+        CPU seconds.
 
     Returns
     -------
-    CellProof. What is not proved is not disproved.
+    CellProof
+        A proof that fails makes no statement about circles.
 
-    ValueError if an argument is out of range or no multiple of 2⁻³⁰. RuntimeError if the machine's
-    arithmetic is not the one that the proof needs.
+    Raises
+    ------
+    ValueError
+        If an argument is out of range or not a multiple of 2⁻³⁰.
+    RuntimeError
+        If the arithmetic of this machine is not IEEE 754 as the proof needs it.
+
+    Examples
+    --------
+    >>> from nasm.proofs.transport_cells import prove_cell
+    >>> prove_cell((0.75, 0.25), 2.0**-6).proved
+    True
     """
     kappa = forcing(kappa)
     half_width = forcing(np.broadcast_to(floats("half_width", half_width), 2))
@@ -126,52 +185,57 @@ def prove_cell(kappa, half_width, budget=1.0):
         raise ValueError(f"kappa={kappa.tolist()}: the centre of a cell has two strengths")
     if not (half_width > 0).all():
         raise ValueError(f"half_width={half_width.tolist()} must be positive")
-    numbers = _EXACT * np.concatenate([kappa, half_width])
+    numbers = _STRENGTH_GRID * np.concatenate([kappa, half_width])
     if (numbers != np.rint(numbers)).any():
         raise ValueError(
             f"kappa={kappa.tolist()} and half_width={half_width.tolist()} must be multiples of "
             "2**-30, so that the corners of the cell are exact"
         )
     check_arithmetic()
-    cell = tuple(kappa.tolist()), tuple(half_width.tolist())
+    centre, widths = tuple(kappa.tolist()), tuple(half_width.tolist())
     if (np.abs(kappa) + half_width >= 2).any():
-        nothing = np.empty((0, _COLUMNS)), np.empty(0, np.int64)
-        return CellProof(Outcome.SCOPE, *cell, 0, 0.0, *nothing)
-    site, a = dominant_centre(kappa)
+        boxes, lifetimes = np.empty((0, _COLUMNS)), np.empty(0, np.int64)
+        return CellProof(Outcome.SCOPE, centre, widths, 0, 0.0, boxes, lifetimes)
+    centre_site, a = dominant_centre(kappa)
+    site = int(centre_site)
     from_line = np.roll(kappa, -site).tolist(), np.roll(half_width, -site).tolist()
-    outcome, *cover = _covered(*from_line, a, budget)
-    return CellProof(outcome, *cell, site, a, *cover)
+    outcome, boxes, lifetimes = _covered(*from_line, a, budget)
+    return CellProof(outcome, centre, widths, site, a, boxes, lifetimes)
 
 
-def _covered(kappa, half_width, a, budget):
-    """Outcome, boxes and lives of the cover; the first kick is that of the line."""
+def _covered(
+    kappa: Sequence[float], half_width: Sequence[float], a: float, budget: float
+) -> tuple[Outcome, FloatArray, IntArray]:
+    """Cover a cell by boxes; the first kick is that at the line."""
     (k0, k1), (h0, h1), x = kappa, half_width, a - 0.25
-    waiting, n_waiting = np.empty((_MOST_WAITING, _COLUMNS)), _PIECES
+    waiting, n_waiting = np.empty((_MAX_WAITING, _COLUMNS)), _PIECES
     for piece in range(_PIECES):
         left, right = piece / (2 * _PIECES), (piece + 1) / (2 * _PIECES)
         shears = np.array(_shears(x, (left + right) / 2, k0, k1))
-        g0, g1 = (np.rint(np.clip(shears, -0.5, 0.5) / _SHEARS) * _SHEARS).tolist()
+        g0, g1 = (np.rint(np.clip(shears, -0.5, 0.5) / _SHEAR_GRID) * _SHEAR_GRID).tolist()
         margin = abs(g0) * h0 + abs(g1) * h1
-        left = float(np.floor((left - margin) / _GRID)) * _GRID
-        right = float(np.ceil((right + margin) / _GRID)) * _GRID
+        left = float(np.floor((left - margin) / _END_GRID)) * _END_GRID
+        right = float(np.ceil((right + margin) / _END_GRID)) * _END_GRID
         middle, half = (left + right) / 2, (right - left) / 2
         waiting[piece] = middle, half, k0, h0, k1, h1, g0, g1, piece
     lanes, boxes, ages = np.zeros((_ROWS, FEW)), np.zeros((_COLUMNS, FEW)), np.zeros(FEW, np.int64)
-    found, lives = np.empty((_FOUND, _COLUMNS)), np.empty(_FOUND, np.int64)
-    parts, end, done = [(found[:0], lives[:0])], time.thread_time() + budget, _UNFINISHED
+    eliminated = np.empty((_MAX_ELIMINATED, _COLUMNS))
+    lifetimes = np.empty(_MAX_ELIMINATED, np.int64)
+    parts, end, done = [(eliminated[:0], lifetimes[:0])], time.thread_time() + budget, _UNFINISHED
     while done == _UNFINISHED and time.thread_time() < end:
-        done, n_waiting, n_found = _cover(
-            x, waiting, n_waiting, lanes, boxes, ages, found, lives, _KICKS
+        done, n_waiting, n_eliminated = _cover(
+            x, waiting, n_waiting, lanes, boxes, ages, eliminated, lifetimes, _KICKS_PER_CALL
         )
-        parts.append((found[:n_found].copy(), lives[:n_found].copy()))
-    return _OUTCOMES[done], *map(np.concatenate, zip(*parts, strict=True))
+        parts.append((eliminated[:n_eliminated].copy(), lifetimes[:n_eliminated].copy()))
+    all_boxes, all_lifetimes = map(np.concatenate, zip(*parts, strict=True))
+    return _OUTCOMES[done], all_boxes, all_lifetimes
 
 
 @kernel(error_model="numpy")
 def _shears(x, y, k0, k1):
-    """g_i = -p_i/t where v passes zero: the start moves with κ_i as the orbit that dies there.
+    """Choose g_i = -p_i/t where v passes zero, so that the orbit hardly moves there with κ_i.
 
-    No proof depends on it.
+    No proof depends on the choice.
     """
     v, w, t, z, p0, z0, p1, z1 = 1.0, abs(k0) / 2, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
     for n in range(1000):
@@ -195,16 +259,16 @@ _ELIMINATED, _FAILED = 0, 1
 
 
 @kernel(error_model="numpy")
-def _cover(x, waiting, n_waiting, lanes, boxes, ages, found, lives, most_kicks):
-    """Go on with a cover, for some kicks: whether it is done, and counts.
+def _cover(x, waiting, n_waiting, lanes, boxes, ages, eliminated, lifetimes, most_kicks):
+    """Continue a cover for some kicks; return how it ended, n_waiting, and the boxes eliminated.
 
-    waiting[:n_waiting] : boxes to do, a stack, rows as in CellProof. lanes, boxes, ages : the
-    state, the box (δ = 0 if there is none) and the kicks of each lane, in columns. found, lives :
-    receive the boxes eliminated.
+    waiting[:n_waiting] : boxes to do, a stack of rows as in CellProof. lanes, boxes, ages : the
+    state of each lane, its box (δ = 0 for none) and its kicks so far, in columns. eliminated,
+    lifetimes : receive the boxes eliminated, and their kicks.
     """
     before, events = np.empty((_ROWS, FEW)), np.empty((2, FEW))
-    n_found = kicks = 0
-    while kicks < most_kicks and n_found <= found.shape[0] - FEW:
+    n_eliminated = kicks = 0
+    while kicks < most_kicks and n_eliminated <= eliminated.shape[0] - FEW:
         busy = 0
         for lane in range(FEW):
             if boxes[1, lane] == 0 and n_waiting > 0:
@@ -213,38 +277,38 @@ def _cover(x, waiting, n_waiting, lanes, boxes, ages, found, lives, most_kicks):
                 _start(lanes, lane, x, boxes[:, lane])
             busy += boxes[1, lane] != 0
         if busy == 0:
-            return _DONE, n_waiting, n_found
+            return _DONE, n_waiting, n_eliminated
         before[:] = lanes
         _advance(lanes, events)
         for lane in range(FEW):
             if boxes[1, lane] == 0:
                 continue
-            if events[0, lane] > 0 and events[1, lane] <= 0:  # all went well; false for NaN
-                ages[lane] += _BLOCK
-                kicks += _BLOCK
+            if events[0, lane] > 0 and events[1, lane] <= 0:  # no event; false for NaN
+                ages[lane] += _KICKS_PER_BLOCK
+                kicks += _KICKS_PER_BLOCK
                 continue
             n, outcome, split = _replay(before, lane)
             kicks += n
             if outcome == _ELIMINATED:
-                found[n_found], lives[n_found] = boxes[:, lane], ages[lane] + n
-                n_found += 1
-            elif not _halve(waiting, n_waiting, boxes[:, lane], split):
-                return _TOO_SMALL, n_waiting, n_found
+                eliminated[n_eliminated], lifetimes[n_eliminated] = boxes[:, lane], ages[lane] + n
+                n_eliminated += 1
+            elif not _bisect(waiting, n_waiting, boxes[:, lane], split):
+                return _TOO_SMALL, n_waiting, n_eliminated
             else:
                 n_waiting += 2
             boxes[1, lane] = 0
-    return _UNFINISHED, n_waiting, n_found
+    return _UNFINISHED, n_waiting, n_eliminated
 
 
 @njit(nogil=True)
-def _halve(waiting, n_waiting, box, split):
-    """Put both halves of a box on the stack; False if they would be too small, or rounded.
+def _bisect(waiting, n_waiting, box, split):
+    """Put both halves of a box on the stack; return False if they are too small, or inexact.
 
-    split : the parameter, 0 for the start, 1 and 2 for the strengths. The start of the middle moves
-    with a strength as the shear says.
+    split : the parameter to bisect, 0 for the initial condition, 1 and 2 for the strengths. The
+    centre ŷ moves with a strength by the shear.
     """
     width = box[1 + 2 * split] / 2
-    smallest = _SMALLEST_START if split == 0 else _SMALLEST_STRENGTH
+    smallest = _MIN_DELTA if split == 0 else _MIN_STRENGTH_WIDTH
     if width < smallest or n_waiting + 2 > waiting.shape[0]:
         return False
     for i, step in enumerate((width, -width)):
@@ -260,7 +324,7 @@ def _halve(waiting, n_waiting, box, split):
 
 @njit(nogil=True)
 def _start(lanes, lane, x, box):
-    """The state of a box before the kick of its line."""
+    """Set the state of a box before the kick at the line."""
     state = lanes[:, lane]
     k0, h0, h1 = box[2], box[3], box[5]
     weight = 0.5 if x > 0 else -0.5  # -cos 2πa/2
@@ -269,19 +333,19 @@ def _start(lanes, lane, x, box):
     state[2] = state[4] = 1.0  # v, V
     state[3] = state[5] = weight * k0  # their last differences
     state[7], state[9], state[11] = box[1], box[6] * h0, box[7] * h1  # those of t, p, q
-    # Site c counts half: half of what σ_0 adds there, h_0 cos 2πa, is taken off beforehand.
+    # Site c counts half: half of what σ_0 adds there, h_0 cos 2πa, is subtracted beforehand.
     state[27] = weight * h0
     state[_STATE], state[_STATE + 1 :] = 1 / box[1], box[2:6]
 
 
 @njit(nogil=True, error_model="numpy")
 def _advance(lanes, events):
-    """A block of kicks of all lanes, in place; the smallest V into events[0], `bad` into [1]."""
+    """Advance all lanes by a block of kicks, in place; events[0] = the least V, [1] = Σ bad."""
     own_frame()
     rows = load_state(lanes, 0, _ROWS, FEW)
     state, (scale, k0, h0, k1, h1) = rows[:_STATE], rows[_STATE:]
     smallest, worst = state[4], scale - scale  # zeros
-    for _ in range(_BLOCK):
+    for _ in range(_KICKS_PER_BLOCK):
         state, bad = _kick(k0, h0, k1, h1, scale, state)
         smallest, worst = minimum(smallest, state[4]), worst + bad
         k0, h0, k1, h1 = k1, h1, k0, h0
@@ -292,10 +356,10 @@ def _advance(lanes, events):
 
 @njit(nogil=True, error_model="numpy")
 def _replay(lanes, lane):
-    """(kicks, outcome, parameter to halve) of the lane within a block: the definition."""
+    """Repeat the block of one lane; return the kicks to its event, its outcome, what to bisect."""
     state = load_state(lanes, lane, _STATE, 1)
     scale, k0, h0, k1, h1 = lanes[_STATE:, lane]
-    for n in range(_BLOCK):
+    for n in range(_KICKS_PER_BLOCK):
         state, bad = _kick(k0, h0, k1, h1, scale, state)
         if not bad <= 0 or state[4] <= 0:
             most, first, second = state[37], state[38], state[39]
@@ -304,12 +368,12 @@ def _replay(lanes, lane):
             split = 0 if most >= max(first, second) else 1 if first >= second else 2
             return n + 1, _FAILED if not bad <= 0 else _ELIMINATED, split
         k0, h0, k1, h1 = k1, h1, k0, h0
-    return _BLOCK, _FAILED, 0
+    return _KICKS_PER_BLOCK, _FAILED, 0
 
 
 @njit(forceinline=True)
 def _trigonometry(x):
-    """rint X - X, h = sin 2πx/2π and cos 2πx of x = X + 1/4, on lanes or floats."""
+    """Return rint x - x, h = sin 2πX/2π and cos 2πX, X = x + 1/4, for lanes or floats."""
     back = rint(x) - x
     u = 0.25 - fabs(back)
     u2 = u * u
@@ -318,11 +382,11 @@ def _trigonometry(x):
 
 @njit(forceinline=True, error_model="numpy")
 def _kick(k, spread, k_next, spread_next, scale, state):
-    """One kick, of strength k ± spread, of a box, on lanes or floats; as in `transport`.
+    """Kick a box, with strength k ± spread, on lanes or floats; as in `transport`.
 
-    p is moved by this kick, q by the next; in what is returned they have changed places, and with
-    them tp and tq, pp and qq. zp, … are the last differences of p, …, lt, ltt, … the sums, mt, mp,
-    mq the largest moves so far.
+    p depends on this strength, q on that of the next kick; the returned state has them exchanged,
+    as well as tp and tq, pp and qq. zp, … are the last differences of p, …, lt, ltt, … the sums,
+    mt, mp, mq the largest |t|, |p|, |q| so far.
     """
     x, y, v, w, V, W, t, zt, p, zp, q, zq = state[:12]
     tt, ztt, tp, ztp, tq, ztq, pp, zpp, pq, zpq, qq, zqq = state[12:24]
@@ -333,7 +397,7 @@ def _kick(k, spread, k_next, spread_next, scale, state):
     sc = spread * c
     bend = -TWO_PI2 * k * h  # κh''/2
 
-    # |x - x̂|, and what of it is of second order, or known by its bound alone.
+    # |x - x̂|: its first order, the known second order, the bound of the rest; and their sums.
     at, ap, aq = fabs(t), fabs(p), fabs(q)
     straight = at + ap + aq
     unknown = (A * fabs(v) + B * at) * UP
@@ -347,9 +411,9 @@ def _kick(k, spread, k_next, spread_next, scale, state):
     t2, p2, q2 = t * t, p * p, q * q
     tp2, tq2, pq2 = 2.0 * t * p, 2.0 * t * q, 2.0 * p * q
 
-    # Payment: for what Q may be larger by than in the middle, and for rounding.
+    # The payment covers what Q may exceed its value in the middle by, and rounding.
     V2 = V * V
-    # What Q has of x - x̂, of its square, and of x - x̂ times this strength.
+    # Coefficients in Q of x - x̂, of its square, and of x - x̂ times the change of this strength.
     slope, turn, twist = 2.0 * bend * V2, -TWO_PI2 * kc * V2, -2.0 * TWO_PI2 * spread * h * V2
     lt = lt + slope * t
     lp = lp + slope * p + sc * V2
@@ -373,7 +437,7 @@ def _kick(k, spread, k_next, spread_next, scale, state):
     W = fma(kc, V, W) + due / V * UP
     V = V + W
 
-    # One kick on.
+    # The solutions after the kick.
     w = fma(kc, v, w)
     zt = fma(kc, t, zt)
     zp = fma(kc, p, zp) + spread * h
@@ -401,10 +465,10 @@ def _kick(k, spread, k_next, spread_next, scale, state):
     A = (A + defect * at) * UP
     B = (B + defect * fabs(v)) * UP
     bad = (
-        maximum(0.0, E - _LARGEST)
-        + maximum(0.0, curved - _KNOWN * E)
-        + maximum(0.0, wronskian - _WRONSKIAN)
-        + maximum(0.0, V - _HUGE)
+        maximum(0.0, E - _MAX_DEVIATION)
+        + maximum(0.0, curved - _MAX_UNKNOWN_SHARE * E)
+        + maximum(0.0, wronskian - _MAX_WRONSKIAN_ERROR)
+        + maximum(0.0, V - _MAX_V)
     )
     y = fma(k, h, y)
     y = y - rint(y)

@@ -89,13 +89,13 @@ def _compute_rays(coords: Coords, settings: Settings) -> Arrays:
     plane = plane_of(settings)
     profiles = plane.ray(coords["angle"])[1]
     brackets = [proofs.critical_scale(profile, settings["seconds"]) for profile in profiles]
-    searched = [bracket.found for bracket in brackets]
+    searched = [bracket.estimate for bracket in brackets]
     arrays = scale_arrays(searched, plane.axes, coords["angle"]) | circle_arrays(searched)
     for key in _PROVED:
         side = key.removeprefix("proved_")
         arrays[key] = np.array([getattr(bracket, side) for bracket in brackets])
     return arrays | pack_certificates(
-        proof for b in brackets for proof in (b.barrier, b.transport, *b.rays)
+        proof for b in brackets for proof in (b.barrier, b.transport, *b.below_proofs)
     )
 
 
@@ -112,7 +112,7 @@ def uncertified_rays(tile: xr.Dataset, certificates: Iterable[Certificate]) -> s
     tile = with_circles(tile)
     for i, profile in enumerate(plane_of(tile.attrs).ray(tile.angle.values)[1]):
         ray, place = tile.isel(angle=i), f"at {float(tile.angle[i]):g} degrees"
-        if float(ray.proved_below) > proofs.covered(rays.get(tuple(profile.tolist()), [])):
+        if float(ray.proved_below) > proofs.covered_up_to(rays.get(tuple(profile.tolist()), [])):
             return f"proved_below {place} has no certificates"
         for side, omega in (("proved_lower", ray.circle.item()), ("proved_upper", None)):
             scale = float(ray[side])
@@ -238,7 +238,8 @@ def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
     (triangle,) = coords["triangle"]
     low, high, circles = settings["triangles"][triangle]
     middle, tilt = np.add(high, low) / 2, np.subtract(high, low) / 2
-    scale, proved, value = 0.0, [], 0.0
+    proved: list[proofs.BarrierProof] = []
+    scale, value = 0.0, 0.0
     for omega in (parse(text) for text in circles if text):
         across = [middle + t * tilt for t in np.linspace(-1, 1, 7)]
         least = min(periodic.critical_scale(omega, kappa).value for kappa in across)
@@ -260,7 +261,7 @@ def uncertified_triangle(tile: xr.Dataset, certificates: Iterable[Certificate]) 
         kappa, tilt, scales = (floats_of(certificate, f) for f in ("kappa", "tilt", "scales"))
         if kappa == tuple((low + high) / 2) and tilt == tuple((high - low) / 2):
             intervals.append(scales)
-    if float(tile.proved_below) > proofs.covered(intervals):
+    if float(tile.proved_below) > proofs.covered_up_to(intervals):
         return f"triangle {int(tile.triangle)} has no certificates to where it is called proved"
     return ""
 

@@ -1,7 +1,7 @@
-"""Does each claim of the paper hold? A page to read beside it, and the same as tables.
+"""Does each claim of the paper hold? A page and tables to read beside the paper.
 
-Claim by claim through arXiv:1606.04824: our value with its error, the verdict derived from it by a
-rule (`claims.rules`), and the command that shows it; the errata; and the envelope of all CB_ω.
+For every claim of arXiv:1606.04824: our value with its error, the verdict that a rule derives from
+it (`claims.rules`), and the command that shows it; the errata; and the envelope of all CB_ω.
 
 A page, three tables and eight cubes in OUT. About four CPU minutes; --n-rays 19 --n-cusp-rays 8
 --tol 1e-3 --n-max 20000 --n-orbits 64, one.

@@ -31,12 +31,12 @@ def boundary_claims(bias, n_max, n_orbits):
     """Judge Sec. V; `bias` is `direct_iteration.direct_bias` at 45°."""
     gamma, mirrored = (periodic.critical_scale(parse(n), (1.0,)) for n in ("gamma", "1-gamma"))
     error = gamma.error + mirrored.error + abs(gamma.value - mirrored.value)
-    most = largest_amplitude()
+    amplitude = largest_amplitude()
     return {
         "standard_map": agrees(gamma.value, error, *KAPPA_G),
         **_reductions(),
         **_critical_circles(),
-        "amplitudes": grade({"most": most}, most < 1),
+        "amplitudes": grade({"most": amplitude}, amplitude < 1),
         **_square(n_max, n_orbits),
         **_exponents(bias),
         **_insets(n_orbits),
@@ -59,26 +59,26 @@ def _reductions():
 
 
 def _critical_circles():
-    found = {}
-    for name, (angle, part, circles) in _KNOWN.items():
+    claims = {}
+    for name, (angle, factor, circles) in _KNOWN.items():
         last, size = barriers.critical_scale(ray(angle), 1e-4), np.abs(ray(angle)).max()
         omegas = list(map(parse, circles))
         scales = [periodic.critical_scale(omega, ray(angle)) for omega in omegas]
         off = max(abs(scale.value - last.value) / (scale.error + last.error) for scale in scales)
         near = max(np.finfo(float).eps, *(abs(scale.value / last.value - 1) for scale in scales))
         text = (
-            f"they break within {near:.0e} of CB_gt, in parts of it; the last circle found there "
-            f"is {with_degenerate(str(last.omega), angle)}"
+            f"they break within {near:.0e} of CB_gt, relative to it; the last circle there is "
+            f"{with_degenerate(str(last.omega), angle)}"
         )
         holds = last.omega in map(_standard, omegas) and off <= 1
-        expected = (part * number for number in KAPPA_G)
-        found[f"breakup_{name}"] = agrees(last.value * size, last.error * size, *expected)
-        found[f"circles_{name}"] = grade(text, holds, known=np.isfinite(off))
-    return found
+        expected = (factor * number for number in KAPPA_G)
+        claims[f"breakup_{name}"] = agrees(last.value * size, last.error * size, *expected)
+        claims[f"circles_{name}"] = grade(text, holds, known=np.isfinite(off))
+    return claims
 
 
 def _standard(omega):
-    """Return the one in [0, 1] of ω, -ω and ω + 2, which stand for one another."""
+    """Return the representative in [0, 1] of ω, -ω and ω + 2, whose circles are equivalent."""
     omega = moebius(omega, 1, -2 * round(float(omega) / 2))
     return omega if float(omega) > 0 else moebius(omega, -1, 0)
 
@@ -94,47 +94,49 @@ def _square(n_max, n_orbits):
     apart, excess = np.abs(direct[::2] / direct[1::2] - 1), (direct / scale - 1).min()
     off, allowed = np.abs(scale - scale[0]).max(), (error[1:] + error[0]).max()
     value = {"n": apart.size, "apart": apart.max(), "excess": excess}
-    seen = np.isfinite(direct).all()
-    if not seen:
+    all_escape = np.isfinite(direct).all()
+    if not all_escape:
         value = "on some of these rays no orbit escapes in so few steps"
     return {
-        "direct_symmetric": grade(value, apart.max() < 1e-14, apart.max() < excess, seen),
-        "square": identity(off, allowed, f"{angles.size} rays computed apart: largest difference"),
+        "direct_symmetric": grade(value, apart.max() < 1e-14, apart.max() < excess, all_escape),
+        "square": identity(
+            off, allowed, f"{angles.size} rays computed separately: largest difference"
+        ),
     }
 
 
 def _exponents(bias):
     n, off = bias.n.values, bias.values
     windows = [(n >= first) & (n <= 30 * first) for first in n[n <= n[-1] / 30]]
-    found = [exponent(n[w], off[w])[0] for w in windows if np.isfinite(off[w]).sum() > 4]
-    (eta, error), known = exponent(n, off), len(found) > 0
-    lowest, highest = min(found, default=np.nan), max(found, default=np.nan)
+    slopes = [exponent(n[w], off[w])[0] for w in windows if np.isfinite(off[w]).sum() > 4]
+    (eta, error), known = exponent(n, off), len(slopes) > 0
+    lowest, highest = min(slopes, default=np.nan), max(slopes, default=np.nan)
     text = (
         f"η = {eta:.2f} ± {error:.2f} for N = {n[0]} to {n[-1]}; {lowest:.2f} to {highest:.2f} "
-        "where N grows 30-fold within that"
+        "on windows in which N grows 30-fold"
     )
     values, theory = {"eta": 2.681, "eta_large": 3.322}, 3.012
-    near = max(abs(number - theory) for number in values.values())
-    found = {"eta_theory": grade(text, abs(eta - theory) <= near, known=known)}
+    spread = max(abs(number - theory) for number in values.values())
+    claims = {"eta_theory": grade(text, abs(eta - theory) <= spread, known=known)}
     for name, number in values.items():
         within = lowest <= number <= highest
-        found[name] = grade(text, abs(eta - number) <= 2 * error, within, known)
-    return found
+        claims[name] = grade(text, abs(eta - number) <= 2 * error, within, known)
+    return claims
 
 
 def _insets(n_orbits):
     """Judge "close" by the loosest boundary of the figure, that of N = 10⁵."""
-    n_max, found = 100_000, {}
+    n_max, claims = 100_000, {}
     for number, point in enumerate(INSETS, 1):
         answer = verdict(point)
         excess = 1 / answer.boundary.value - 1
         direct = escape.onset_scale(point, n_max, n_orbits)
         width = direct / answer.boundary.value - 1
-        where = "beyond" if excess > 0 else "inside"
+        side = "beyond" if excess > 0 else "inside"
         text = (
-            f"{answer.answer.value}: {abs(excess):.2%} {where} CB_gt on its ray, where direct "
+            f"{answer.answer.value}: {abs(excess):.2%} {side} CB_gt on its ray, where direct "
             f"iteration up to N = {n_max} ends {width:.2%} beyond"
         )
         known = np.isfinite(excess + width)
-        found[f"inset_{number}"] = grade(text, abs(excess) <= width, known=known)
-    return found
+        claims[f"inset_{number}"] = grade(text, abs(excess) <= width, known=known)
+    return claims

@@ -1,6 +1,6 @@
-"""Claims on Algorithm 1 and on circles carried along symmetries (Secs. VI.A to VI.C).
+"""Claims on Algorithm 1 and on images of circles under symmetries (Secs. VI.A to VI.C).
 
-And how large the amplitudes of circles are, which Proposition 1 assumes to be below 1 (Sec. V.B).
+Also the amplitudes of circles, which Proposition 1 assumes to be below 1 (Sec. V.B).
 """
 
 from functools import partial
@@ -59,7 +59,7 @@ def circle_claims():
 
 
 def frames(omega, kappa, u):
-    """Compute by the map itself what Algorithm 1 claims of its frame M.
+    """Compute the properties of the frame M of Algorithm 1 directly from the map.
 
     Returns a dict: "e", M⁻¹(θ + ω) e, shape (2, n); "shear", M⁻¹(θ + ω) DT M(θ), (2, 2, n); "s", S,
     and "printed_s", S as printed, (n,).
@@ -95,7 +95,9 @@ def invariance(omega, kappa, u):
 
 def _step_seconds(omega, n):
     step = partial(parameterization.newton_step, omega, _KAPPA, np.zeros((2, n)))
-    return min(repeat(step, timer=thread_time, number=1))  # the first makes the grid's tables
+    return min(
+        repeat(step, timer=thread_time, number=1)
+    )  # the first call computes tables of the grid
 
 
 def _symmetries():
@@ -145,28 +147,28 @@ def _carried(*cases):
     )
     errors = [invariance(circle.omega, circle.kappa, circle.u)[2] for circle, *_ in cases]
     off = max(np.abs(error).max() for error in errors)
-    words = "certified; largest |T∘K(θ) - K(θ + ω)|" if right else "not certified as such;"
-    return identity(float(off) if right else np.inf, 1e-12, words)
+    label = "certified; largest |T∘K(θ) - K(θ + ω)|" if right else "not certified as such;"
+    return identity(float(off) if right else np.inf, 1e-12, label)
 
 
 def largest_amplitude():
     """Find the largest max y - min y of circles, before the first and the second kick.
 
-    The last circle at 0.999 of its breakup, and nobles of ω between its translates where they
+    The circles are the last one at 0.999 of its breakup, and circles with other noble ω where they
     exist. A circle and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
     """
     others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]
-    found = []
+    heights = []
     for profile in ray(np.linspace(0, 45, 6)):
         best = barriers.critical_scale(profile, 1e-3)
         _, u = continuation.certified_circle(best.omega, profile, best.value, 1e-3)
         if u is not None:
-            found += _heights(best.omega, u)
+            heights += _heights(best.omega, u)
         for part, omega in product((0.3, 0.6, 0.8, 0.9, 0.97), map(parse, others)):
             circle = circles.invariant_circle(omega, part * best.value * profile, n_max=512)
             if circle.certified:
-                found += _heights(omega, circle.u)
-    return max(found)
+                heights += _heights(omega, circle.u)
+    return max(heights)
 
 
 def _heights(omega, u):

@@ -1,6 +1,6 @@
-"""Errata: equations of the paper that fail as printed, with what they should read.
+"""Errata: equations of the paper that fail as printed, with their corrected forms.
 
-Each is measured: by how much the printed form fails, and the corrected one.
+For each, the errors of the printed and of the corrected form are measured.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from workflows.claims.rules import Erratum, printed_texts, rounding
 
 
 def errata():
-    """Measure each erratum by how far its two forms are off, and what rounding explains."""
+    """Measure the errors of both forms of each erratum, with a bound of rounding."""
     circle, (kappa, x, y) = golden_circle((0.4, 0.2)), paper.ROBUST
     frame, before = frames(circle.omega, circle.kappa, circle.u), paper.omega(kappa, x, y)
     images = [paper.omega(kappa, x + 0.5, y), paper.omega(kappa, 1 - x, 1 - y)]

@@ -1,7 +1,7 @@
 """Claims on the map (Sec. II) and its symmetries (Sec. III), on random forcings and points.
 
-Equations are tried in the paper's own form, of period two and written out by hand, with |κ_i| ≤ 2
-and |x|, |y| ≤ 1; nothing here is a proof.
+The equations are tested in the form of the paper, for period two, with |κ_i| ≤ 2 and |x|, |y| ≤ 1.
+These tests prove nothing.
 """
 
 import numpy as np
@@ -141,26 +141,28 @@ def omega(kappa, x, y):
 
 def symmetry_claims():
     """Judge Sec. III."""
-    found = {}
+    claims = {}
     for name, (sign, image) in _F_SYMMETRIES.items():
-        found[name] = identity(_deviation(closed_form, image, lambda f, s=sign: s * f), rounding(2))
+        claims[name] = identity(
+            _deviation(closed_form, image, lambda f, s=sign: s * f), rounding(2)
+        )
     for name, (image, expected) in _SYMMETRIES.items():
         off = _deviation(iterated, image, lambda z, after=expected: after(_STEPS, *z))
-        found[name] = identity(off, rounding(2 * _STEPS + 1))
+        claims[name] = identity(off, rounding(2 * _STEPS + 1))
     before = omega(*ROBUST)
     for name, (symmetry, expected) in _ROTATIONS.items():
         off = omega(*_SYMMETRIES[symmetry][0](*ROBUST)) - expected(before)
-        found[name] = identity(np.abs(off).max(), _CIRCLE)
+        claims[name] = identity(np.abs(off).max(), _CIRCLE)
     standard = np.array([0.5]), 0.1, np.array([0.62, 0.37])
     off = omega(standard[0], 1 - 0.1, 1 - standard[2]) - (1 - omega(*standard))
-    found["footnote"] = identity(np.abs(off).max(), _CIRCLE)
+    claims["footnote"] = identity(np.abs(off).max(), _CIRCLE)
     as_printed, corrected = ome5_deviations()
     off = {"printed": as_printed, "corrected": corrected}
-    return found | {"ome5": grade(off, as_printed < _CIRCLE, corrected < _CIRCLE)}
+    return claims | {"ome5": grade(off, as_printed < _CIRCLE, corrected < _CIRCLE)}
 
 
 def _deviation(function, image, expected):
-    """Return by how much a function of the image is off what is expected of that of the point."""
+    """Return the largest deviation of function(image) from expected(function)."""
     return apart(lambda *z: function(*image(*z)), lambda *z: expected(function(*z)))
 
 

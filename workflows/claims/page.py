@@ -1,4 +1,4 @@
-"""The page of the claims and its tables: what a reader sees of `workflows.claims`."""
+"""The page and the tables of `workflows.claims`."""
 
 from collections import Counter
 
@@ -14,20 +14,21 @@ _ORDER = [Verdict.FAILS, Verdict.CAVEAT, Verdict.UNDECIDED, Verdict.HOLDS]  # of
 
 
 def write(run, claims, errata, rows, sentences, command):
-    """Write OUT/claims.html, its tables claims.csv and claims_*.csv; claims.txt counts them.
+    """Write OUT/claims.html, its tables claims.csv and claims_*.csv, and the summary claims.txt.
 
-    rows, sentences : of `envelope`. command : what made it. What does not hold is told.
+    rows, sentences : of `envelope`. command : the command that made them. Claims that do not hold
+    are printed.
     """
     counts, shown = Counter(claim.verdict for claim in claims), sum(each.shown for each in errata)
     verdicts = ", ".join(f"{verdict.value}: {counts[verdict]}" for verdict in Verdict)
-    counted = (
+    summary = (
         f"{plural(len(claims), 'claim')} of the paper ({verdicts}); {shown} of {len(errata)} "
-        "errata are shown by numbers."
+        "errata are confirmed by numbers."
     )
-    run.say(counted)
+    run.say(summary)
     for claim in claims:
         if claim.verdict is Verdict.FAILS:
-            run.say(f"Does not hold ({claim.place}): {claim.statement}. Found: {claim.value}.")
+            run.say(f"Does not hold ({claim.place}): {claim.statement}. Measured: {claim.value}.")
     render(
         "claims/page.html",
         run.path("pages", "claims.html"),
@@ -36,7 +37,7 @@ def write(run, claims, errata, rows, sentences, command):
         rows=map(cells, rows),
         sentences=sentences,
         command=command,
-        counted=counted,
+        summary=summary,
         header=[name.replace("gamma", "γ") for name in HEADER],
     )
     tables = {
@@ -46,4 +47,4 @@ def write(run, claims, errata, rows, sentences, command):
     }
     for name, table in tables.items():
         files.write(run.path("tables", f"{name}.csv"), DataFrame(table).to_csv(index=False))
-    files.write(f"{run.out}/claims.txt", f"{counted}\n")
+    files.write(f"{run.out}/claims.txt", f"{summary}\n")

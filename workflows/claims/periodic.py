@@ -58,7 +58,7 @@ def _carried_orbits():
 
 
 def _period(kappa, x, y, p, q):
-    """Return how far an orbit is from p/q-periodic, and its residue."""
+    """Return how closely an orbit closes after q steps with p turns, and its residue."""
     period = np.tile(kappa, q)
     end_x, end_y = step(period, x, y)
     return max(abs(end_x - p - x), abs(end_y - y)), fixed_points.residue(period, x, y)
@@ -76,11 +76,11 @@ def _six_orbits():
 
 
 def _secondary_orbits():
-    found = secondary_dataset(parse_axis("0:8:80"))
-    kappa1, kappa2 = np.meshgrid(found.kappa1, found.kappa2)
-    exists = np.isfinite(found.z.values)
+    secondary = secondary_dataset(parse_axis("0:8:80"))
+    kappa1, kappa2 = np.meshgrid(secondary.kappa1, secondary.kappa2)
+    exists = np.isfinite(secondary.z.values)
     primary = fixed_points.primary_residue(kappa1, kappa2)[1]
-    x, y, residue = (found[name].values[exists] for name in ("x", "y", "residue"))
+    x, y, residue = (secondary[name].values[exists] for name in ("x", "y", "residue"))
     off = np.abs(both_kicks((kappa1[exists], kappa2[exists]), x, y) - [x, y]).max()
     stable, near = (residue > 0) & (residue < 1), primary[exists] > -0.25
     elsewhere = int((exists != (primary < 0)).sum())

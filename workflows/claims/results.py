@@ -54,15 +54,15 @@ def result_claims(circles, barrier, tori, three):
 
 
 def _known_limits():
-    """Compare breakups by continuation with those that reductions of the map tell."""
+    """Compare breakups by continuation with those that follow from reductions of the map."""
     half, full = KAPPA_G[0] / 2, KAPPA_G[0] * np.sqrt(2)
     cases = [(0, name, half) for name in NAMES[:2]] + [(90, name, half) for name in NAMES[:2]]
     cases += [(45, "2gamma", full), (135, "2gamma+1", full)]
     off, beyond = 0.0, 0.0
     for angle, name, exact in cases:
-        found = continuation.critical_scale(parse(name), ray(angle), 1e-6)
-        off = np.maximum(off, abs(found.value / exact - 1))
-        beyond = np.maximum(beyond, abs(found.value - exact) / found.error)
+        scale = continuation.critical_scale(parse(name), ray(angle), 1e-6)
+        off = np.maximum(off, abs(scale.value / exact - 1))
+        beyond = np.maximum(beyond, abs(scale.value - exact) / scale.error)
     return grade({"n": len(cases), "off": off}, beyond <= 1)
 
 
@@ -72,9 +72,9 @@ def _blow_up():
     for angle, name in ((0.0, "gamma"), (30.0, "gamma"), (30.0, "[0;1,3,(1)]")):
         omega, profile = parse(name), ray(angle)
         breakup = periodic.critical_scale(omega, profile).value
-        found = [continuation.certified_circle(omega, profile, breakup, d) for d in distances]
-        away = [1 - scale / breakup for scale, _ in found]
-        fineness = [continuation.fineness(u) for _, u in found]
+        certified = [continuation.certified_circle(omega, profile, breakup, d) for d in distances]
+        away = [1 - scale / breakup for scale, _ in certified]
+        fineness = [continuation.fineness(u) for _, u in certified]
         grown.append(-np.polyfit(np.log(away), np.log(fineness), 1)[0])
     value = {"least": min(grown), "most": max(grown), "nearest": distances[-1]}
     return grade(value, min(grown) > 0.5)
@@ -97,16 +97,16 @@ def _mirror(circles, name, other):
     """Return |CB_name(φ)/CB_other(180° - φ) - 1| and its error, where both are known."""
     angles = circles.angle.values
     mirrored = angles[np.isin((180 - angles).round(9), angles.round(9))]
-    here = circles.sel(circle=str(parse(name)), angle=mirrored)
-    there = circles.sel(circle=str(parse(other))).sel(angle=180 - mirrored, method="nearest")
-    off = np.abs(here.critical_scale.values / there.critical_scale.values - 1)
-    error = (here.error.values + there.error.values) / here.critical_scale.values
+    original = circles.sel(circle=str(parse(name)), angle=mirrored)
+    image = circles.sel(circle=str(parse(other))).sel(angle=180 - mirrored, method="nearest")
+    off = np.abs(original.critical_scale.values / image.critical_scale.values - 1)
+    error = (original.error.values + image.error.values) / original.critical_scale.values
     return off[np.isfinite(off)], error[np.isfinite(off)]
 
 
 def _reflection(circles, name, other):
     off, error = _mirror(circles, name, other)
-    text = f"{off.size} pairs of rays, computed apart, differ by up to {off.max():.1e}, in parts"
+    text = f"{off.size} pairs of rays, computed separately, differ by a factor 1 ± {off.max():.1e}"
     return grade(text, off.size > 0 and (off <= error).all())
 
 
@@ -117,36 +117,37 @@ def _heuristic(circles, barrier, name):
     short = 1 - best[leads]
     gap = f"{short.max():.2%}" if leads.any() else "nothing"
     text = (
-        f"on {leads.mean():.0%} of {leads.size} rays it is the largest of the six, and falls "
-        f"short of CB_gt by up to {gap} there"
+        f"on {leads.mean():.0%} of {leads.size} rays it is the largest of the six, and there it "
+        f"falls short of CB_gt by up to {gap}"
     )
     return grade(text, leads.any() and short.max() < 0.05, leads.any())
 
 
 def hull_claims(circles, barrier):
-    wedge = barrier.sel(angle=slice(0, 45))
-    angles = np.deg2rad(two_kicks().unfold(wedge.angle.values))
-    known = np.isfinite(wedge.critical_scale.values)
-    points = wedge.critical_scale.values * np.stack([np.cos(angles), np.sin(angles)])
+    """Judge the claims on the convex hull and the envelope of CB_gt."""
+    domain = barrier.sel(angle=slice(0, 45))
+    angles = np.deg2rad(two_kicks().unfold(domain.angle.values))
+    known = np.isfinite(domain.critical_scale.values)
+    points = domain.critical_scale.values * np.stack([np.cos(angles), np.sin(angles)])
     hull = ConvexHull(points[:, :, known].reshape(2, -1).T)
     normals, offsets = hull.equations[:, :2], hull.equations[:, 2]
-    outward = normals @ ray(wedge.angle.values).T
+    outward = normals @ ray(domain.angle.values).T
     reach = np.where(outward > 0, -offsets[:, None] / np.maximum(outward, 1e-300), np.inf).min(0)
-    part = (wedge.critical_scale / reach).values
+    part = (domain.critical_scale / reach).values
     worst = int(np.nanargmin(part))
     closed = ((barrier.upper - barrier.lower) / barrier.critical_scale).values
-    there = np.isfinite(closed)
+    is_known = np.isfinite(closed)
     short = 1 - (circles.critical_scale.max("circle") / barrier.critical_scale).values
     within = ((circles.error.max("circle") + barrier.error) / barrier.critical_scale).values
     formed = (short <= within)[np.isfinite(short)]
     return {
         "hull": grade(
-            {"part": part[worst], "angle": wedge.angle.values[worst]}, part[worst] > 1 - 1e-3
+            {"part": part[worst], "angle": domain.angle.values[worst]}, part[worst] > 1 - 1e-3
         ),
         "envelope": grade(
-            {"closed": there.sum(), "rays": there.size, "most": np.nanmax(closed)},
-            there.all(),
-            there.mean() > 0.9,
+            {"closed": is_known.sum(), "rays": is_known.size, "most": np.nanmax(closed)},
+            is_known.all(),
+            is_known.mean() > 0.9,
         ),
         "six": grade(
             {"share": formed.mean(), "rays": formed.size, "short": np.nanmax(short)},

@@ -1,12 +1,12 @@
 """A claim, an erratum, and the rules by which a measured value becomes a verdict.
 
-What the paper says is in claims.toml and errata.toml, in its order. A verdict is never written by
-hand. Each rule returns the value, in words or numbers, and the Verdict:
+claims.toml and errata.toml list the statements of the paper, in its order. A verdict is never
+written by hand. Each rule returns the value, as text or numbers, and the Verdict:
 
-    identity    the two sides of an equation differ by no more than rounding explains
-    agrees      a value and a number in print differ by no more than the errors of both
-    grade      as it is written; or only in the weaker sense that the note states; or not at all;
-                this one is in `workflows.shared.judgement`
+    identity   the two sides of an equation differ by no more than rounding
+    agrees     a value and a printed number differ by no more than the errors of both
+    grade      the claim holds; or only in the weaker sense of the note; or not at all
+               (in `workflows.shared.judgement`)
 
 NaN is UNDECIDED.
 """
@@ -21,13 +21,13 @@ from workflows.shared.judgement import Verdict, grade
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper, judged."""
+    """A statement of the paper, with our value and verdict."""
 
-    place: str  # where the paper makes it
-    statement: str  # what it says
-    value: str  # what we find, in words
-    verdict: Verdict  # what a rule makes of the value
-    command: str  # what shows it
+    place: str  # in the paper
+    statement: str
+    value: str  # our result, as text
+    verdict: Verdict  # derived from the value by a rule
+    command: str  # that shows it
     note: str = ""  # in which sense it holds, or why not
 
 
@@ -38,15 +38,15 @@ class Erratum:
     place: str
     printed: str
     corrected: str
-    printed_off: float  # by how much the printed form fails
-    corrected_off: float  # the same of the corrected form
-    bound: float  # what rounding explains
-    measured: str  # what was measured, in words
+    printed_off: float  # error of the printed form
+    corrected_off: float  # error of the corrected form
+    bound: float  # of rounding errors
+    measured: str  # description of the errors
     command: str
 
     @property
     def shown(self):
-        """Tell whether the numbers show that the printed form is wrong, the corrected one right."""
+        """True if the numbers show that the printed form is wrong and the corrected one right."""
         return self.corrected_off <= self.bound < self.printed_off / 100
 
 
@@ -55,26 +55,26 @@ def printed_texts(kind):
     return tomllib.loads(Path(__file__).with_name(f"{kind}.toml").read_text(encoding="utf-8"))
 
 
-def in_words(found):
-    """Return {name: (value in words, verdict)} of {name: (value, verdict)}, in the paper's order.
+def as_texts(results):
+    """Convert {name: (value, verdict)} to {name: (text of value, verdict)}, in the paper's order.
 
-    A value is a text, or the numbers that the text in claims.toml is made of.
+    A value is a text, or the numbers for the template in claims.toml.
     """
-    words = {}
+    written = {}
     for name, texts in printed_texts("claims").items():
-        if name in found:
-            value, verdict = found[name]
+        if name in results:
+            value, verdict = results[name]
             value = value if isinstance(value, str) else texts["value"].format(**value)
-            words[name] = value, verdict
-    return words
+            written[name] = value, verdict
+    return written
 
 
-def judged(words):
-    """Return the Claims of {name: (value in words, verdict)}, of `in_words`."""
+def claims_of(results):
+    """Return the Claims of {name: (text of value, verdict)}, as `as_texts` returns them."""
     texts = printed_texts("claims")
     return [
         Claim(**texts[name] | {"value": value, "verdict": verdict})
-        for name, (value, verdict) in words.items()
+        for name, (value, verdict) in results.items()
     ]
 
 
@@ -83,8 +83,9 @@ def rounding(kicks):
     return 4e-15 * 4.0**kicks
 
 
-def identity(deviation, bound, words="largest deviation"):
-    text = f"{words} {deviation:.1e}, of {bound:.1e} allowed"
+def identity(deviation, bound, label="largest deviation"):
+    """Judge an equation by the deviation of its sides."""
+    text = f"{label} {deviation:.1e}, of {bound:.1e} allowed"
     return grade(text, deviation <= bound, known=isfinite(deviation))
 
 
@@ -94,6 +95,7 @@ def printed(text):
 
 
 def agrees(value, error, expected, uncertainty=0.0):
-    """Compare with a number in print, or what theory makes of one, with its rounding."""
-    near, known = abs(value - expected) <= error + uncertainty, isfinite(value + error)
-    return grade(f"{value:.12g} ± {error:.1g}; to compare with {expected:.12g}", near, known=known)
+    """Judge a value by a printed number, or one derived from it, with its rounding."""
+    holds, known = abs(value - expected) <= error + uncertainty, isfinite(value + error)
+    text = f"{value:.12g} ± {error:.1g}, compared with {expected:.12g}"
+    return grade(text, holds, known=known)

@@ -1,4 +1,4 @@
-"""The sweeps that the claims are judged by, and the judgement of all of them."""
+"""The sweeps for the claims, and the judgement of all claims."""
 
 import numpy as np
 
@@ -16,17 +16,17 @@ from workflows.claims.errata import errata
 from workflows.claims.map import map_claims, symmetry_claims
 from workflows.claims.periodic import periodic_claims
 from workflows.claims.results import result_claims
-from workflows.claims.rules import Erratum, in_words, judged, printed_texts
+from workflows.claims.rules import Erratum, as_texts, claims_of, printed_texts
 from workflows.shared import direct_iteration
 from workflows.shared.judgement import Verdict
 from workflows.shared.rays import PAPER_CIRCLES, by_phase, with_ratio
 from workflows.shared.tables import dataset
 
-_STEP = 7.5  # degrees, of rays around the half plane, so that mirror images and tori have theirs
+_STEP = 7.5  # degrees, of rays around the half plane, for mirror images and tori
 _OFF = {
-    "printed_off": "by how much the printed form fails",
-    "corrected_off": "by how much the corrected form fails",
-    "bound": "what rounding explains",
+    "printed_off": "error of the printed form",
+    "corrected_off": "error of the corrected form",
+    "bound": "bound of rounding errors",
 }
 _TORUS = "1705/3136,2631/3136"
 _THREE = {phase: rotating("1/3", phase) for phase in ("0", "1/24", "1/12")}
@@ -64,7 +64,7 @@ def examine(cubes, rays, n_max, n_orbits):
     tori, three = (with_ratio(cube, scale, "that of two kicks") for cube in (tori, three))
     three["ratio_lower"] = three.lower / upper
     bias = direct_iteration.direct_bias(cubes["escapes"], direct_iteration.steps_up_to(n_max))
-    found = {
+    results = {
         **map_claims(),
         **symmetry_claims(),
         **periodic_claims(),
@@ -72,11 +72,11 @@ def examine(cubes, rays, n_max, n_orbits):
         **circle_claims(),
         **result_claims(cubes["circles"], barrier, tori, three),
     }
-    return recorded(in_words(found), errata())
+    return recorded(as_texts(results), errata())
 
 
 def recorded(claims, errata):
-    """Return claims, as `in_words`, and all errata as a Dataset, of which `judgement` has both."""
+    """Return claims, as `as_texts`, and all errata as a Dataset; `judgement` reads it."""
     values, verdicts = zip(*claims.values(), strict=True)
     off = {name: [getattr(one, name) for one in errata] for name in _OFF}
     return dataset(
@@ -86,27 +86,27 @@ def recorded(claims, errata):
             "erratum": text("erratum", printed_texts("errata"), "name as in errata.toml"),
         },
         {
-            "value": text("claim", values, "what is found, in words"),
-            "verdict": text("claim", [verdict.value for verdict in verdicts], "verdict of a rule"),
-            **{name: ("erratum", off[name], words) for name, words in _OFF.items()},
+            "value": text("claim", values, "measured result, as text"),
+            "verdict": text("claim", [verdict.value for verdict in verdicts], "verdict by a rule"),
+            **{name: ("erratum", off[name], label) for name, label in _OFF.items()},
         },
     )
 
 
 def judgement(examined):
-    """Return all claims and all errata of a Dataset by `recorded`, with what the paper says."""
+    """Return all Claims and all Errata of a Dataset by `recorded`."""
     claims = zip(*(examined[name].values for name in ("claim", "value", "verdict")), strict=True)
-    words = {name: (value, Verdict(verdict)) for name, value, verdict in claims}
+    results = {name: (value, Verdict(verdict)) for name, value, verdict in claims}
     texts = printed_texts("errata")
     errata = [
         Erratum(**texts[name], **{off: float(examined[off].sel(erratum=name)) for off in _OFF})
         for name in examined.erratum.values
     ]
-    return judged(words), errata
+    return claims_of(results), errata
 
 
 def envelope(cubes, rays):
-    """Return the ranges of the envelope, and sentences on them."""
+    """Return the ranges of the envelope, and sentences about them."""
     both = cubes["circles"], unfolded(cubes["barrier"], rays)
     rows = ranges(*both)
     return rows, summary(*both, rows)

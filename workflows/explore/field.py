@@ -1,9 +1,10 @@
-"""First escape times at the resolution of a view: what is known, and coarse to fine what is not.
+"""First escape times at the resolution of a view: known ones, and the others from coarse to fine.
 
-A view is computed in blocks of 27, 9, 3 pixels and 1. Whether a block escapes is partly chance. Far
-outside the boundary orbits escape quickly; a block that never escapes costs all N steps. So a block
-without an escape is not cut further if none of its neighbours has one either. Single pixels are
-computed along the boundary; elsewhere only the soonest escapes, as many as cost 0.3 s.
+A view is computed in blocks of 27, 9, 3 pixels and 1. Whether a block escapes is partly a matter
+of chance. Far outside the boundary orbits escape quickly; a block that never escapes costs all N
+steps. So a block without an escape is not subdivided if its neighbours have no escape either.
+Single pixels are computed along the boundary; elsewhere only the earliest escapes, as many as cost
+0.3 s.
 """
 
 from collections import deque
@@ -18,20 +19,20 @@ from pipeline.sweep.refine import boundary_cells
 from workflows.explore.work import spread
 
 BLOCKS = (27, 9, 3, 1)  # pixels along each side
-_CUT = 3
+_CUT = 3  # parts of a block along each side
 ORBITS = 64
-_FIRST_STEPS = 1000  # of the first look, if N is more
-_LEAST, _BATCH = 0.02, 0.1  # CPU seconds of a task
+_FIRST_STEPS = 1000  # of the first pass, if N is larger
+_MIN_BATCH, _MAX_BATCH = 0.02, 0.1  # CPU seconds of a task
 _SPARE = 0.3  # CPU seconds for single pixels that are not at the boundary
-_EDGE = 1e-9  # of a block: rounding
-_PATIENCE, _LONGEST = 0.3, 2.0  # seconds between two pictures, more and more
+_ROUNDING = 1e-9  # relative to a block
+_FIRST_PAUSE, _MAX_PAUSE = 0.3, 2.0  # seconds between pictures; it doubles each time
 
 
 @dataclass(frozen=True)
 class View:
     """A rectangle of a plane in pixels."""
 
-    a: tuple[float, float]  # lo, hi of the first coordinate
+    a: tuple[float, float]  # low and high end of the first coordinate
     b: tuple[float, float]
     shape: tuple[int, int]  # rows, columns: multiples of 27
 
@@ -47,26 +48,28 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """First escape times that are known somewhere."""
+    """Known first escape times on a grid."""
 
     a: np.ndarray  # centres of cells, equally spaced
     b: np.ndarray
     times: object  # array or DataArray (b, a); inf: no escape within `steps`, NaN: not known
     steps: int
-    cells: int = 1  # that one value fills, along each side
-    stays: float = 1.1  # pixels of a view that a value may fill without being computed again
-    apart: int = 1  # as `cells`, away from the boundary of {n* ≤ steps}
+    cells: int = 1  # cells that share a value, along each side
+    stays: float = 1.1  # largest size of a cell, in pixels of a view, that is not recomputed
+    apart: int = 1  # like `cells`, away from the boundary of {n* ≤ steps}
 
     def on(self, view, steps):
-        """Return what it knows of {n* ≤ steps} in the view's pixels, NaN elsewhere; and how many
-        pixels wide its cells are."""
+        """Return known times up to `steps` at the pixels of a view, and the cell size in pixels.
+
+        Times are NaN where they are not known.
+        """
         column, row = map(_cells, (self.a, self.b), view.centres())
-        part = self.times[: row.max() + 1, : column.max() + 1]  # is read from disk only here
-        found = np.pad(part, (0, 1), constant_values=np.nan)[np.ix_(row, column)]
-        found[np.isinf(found) & (self.steps < steps)] = np.nan
+        part = self.times[: row.max() + 1, : column.max() + 1]  # read from disk here
+        times = np.pad(part, (0, 1), constant_values=np.nan)[np.ix_(row, column)]
+        times[np.isinf(times) & (self.steps < steps)] = np.nan
         cell = max((self.a[1] - self.a[0], self.b[1] - self.b[0]) / view.pixel)
         # Fewer steps have another boundary.
-        return found, cell * max(self.cells, self.apart if steps < self.steps else 1)
+        return times, cell * max(self.cells, self.apart if steps < self.steps else 1)
 
     def at(self, a, b):
         """Return the time at a point, NaN outside."""
@@ -75,24 +78,24 @@ class Field:
 
 
 def _cells(axis, values):
-    """Return the cells of equally spaced centres in which values are, -1 outside."""
+    """Return the indices of the cells, given by their centres, that contain values; -1 outside."""
     index = np.rint((values - axis[0]) / np.ptp(axis) * (axis.size - 1))
     return np.where((index >= 0) & (index < axis.size), index, -1).astype(int)
 
 
 def computed(client, plane, view, steps, fields):
-    """Yield (times, block, words): the view's picture, better each time, and how far that is.
+    """Yield (times, block, progress): pictures of the view, finer and finer.
 
     client : function → dask Client. plane, view, steps, fields : as for `Quadtree`; times, block :
-    as of its pictures. It also yields None, at least ten times a second.
+    as `Quadtree.picture`; progress : text. It also yields None, at least ten times a second.
     """
     tree = Quadtree(plane, view, steps, fields)
     if not np.isnan(tree.final).any():
         yield tree.final, 1, ""
         return
     if not np.isnan(tree.backdrop).all():
-        yield *tree.picture(), "what is known"
-    workers, shown, pause = client(), monotonic(), _PATIENCE
+        yield *tree.picture(), "known times"
+    workers, shown, pause = client(), monotonic(), _FIRST_PAUSE
     for calls in tree.rounds():
         for ended in spread(workers, calls) if calls else ():
             if ended is not None:
@@ -101,21 +104,21 @@ def computed(client, plane, view, steps, fields):
                 yield None
                 continue
             yield *tree.picture(), f"{tree.block} px, {tree.progress:.0%}"
-            shown, pause = monotonic(), min(2 * pause, _LONGEST)
+            shown, pause = monotonic(), min(2 * pause, _MAX_PAUSE)
         if tree.block == BLOCKS[0]:
             yield *tree.picture(), f"{tree.block} px"
     yield *tree.picture(), ""
 
 
 class Quadtree:
-    """The escape times of a view, from blocks to pixels: what to compute next, and the picture.
+    """The escape times of a view, from blocks to pixels: the next computations, and the picture.
 
-    plane : of forcings. view : View. steps : int, N. fields : Fields that are known, best first.
+    plane : of forcings. view : View. steps : int, N. fields : known Fields, best first.
     """
 
     def __init__(self, plane, view, steps, fields):
         self.plane, self.view, self.steps = plane, view, steps
-        # The times that can stay, those that are too coarse to, and how coarse these are.
+        # Times that are fine enough, coarser times shown meanwhile, and their cell size.
         self.final, self.backdrop = np.full((2, *view.shape), np.nan)
         self._coarse = np.inf
         for field in fields:
@@ -127,13 +130,13 @@ class Quadtree:
             self.backdrop = np.where(np.isnan(self.backdrop), times, self.backdrop)
         self.block, self._images = BLOCKS[0], None
         self._times = np.full([n // self.block for n in view.shape], np.nan)
-        self._wanted = np.zeros(self._times.shape, bool)
+        self._selected = np.zeros(self._times.shape, bool)
 
     def rounds(self):
         """Yield the calls of each round: a deque of (cells, function, forcings, steps).
 
-        Whoever takes a call off gives its cells and its result to `accept`, until none is left;
-        which round comes next, if any, depends on the results.
+        The caller removes all calls of a round, and passes their cells and results to `accept`.
+        The next round depends on the results.
         """
         steps = self.steps
         for self.block in BLOCKS:
@@ -145,34 +148,36 @@ class Quadtree:
             self._times[known] = self.final[middle, middle][known]
             if block == BLOCKS[0]:
                 wanted = ~known
-                if steps > _FIRST_STEPS:  # a first look, before what may take long
+                if steps > _FIRST_STEPS:  # a fast pass before the slow one
                     yield from self._round(wanted, _FIRST_STEPS)
                     wanted = wanted & ~(self._times <= steps)
             else:
                 wanted, escapes = _at_boundary(self._times, steps), self._times <= steps
                 wanted |= escapes if block > 1 else _soonest(escapes, self._seconds(self._times))
-                known[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = True  # was the whole block's centre
+                known[_CUT // 2 :: _CUT, _CUT // 2 :: _CUT] = True  # centre of the coarser block
                 wanted &= ~known
             yield from self._round(wanted, steps)
-            if block == BLOCKS[1]:  # a short look everywhere, for what is thinner than that
+            if block == BLOCKS[1]:  # a fast pass for thin structures
                 yield from self._round(~known & ~wanted, min(steps, _FIRST_STEPS))
         done = known | wanted
-        while (wanted := _at_boundary(self._times, steps) & ~done).any():  # as pixels move it
+        while (
+            wanted := _at_boundary(self._times, steps) & ~done
+        ).any():  # new pixels move the boundary
             done |= wanted
             yield from self._round(wanted, steps)
 
     def accept(self, cells, times):
-        """Take the escape times of the cells of a call."""
-        self._found[cells] = times
+        """Store the escape times of the cells of a call."""
+        self._results[cells] = times
 
     def picture(self):
-        """Return the times of the view, and how many pixels along each side one may fill.
+        """Return the times of the view, and the largest size in pixels of a block of equal times.
 
-        Times have the view's shape; inf for no escape within N, NaN for not known yet.
+        Times have the shape of the view; they are inf without escape within N, NaN if not known.
         """
-        if self._wanted.any():
-            now = self._found[self._images[self._wanted]]
-            self._times[self._wanted] = np.where(np.isnan(now), self._times[self._wanted], now)
+        if self._selected.any():
+            now = self._results[self._images[self._selected]]
+            self._times[self._selected] = np.where(np.isnan(now), self._times[self._selected], now)
         pixels = _cut(self._times, self.block)
         coarser = np.isnan(pixels) | (self._coarse < self.block)
         pixels = np.where(coarser, self.backdrop, pixels)
@@ -180,18 +185,18 @@ class Quadtree:
 
     @property
     def progress(self):
-        """The part of the cells of this round that is known."""
-        return 1 - np.isnan(self._found[self._asked]).mean()
+        """Fraction of the cells of this round that are known."""
+        return 1 - np.isnan(self._results[self._computed]).mean()
 
     def _round(self, wanted, steps):
-        if self._wanted.shape != wanted.shape or self._images is None:
+        if self._selected.shape != wanted.shape or self._images is None:
             self._images = _images(self.plane, self.view, self.block)
-        self._wanted = wanted
-        self._asked = cells = np.unique(self._images[wanted])
-        self._found, calls = np.full(self._images.size, np.nan), deque()
+        self._selected = wanted
+        self._computed = cells = np.unique(self._images[wanted])
+        self._results, calls = np.full(self._images.size, np.nan), deque()
         likely = self._times.ravel()[cells]
         seconds = np.cumsum(self._seconds(np.where(likely <= steps, likely, steps)))  # also if NaN
-        batch = seconds // np.clip(seconds[-1:] / 4, _LEAST, _BATCH)
+        batch = seconds // np.clip(seconds[-1:] / 4, _MIN_BATCH, _MAX_BATCH)
         a, b = self.view.centres(self.block)
         for part in np.split(cells, np.flatnonzero(np.diff(batch)) + 1) if cells.size else ():
             rows, columns = np.divmod(part, self._images.shape[1])
@@ -204,19 +209,19 @@ class Quadtree:
 
 
 def _soonest(escapes, seconds):
-    """Mark of the cells that escape the soonest ones, as many as cost `_SPARE` together."""
+    """Select the earliest of the cells that escape, as many as cost `_SPARE` together."""
     ordered = np.sort(seconds[escapes])
     most = np.searchsorted(np.cumsum(ordered), _SPARE)
     return escapes & (seconds < ordered[most]) if most < ordered.size else escapes
 
 
 def _cut(times, n):
-    """Return the field with every cell cut into n × n of its value."""
+    """Divide every cell into n × n cells of the same value."""
     return times.repeat(n, axis=0).repeat(n, axis=1)
 
 
 def _images(plane, view, block):
-    """Return for each block the index of the one that is computed for it.
+    """Return for each block the index of the block that is computed in its place.
 
     Forcings related by a symmetry have the same transport, so only the image with the smallest
     angle is computed, if it lies in the view.
@@ -225,8 +230,8 @@ def _images(plane, view, block):
     itself = np.arange(a.size).reshape(a.shape)
     turned = np.deg2rad(plane.fold(np.rad2deg(np.arctan2(b, a)))[0])
     radius, (width, height) = np.hypot(a, b), view.pixel * block
-    columns = np.floor((radius * np.cos(turned) - view.a[0]) / width + _EDGE).astype(int)
-    rows = np.floor((radius * np.sin(turned) - view.b[0]) / height + _EDGE).astype(int)
+    columns = np.floor((radius * np.cos(turned) - view.a[0]) / width + _ROUNDING).astype(int)
+    rows = np.floor((radius * np.sin(turned) - view.b[0]) / height + _ROUNDING).astype(int)
     inside = (columns >= 0) & (columns < a.shape[1]) & (rows >= 0) & (rows < a.shape[0])
     return np.where(inside, rows * a.shape[1] + columns, itself)
 
@@ -236,11 +241,11 @@ def _at_boundary(times, steps):
 
 
 def _escapes(kappas, steps):
-    """On a worker: the first escape times of many forcings."""
-    starts, how = escape.ensemble(ORBITS), {"precision": precision_of(steps)}
-    return escape.first_escape(kappas, *starts, [ORBITS], steps, **how)[0]
+    """Compute the first escape times of many forcings, on a worker."""
+    starts, options = escape.ensemble(ORBITS), {"precision": precision_of(steps)}
+    return escape.first_escape(kappas, *starts, [ORBITS], steps, **options)[0]
 
 
 def precision_of(steps):
-    """Return the precision of a field's arithmetic: single as far as that may be used."""
+    """Return the precision for fields: single up to the number of steps for which it is allowed."""
     return "single" if steps <= escape.MAX_SINGLE_STEPS else "double"

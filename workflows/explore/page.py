@@ -1,4 +1,4 @@
-"""The page: one document for each tab, with its own state and its own work."""
+"""The page: a document for each tab, with its own state and its own computations."""
 
 from functools import partial
 from html import escape
@@ -30,22 +30,22 @@ def fill(document, shared):
     work = Work(document, shared.client, shared.loaded)
     document.session_context.begin = partial(document.add_next_tick_callback, work.start)
     document.on_session_destroyed(lambda _: work.close())
-    query = document.session_context.request.arguments  # bytes, which may spell no text
-    state, wrong = State(shared.plane), ""
+    query = document.session_context.request.arguments  # bytes, perhaps not valid UTF-8
+    state, problem = State(shared.plane), ""
     try:
         state.go({name: query[name][0].decode(errors="replace") for name in QUERY if name in query})
     except ValueError as error:
-        wrong = f"the address asks for what is not there: {error}"
+        problem = f"the address of this page is not valid: {error}"
     status, message = Div(), Div()
-    _tell(status, document, work, shared)
+    _show_status(status, document, work, shared)
     plane, portrait = PlanePanel(state, work, shared), PortraitPanel(state, work)
-    verdict.tell(message, state, work)
+    verdict.describe(message, state, work)
     roots = {
-        "controls": Row(*_controls(state, wrong)),
+        "controls": Row(*_controls(state, problem)),
         "plane": Column(*plane.picture),
         "lines": Column(*plane.lines, play.panel(state, work)),
         "portrait": Column(*portrait.children),
-        "save": Row(*verdict.copied(state), *files.panel(state, work)),
+        "save": Row(*verdict.copy_button(state), *files.panel(state, work)),
         "status": status,
         "verdict": message,
     }
@@ -55,10 +55,10 @@ def fill(document, shared):
             document.add_root(root)
 
 
-def _controls(state, wrong):
-    """Fields to type the point exactly, the slider of N, and the link to what is seen.
+def _controls(state, problem):
+    """Return the fields of the exact point, the slider of N, and the link to the view.
 
-    The fields show ten digits; the point keeps all of its own until another one is typed.
+    The fields show ten digits; the point keeps all of its digits until another one is typed.
     """
     shown = list(state.point)
     names = symbols(state.plane.axes, plain=True)
@@ -78,7 +78,7 @@ def _controls(state, wrong):
 
     def moved():
         for i, model in enumerate(fields):
-            if shown[i] != state.point[i]:  # else what is typed there, good or bad, stays
+            if shown[i] != state.point[i]:  # otherwise keep what was typed, valid or not
                 shown[i] = state.point[i]
                 model.value = _rounded(shown[i])
 
@@ -92,15 +92,15 @@ def _controls(state, wrong):
     link, message = Div(width=120), Div()
     link.js_on_change("text", CustomJS(code="showAddress(cb_obj.text)"))
 
-    def tell():
-        if not state.plays:  # the address is that of the end
+    def update_link():
+        if not state.plays:  # then the address is that of the end
             link.text = f'<a href="?{state.address()}">link to this view</a>'
             message.text = ""
 
-    tell()
-    message.text = alert(wrong)
+    update_link()
+    message.text = alert(problem)
     state.on("point", moved)
-    state.on("point steps a b x y omega orbits fraction show plays", tell)
+    state.on("point steps a b x y omega orbits fraction show plays", update_link)
     columns = [field(model, partial(typed, i)) for i, model in enumerate(fields)]
     return [*columns, leap, slider, link, message]
 
@@ -109,17 +109,18 @@ def _rounded(value):
     return repr(float(f"{value:.10g}"))
 
 
-def _tell(line, document, work, shared):
-    """Say what is prepared or computed, and what failed."""
+def _show_status(line, document, work, shared):
+    """Keep a line that shows what is prepared or computed, and what failed."""
 
     def show():
-        doing = [f"{name} ({how})" if how else name for name, how in sorted(work.busy.items())]
-        words = f"computing: {', '.join(doing)} …" if doing else "ready"
+        busy = sorted(work.busy.items())
+        tasks = [f"{name} ({progress})" if progress else name for name, progress in busy]
+        status = f"computing: {', '.join(tasks)} …" if tasks else "ready"
         if shared.preparing:
-            words = f"{shared.preparing} …"
+            status = f"{shared.preparing} …"
             document.add_timeout_callback(show, 300)
-        failed = "; ".join(f"{name}: {why}" for name, why in work.failed.items())
-        line.text = f'<span role="status">{escape(words)}</span> {alert(failed)}'
+        failed = "; ".join(f"{name}: {reason}" for name, reason in work.failed.items())
+        line.text = f'<span role="status">{escape(status)}</span> {alert(failed)}'
 
     work.show = show
     show()

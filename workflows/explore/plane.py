@@ -1,4 +1,4 @@
-"""The plane of forcings: first escape times, where the last circle breaks, and the point."""
+"""The plane of forcings: first escape times, the boundary of the last circle, and the point."""
 
 from functools import partial
 from html import escape
@@ -24,16 +24,16 @@ from workflows.figures.style import INSIDE, NO_ESCAPE
 from workflows.shared.tables import dataset
 from workflows.shared.verdict_words import scale_text
 
-_PIXELS = 640  # along each side, until the browser tells
-_MOST_PIXELS = 1024
-_GROUND = 256  # along each side, of the greys under the escape times: a line hides their edge
-_KEPT = 8  # fields that are kept for all tabs, to go back to
-_STAYS = 3  # pixels that a cell of OUT may fill
-_NEAR = 1e-3  # of the boundary's scale: between rays it is not known better
-_NEXT = "on the boundary, or next to it"
-_COLOURS = Magma256[:232]  # the palest are too like the greys of no escape
+_PIXELS = 640  # along each side, until the browser reports its size
+_MAX_PIXELS = 1024
+_GROUND_PIXELS = 256  # along each side, of the greys; the boundary line hides their edge
+_MAX_FIELDS = 8  # kept for all tabs, to return to
+_MAX_CELL_PIXELS = 3  # size of a cell of OUT that is not recomputed
+_MIN_EXCESS = 1e-3  # relative distance from the boundary that is resolved between rays
+_ON_BOUNDARY = "on the boundary, or very close to it"
+_COLOURS = Magma256[:232]  # the lightest resemble the greys
 _GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # not known, inside the boundary, outside
-_GREY_WORDS = {"inside": "a circle exists", "outside": "none exists, but no escape within N"}
+_GREY_MEANINGS = {"inside": "a circle exists", "outside": "none exists, but no escape within N"}
 _HALO = {"line_color": "white", "line_width": 5}
 _CROSS = {"size": 16, "marker": "marker", "angle": "angle", "fill_alpha": 0}
 _MARGIN = 0.04  # of the view, in which the mark of a point outside is
@@ -48,19 +48,19 @@ _CIRCLE |= {"placeholder": "gamma or [0;2,(1)]", "completions": [*NAMES], "min_c
 
 
 class PlanePanel:
-    """The left picture, and what belongs to it.
+    """The plane of forcings on the left, with its legend.
 
-    picture : the plane, and what is under the pointer. lines : the colours of the circles, and
-    which lines are drawn.
+    picture : the plane, and a description of the point or the forcing under the pointer. lines :
+    the colours of the circles, and the lines to draw.
     """
 
     def __init__(self, state, work, shared):
         self.state, self.work, self.shared = state, work, shared
-        self.plot, self.mapper, self.sources = _drawn(state)
+        self.plot, self.mapper, self.sources = _figure(state)
         self.show = partial(widgets.show, self.plot, _MARKS)
         self.message = models.Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
         self.legend = models.Div(sizing_mode="stretch_width")
-        self.cubes = self.shown = self.asked = None  # of OUT; on the screen; computed last
+        self.cubes = self.shown = self.request = None  # of OUT; on screen; last computed
         lanes = {"cubes": None, "plane": None, "boundary": "verdict", "circle": "verdict"}
         self.lanes = {name: work.latest(name, kernels) for name, kernels in lanes.items()}
         circle = widgets.field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
@@ -69,19 +69,19 @@ class PlanePanel:
         self.plot.on_event(Tap, self._move)
         for what in (Pan, PanEnd):
             self.plot.on_event(what, lambda event: "tool" in self.plot.tags or self._move(event))
-        self.plot.on_event(MouseMove, lambda event: self._tell(event.x, event.y))
+        self.plot.on_event(MouseMove, lambda event: self._describe(event.x, event.y))
         self.plot.on_event(MouseLeave, lambda event: self._mark())
         state.on("point verdict", self._mark)
         state.on("show", self._show_boundary)
         state.on("steps omega", widgets.on_view(self.plot, work, self._refresh))
-        state.seen |= {"escape": self._escapes, "boundary": shared.rays.table}
+        state.datasets |= {"escape": self._escapes, "boundary": shared.rays.table}
         self._mark()
         work.progress("view", "")
         self.lanes["cubes"].submit(_cubes, shared.place, state.plane, done=self._opened)
 
-    def _opened(self, found):
-        """Show what OUT holds, and compute the rest."""
-        self.cubes, barrier = found
+    def _opened(self, result):
+        """Show the cubes of OUT, and compute the rest."""
+        self.cubes, barrier = result
         if barrier is not None:
             angles = np.unique(self.state.plane.unfold(barrier.angle.values))
             self.shared.rays.add(unfolded(barrier, angles))
@@ -91,18 +91,18 @@ class PlanePanel:
     def _refresh(self):
         state, shared, view = self.state, self.shared, _view(self.plot)
         state.take(a=view.a, b=view.b)
-        asked = view, state.steps, state.omega
-        known = self.cubes is not None and widgets.pixels_of(self.plot, _MOST_PIXELS)
-        if asked == self.asked or not known:  # what OUT holds is painted first
+        request = view, state.steps, state.omega
+        known = self.cubes is not None and widgets.pixels_of(self.plot, _MAX_PIXELS)
+        if request == self.request or not known:  # the cubes of OUT are shown first
             return
-        self.asked = asked
+        self.request = request
         self.work.progress("view")
         self.mapper.high = state.steps
         where = shared.client, state.plane
         known = [*filter(None, [self.shown]), *reversed(shared.fields.values()), *self.cubes]
         args = *where, view, state.steps, known
-        self.lanes["plane"].submit(computed, *args, done=lambda found: self._show(view, *found))
-        self.lanes["boundary"].cancel()  # its rays would hold a worker for seconds
+        self.lanes["plane"].submit(computed, *args, done=lambda result: self._show(view, *result))
+        self.lanes["boundary"].cancel()  # its rays would occupy a worker for seconds
         self.show("followed", None)
         self.lanes["circle"].cancel()
         if state.omega:
@@ -110,35 +110,35 @@ class PlanePanel:
             self.lanes["circle"].submit(rays.circle, *where, state.omega, view, done=show)
         self._show_boundary()
 
-    def _show(self, view, found, block, words):
+    def _show(self, view, times, block, progress):
         state, shared = self.state, self.shared
-        cells = max(block, BLOCKS[-2]) if words else 1  # some pixels are still their neighbours'
-        self.shown = Field(*view.centres(), found, state.steps, cells, apart=BLOCKS[-2])
-        if not words:
-            shared.fields.pop((view, state.steps), None)  # the newest last
+        cells = max(block, BLOCKS[-2]) if progress else 1  # some pixels have a neighbour's time
+        self.shown = Field(*view.centres(), times, state.steps, cells, apart=BLOCKS[-2])
+        if not progress:
+            shared.fields.pop((view, state.steps), None)  # the newest is last
             shared.fields[view, state.steps] = self.shown
-            if len(shared.fields) > _KEPT:
+            if len(shared.fields) > _MAX_FIELDS:
                 del shared.fields[next(iter(shared.fields))]
             args = shared.client, shared.rays, view
             self.lanes["boundary"].submit(rays.computed, *args, done=self._show_rays)
-        self.sources["times"].data = _image(view, found.astype(np.float32))
-        self.work.progress("plane", words)
+        self.sources["times"].data = _image(view, times.astype(np.float32))
+        self.work.progress("plane", progress)
         if block == 1:
             self._mark()
 
-    def _show_rays(self, found):
-        known, words = found
+    def _show_rays(self, result):
+        known, progress = result
         self.shared.rays.known |= known
-        self.work.progress("boundary", words)
+        self.work.progress("boundary", progress)
         self._show_boundary()
 
     def _show_boundary(self):
         view = _view(self.plot)
         drawn, colours = self.shared.rays.lines(view)
-        wanted = "boundary" in self.state.show
-        self.show("boundary", drawn if wanted else None)
-        self.legend.text = _legend(colours if wanted else {})
-        a, b = np.meshgrid(*View(view.a, view.b, (_GROUND, _GROUND)).centres())
+        is_shown = "boundary" in self.state.show
+        self.show("boundary", drawn if is_shown else None)
+        self.legend.text = _legend(colours if is_shown else {})
+        a, b = np.meshgrid(*View(view.a, view.b, (_GROUND_PIXELS, _GROUND_PIXELS)).centres())
         excess = self.shared.rays.excess(a, b)
         sides = np.where(np.isnan(excess), 0, np.where(excess <= 0, 1, 2)).astype(np.uint8)
         self.sources["ground"].data = _image(view, sides)
@@ -147,41 +147,44 @@ class PlanePanel:
     def _mark(self):
         a, b = self.state.point
         self.show("point", {"a": [a], "b": [b], **_mark_of((a, b), widgets.sides_of(self.plot))})
-        self._tell(a, b)
+        self._describe(a, b)
 
-    def _tell(self, a, b):
+    def _describe(self, a, b):
         x, y = symbols(self.state.plane.axes, plain=True)
-        words, steps = [f"{x} = {a:.6g}, {y} = {b:.6g}"], self.state.steps
+        parts, steps = [f"{x} = {a:.6g}, {y} = {b:.6g}"], self.state.steps
         if (a, b) == self.state.point and not _is_in((a, b), widgets.sides_of(self.plot)):
-            words.append("outside this picture, beyond the triangle at its edge")
+            parts.append("outside this picture, beyond the triangle at its edge")
         n = self.shown.at(a, b) if self.shown else np.nan
         if not np.isnan(n):
-            words.append(f"n* = {n:.0f}" if n <= steps else f"n* > {steps}")
-        words.append(self._distance(a, b))
+            parts.append(f"n* = {n:.0f}" if n <= steps else f"n* > {steps}")
+        parts.append(self._distance(a, b))
         ray = self.shared.rays.nearest(a, b)
         if ray is not None:
             circle = f"{ray.circle} = {ray.omega:.6g}" if ray.circle else "not known"
-            words.append(f"last circle of the nearest ray: ω = {circle}")
-        self.message.text = " · ".join(filter(None, words))
+            parts.append(f"last circle of the nearest ray: ω = {circle}")
+        self.message.text = " · ".join(filter(None, parts))
 
     def _distance(self, a, b):
-        """Say where the boundary is: as the verdict says it, or about there from the rays."""
+        """Describe where the boundary is, by the verdict or approximately by the rays."""
         from_zero = not any(self.state.plane.origin)
         verdict = self.state.verdict if (a, b) == self.state.point else None
         if verdict is not None and from_zero:  # its ray is the plane's
             boundary = verdict.boundary
-            words = (
-                f"{scale_text(boundary)} times these strengths" if isfinite(boundary.value) else ""
-            )
-            return side_words(verdict.answer, boundary.value, words)
+            is_known = isfinite(boundary.value)
+            place = f"{scale_text(boundary)} times these strengths" if is_known else ""
+            return side_text(verdict.answer, boundary.value, place)
         excess = float(self.shared.rays.excess(a, b))
         scale = 1 / (1 + excess) if excess > -1 else inf
-        words = f"about {scale:.3g} times these {'strengths' if from_zero else 'numbers'}"
+        place = f"about {scale:.3g} times these {'strengths' if from_zero else 'numbers'}"
         answer = verdict.answer if verdict is not None else None
-        return _NEXT if abs(excess) < _NEAR and answer is None else side_words(answer, scale, words)
+        return (
+            _ON_BOUNDARY
+            if abs(excess) < _MIN_EXCESS and answer is None
+            else side_text(answer, scale, place)
+        )
 
     def _move(self, event):
-        """Move the forcing to a click, or a drag that is no tool's."""
+        """Move the forcing to a click, or a drag without a tool."""
         try:
             self.state.move(*widgets.rounded(event, _view(self.plot).pixel))
         except ValueError as error:
@@ -191,28 +194,28 @@ class PlanePanel:
         plane, shown = self.state.plane, self.shown
         if shown is None:
             return None
-        words = "first step at which an orbit of the ensemble is outside the window; away from the "
-        words += "boundary of n* <= n_max cells may share that of one"
+        label = "first step at which an orbit of the ensemble is outside the window; away from the "
+        label += "boundary of n* <= n_max cells may share a value"
         settings = {"n_max": shown.steps, "precision": precision_of(shown.steps), **plane.record}
-        labels = zip(plane.axes.items(), (shown.a, shown.b), strict=True)
-        coords = {name: (centres, label) for (name, label), centres in labels}
-        times = {"escape_time": ([*coords][::-1], shown.times, words)}
+        axes = zip(plane.axes.items(), (shown.a, shown.b), strict=True)
+        coords = {name: (centres, meaning) for (name, meaning), centres in axes}
+        times = {"escape_time": ([*coords][::-1], shown.times, label)}
         return dataset("First escape times, as shown", coords, times, settings)
 
 
-def side_words(answer, scale, where):
-    """Say where the boundary on the ray is, on the side that the verdict says; "" if not known.
+def side_text(answer, scale, place):
+    """Describe on which side of the boundary a point is; "" if this is not known.
 
-    answer : nasm.Answer, None if there is none. scale : of the boundary, in parts of the
-    point. where : the same in words.
+    answer : nasm.Answer of the verdict, or None. scale : of the boundary, relative to the point.
+    place : the same as text.
     """
     if not isfinite(scale):
         return ""
     if answer is Answer.UNDECIDED:
-        return f"not decided on which side of the boundary, which is at {where}"
-    if answer is not None and (answer is Answer.BARRIER) != (scale > 1):  # by less than its error
-        return _NEXT
-    return f"{'inside' if scale > 1 else 'beyond'} the boundary, which is at {where}"
+        return f"undecided on which side of the boundary, which is at {place}"
+    if answer is not None and (answer is Answer.BARRIER) != (scale > 1):  # within its error
+        return _ON_BOUNDARY
+    return f"{'inside' if scale > 1 else 'beyond'} the boundary, which is at {place}"
 
 
 def _is_in(point, ends):
@@ -220,8 +223,10 @@ def _is_in(point, ends):
 
 
 def _mark_of(point, ends):
-    """Return where and how a point is marked: a cross, or outside the view a triangle at its edge
-    that points towards it."""
+    """Return the mark of a point: a cross, or outside the view a triangle at its edge.
+
+    The triangle points towards the point.
+    """
     if _is_in(point, ends):
         return {"x": [point[0]], "y": [point[1]], "marker": ["circle_cross"], "angle": [0.0]}
     low, high = np.transpose(ends)
@@ -232,17 +237,17 @@ def _mark_of(point, ends):
     return {"x": [at[0]], "y": [at[1]], "marker": ["triangle"], "angle": [angle]}
 
 
-def _drawn(state):
-    """Return the figure, the colours of escape times, and {name: source} of both images."""
-    # So that the plane is about square, with the colours beside it.
-    how = {"active_drag": None, "aspect_ratio": 1.1, "tags": ["arrows"]}
-    how["name"] = "plane of forcings; arrow keys move the forcing"
-    plot = widgets.picture(state, "ab", symbols(state.plane.axes, plain=True), **how)
+def _figure(state):
+    """Return the figure, the colour mapper of escape times, and {name: source} of both images."""
+    # With this ratio the plane is about square, with the colour bar beside it.
+    options = {"active_drag": None, "aspect_ratio": 1.1, "tags": ["arrows"]}
+    options["name"] = "plane of forcings; arrow keys move the forcing"
+    plot = widgets.picture(state, "ab", symbols(state.plane.axes, plain=True), **options)
     view, clear = _view(plot), {"high_color": "rgba(0, 0, 0, 0)", "nan_color": "rgba(0, 0, 0, 0)"}
     mapper = models.LogColorMapper(_COLOURS, low=10, high=state.steps, **clear)
     greys, sources = models.LinearColorMapper(_GREYS, low=-0.5, high=2.5, name="greys"), {}
-    looks = ("ground", greys, np.uint8(0)), ("times", mapper, np.float32("nan"))
-    for name, colours, blank in looks:
+    layers = ("ground", greys, np.uint8(0)), ("times", mapper, np.float32("nan"))
+    for name, colours, blank in layers:
         sources[name] = models.ColumnDataSource(_image(view, np.full((1, 1), blank)), name=name)
         plot.image("values", "a", "b", "da", "db", source=sources[name], color_mapper=colours)
     widgets.add_bar(plot, mapper, "n*, first escape (steps)")
@@ -255,16 +260,16 @@ def _image(view, values):
 
 
 def _view(plot):
-    """Return what the figure shows, with about as many pixels as the browser has."""
-    pixels = widgets.pixels_of(plot, _MOST_PIXELS, (_PIXELS, _PIXELS))
+    """Return the view of the figure, with about as many pixels as in the browser."""
+    pixels = widgets.pixels_of(plot, _MAX_PIXELS, (_PIXELS, _PIXELS))
     shape = tuple(BLOCKS[0] * max(2, round(n / BLOCKS[0])) for n in pixels)
     return View(*widgets.sides_of(plot), shape)
 
 
 def _cubes(place, plane):
-    """Yield the cubes of OUT that are of this plane: a list of Fields, and the barrier or None.
+    """Yield the cubes of OUT that belong to this plane: a list of Fields, and the barrier or None.
 
-    Of an OUT that is refused there are none, so that the page computes all, and says why.
+    If OUT is refused, yield none, so that the page computes everything, and raise the reason.
     """
     try:
         yield _fields(place, plane)
@@ -273,7 +278,7 @@ def _cubes(place, plane):
         raise
     except (AttributeError, LookupError, TypeError, ValueError) as error:
         yield [], None
-        raise store.Refused(f"{place} holds cubes of another program: {error!r}") from None
+        raise store.Refused(f"{place} contains cubes of another program: {error!r}") from None
 
 
 def _fields(place, plane):
@@ -289,9 +294,9 @@ def _fields(place, plane):
         axes = [times[name].values for name in plane.axes]
         steps = int(cubes["escape"].attrs["n_max"])
         level = cubes["escape"].get("level", xr.zeros_like(times))
-        # Escape is a matter of chance in each cell: coarse ones are a preview.
+        # Escape is a matter of chance in each cell, so coarse cells are only a preview.
         own = times.where((level == level.max()) | np.isinf(times))
-        fields.append(Field(*axes, own, steps, stays=_STAYS))
+        fields.append(Field(*axes, own, steps, stays=_MAX_CELL_PIXELS))
         fields.append(Field(*axes, times, steps, 2 ** int(level.max())))
     return fields, cubes["barrier"].load() if "barrier" in cubes else None
 
@@ -300,7 +305,7 @@ def _legend(colours):
     """Return the colours of the circles, and the greys, as HTML."""
     bar = "display: inline-block; width: 1.4em; height: {}em; vertical-align: middle"
     entries = [(0.35, colour, f"ω = {omega}") for omega, colour in colours.items()]
-    entries += [(0.9, f"var(--{side})", words) for side, words in _GREY_WORDS.items()]
+    entries += [(0.9, f"var(--{side})", words) for side, words in _GREY_MEANINGS.items()]
     return "".join(
         f'<span style="white-space: nowrap; margin-right: 1.2em">'
         f'<span style="{bar.format(height)}; background: {colour}; outline: 1px solid #999">'

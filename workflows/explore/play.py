@@ -1,4 +1,4 @@
-"""Play along the ray or an axis of the plane: the portrait follows, and residues are a curve."""
+"""Move the point along its ray or an axis: the portrait follows, and residues form a curve."""
 
 import numpy as np
 from bokeh.models import Button, Column, ColumnDataSource, MultiLine, Row, Select, Span
@@ -12,17 +12,17 @@ _RAY = "the ray"
 
 
 def panel(state, work):
-    """Return what plays, and below it the residues where it plays.
+    """Return the button and the residues along the path below it.
 
-    The last circle's orbits are those of the verdict where playing begins.
+    The residues are those of convergents of the last circle where playing begins.
     """
     options = [_RAY, *symbols(state.plane.axes, plain=True)]
     along = Select(title="Play along", options=options, value=_RAY, width=110)
     button = Button(label="play")
     controls = Row(along, button, styles={"align-items": "end"})
     root = Column(controls, sizing_mode="stretch_width")
-    here = Span(dimension="height", line_color="#888888")
-    lane, way, repeated = work.latest("residues"), [], []
+    position = Span(dimension="height", line_color="#888888")
+    lane, path, repeated = work.latest("residues"), [], []
 
     def ends():
         point, corners = np.array(state.point), np.array([state.a, state.b])
@@ -35,28 +35,28 @@ def panel(state, work):
         first[i], last[i] = corners[i]
         return first, last
 
-    def show(found):
-        shades = [*Viridis3][: len(found["orbit"])]
-        source = ColumnDataSource(found | {"colour": shades}, name="residues")
-        words = f"part of the way; R of {', '.join(found['orbit'])}, to R = 1"
-        title = "residues of the last circle's convergents along the way"
-        plot = small(title, words, "R", y_range=(0, 1))
+    def show(curves):
+        shades = [*Viridis3][: len(curves["orbit"])]
+        source = ColumnDataSource(curves | {"colour": shades}, name="residues")
+        label = f"fraction of the path; R of {', '.join(curves['orbit'])}, up to R = 1"
+        title = "residues of the last circle's convergents along the path"
+        plot = small(title, label, "R", y_range=(0, 1))
         plot.add_glyph(source, MultiLine(xs="at", ys="residue", line_color="colour", line_width=2))
-        plot.add_layout(here)
+        plot.add_layout(position)
         root.children = [controls, plot]
 
     def toggle():
         if repeated:
             return stop()
         first, last = ends()
-        way[:] = [(s, first + s * (last - first)) for s in np.arange(1, PLACES + 1) / PLACES]
+        path[:] = [(s, first + s * (last - first)) for s in np.arange(1, PLACES + 1) / PLACES]
         root.children, button.label = [controls], "stop"
         omega = state.verdict and state.verdict.boundary.omega
         if omega:
             start, end = (state.plane.forcing(*point) for point in (first, last))
             lane.submit(residues, start, end - start, omega, done=show)
         state.take(plays=True)
-        repeated.append(work.document.add_periodic_callback(step, 150))  # ms, the least
+        repeated.append(work.document.add_periodic_callback(step, 150))  # ms, at least
 
     def stop():
         work.document.remove_periodic_callback(repeated.pop())
@@ -64,9 +64,9 @@ def panel(state, work):
         state.take(plays=False)
 
     def step():
-        if state.drawn == state.point:  # else the portrait is still to come
-            here.location, point = way.pop(0)
-            if not way:
+        if state.drawn == state.point:  # otherwise the portrait is not finished
+            position.location, point = path.pop(0)
+            if not path:
                 stop()
             state.move(*map(float, point.round(6)))
 

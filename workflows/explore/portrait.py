@@ -1,4 +1,4 @@
-"""The phase portrait: orbits of the forcing, what is left of the last circle, orbits added."""
+"""The phase portrait of the point: orbits, the last circle or its longest-lived start."""
 
 from functools import partial
 
@@ -20,14 +20,14 @@ from workflows.shared.orbit_words import describe_orbit, describe_residue
 from workflows.shared.phase_space import in_box, periodic_orbits, portraits
 from workflows.shared.verdict_words import forcing_text, lifetime_text
 
-_PIXELS = 560  # along each side, until the browser tells
-_MOST_PIXELS = 1200
-_MOST_STEPS = 5000  # that are looked at of the longest-lived start's orbit
-_APART = 8  # pixels from one of its dots to the next, or so: nearer they would make a line
-_MOST_POINTS = 5000  # of a circle in the box
-_FINE = 2**15  # points of a circle, of which a box shows a part
-_PROFILE = 200  # starts on a vertical line
-_MOST_Q = 34  # of the convergents whose orbits are shown
+_PIXELS = 560  # along each side, until the browser reports its size
+_MAX_PIXELS = 1200
+_MAX_STEPS = 5000  # of the orbit of the longest-lived start
+_DOT_SPACING = 8  # pixels between its dots, on average, so that they do not form a line
+_MAX_POINTS = 5000  # of a circle in the box
+_FINE_POINTS = 2**15  # of a whole circle
+_PROFILE_STARTS = 200  # on a vertical line
+_MAX_Q = 34  # of the convergents whose orbits are shown
 _BESIDE, _NARROW = 110, "@media (max-width: 600px) { :host { display: none } }"
 _BAR = "ω, rotation number per step; grey: chaotic"
 _LOBES = "#E69F00", "#56B4E9"  # and the unstable and the stable manifold
@@ -55,53 +55,56 @@ _NOTHING = _CYCLES | dict.fromkeys(("circle", "longest_lived", "ensemble"))
 
 
 class PortraitPanel:
-    """The right picture, what is told of it, and its boxes. children : what is below each other."""
+    """The phase portrait on the right, its message and its boxes, as `children` of a column."""
 
     def __init__(self, state, work):
         self.state, self.work, self.portrait = state, work, None
-        self.known, self.words = _NOTHING, {}  # that the box shows a part of; that are told of it
-        self.plot, self.bar, self.image = _drawn(state)
+        self.known, self.messages = _NOTHING, {}  # curves and points, to be clipped; notes on them
+        self.plot, self.bar, self.image = _figure(state)
         self.show = partial(widgets.show, self.plot, _MARKS)
         self.profile = models.ColumnDataSource({"x": [], "y": []}, name="profile")
         self.message = models.Div(sizing_mode="stretch_width", min_height=22)
         self.portraits = work.latest("portrait", "portrait")
         names = "last circle", "periodic orbits", "ensemble"
         self.traces, self.cycles, self.ensemble = map(work.latest, names)
-        how = {"title": "Orbits added, x, y; …", "placeholder": "0.5, 0.3", "width": 260}
-        self.added = models.TextInput(value=orbits_text(state.orbits), **how)
-        how = {"title": "Orbits of a fraction p/q", "placeholder": "3/8", "width": 150}
-        fraction = models.TextInput(value=state.fraction, **how)
+        options = {"title": "Orbits added, x, y; …", "placeholder": "0.5, 0.3", "width": 260}
+        self.added = models.TextInput(value=orbits_text(state.orbits), **options)
+        options = {"title": "Orbits of a fraction p/q", "placeholder": "3/8", "width": 150}
+        fraction = models.TextInput(value=state.fraction, **options)
         self.plot.on_event(Tap, self._add)
         soon = widgets.on_view(self.plot, work, self._refresh)
         state.on("point", self._move)
         state.on("point orbits show", soon)
         state.on("show fraction", self._find_cycles)
         state.on("verdict", self._judge)
-        state.seen["phase space"] = self._seen
+        state.datasets["phase space"] = self._dataset
         soon()
-        how = {"inline": True, "stylesheets": [_TICKS], "styles": {"max-width": "92vw"}}
+        options = {"inline": True, "stylesheets": [_TICKS], "styles": {"max-width": "92vw"}}
         spread = models.Button(label="spread an ensemble from the middle")
         spread.on_click(self._spread)
         added = widgets.field(self.added, lambda text: state.take(orbits=orbits_of(text)))
-        ticks, fraction = widgets.boxes(state, ORBITS, **how), widgets.field(fraction, state.seek)
+        ticks = widgets.boxes(state, ORBITS, **options)
+        fraction = widgets.field(fraction, state.seek)
         below = models.Row(ticks, added, fraction, spread)
-        how, whole = {"flex-wrap": "nowrap", "gap": "0"}, {"sizing_mode": "stretch_width"}
-        pictures = models.Row(self.plot, _profile(self.plot, self.profile), styles=how, **whole)
-        self.beneath = models.Column(**whole)  # of curves that are computed on wish
+        styles, stretch = {"flex-wrap": "nowrap", "gap": "0"}, {"sizing_mode": "stretch_width"}
+        profile = _profile(self.plot, self.profile)
+        pictures = models.Row(self.plot, profile, styles=styles, **stretch)
+        self.beneath = models.Column(**stretch)  # for curves that are computed on request
         self.children = pictures, self.message, below, self.beneath
 
-    def _seen(self):
-        """Return the portrait with what is left of the last circle."""
-        found = self.portrait
-        if found is None:
+    def _dataset(self):
+        """Return the portrait with the last circle, or its longest-lived start."""
+        portrait = self.portrait
+        if portrait is None:
             return None
         for name in ("circle", "longest_lived"):
             source = self.plot.select_one({"name": name})
             if source and len(source.data["x"]):
-                found = found.assign({f"{name}_{axis}": (name, source.data[axis]) for axis in "xy"})
+                curve = {f"{name}_{axis}": (name, source.data[axis]) for axis in "xy"}
+                portrait = portrait.assign(curve)
         title = forcing_text(self.state.kappa, (self.state.plane, self.state.point))
-        words = filter(None, [title, self.words.get("last circle")])
-        return found.assign_attrs(title=", ".join(words))
+        parts = filter(None, [title, self.messages.get("last circle")])
+        return portrait.assign_attrs(title=", ".join(parts))
 
     def _refresh(self):
         state, box = self.state, _box(self.plot)
@@ -112,8 +115,8 @@ class PortraitPanel:
         self.portraits.submit(_computed, state.kappa, box, *args, done=self._show)
         self._show_known()
 
-    def _show(self, found):
-        self.portrait, pixels, curves, words = found
+    def _show(self, result):
+        self.portrait, pixels, curves, message = result
         if self.portrait.attrs["kappa"] == self.state.kappa.tolist():
             self.state.drawn = self.state.point
         self.image.data = _image(pixels, *self.portrait.attrs["box"])
@@ -122,19 +125,19 @@ class PortraitPanel:
             self.show(name, curve)
         low, high = ends(self.portrait)
         self.bar.color_mapper.update(low=low, high=high)
-        self._tell({"portrait": words})
+        self._write({"portrait": message})
 
-    def _tell(self, words):
-        self.words |= words
+    def _write(self, messages):
+        self.messages |= messages
         order = "last circle", "portrait", "periodic orbits", "ensemble"
-        name, *rest = map(self.words.get, order)
+        name, *rest = map(self.messages.get, order)
         colour = VERMILION if self.known["circle"] else "inherit"
         name = name and f'<b style="color: {colour}">{name}</b>.'
         self.message.text = f'<span role="status">{" ".join(filter(None, [name, *rest]))}</span>'
 
     def _move(self):
-        """Forget what is known of the orbits of the last forcing."""
-        self.known, self.words = _NOTHING, {"portrait": self.words.get("portrait")}
+        """Forget the orbits of the previous forcing."""
+        self.known, self.messages = _NOTHING, {"portrait": self.messages.get("portrait")}
         self.traces.cancel()
         self.ensemble.cancel()
         self.beneath.children = []
@@ -143,47 +146,47 @@ class PortraitPanel:
     def _judge(self):
         state = self.state
         if state.verdict is not None:
-            self.traces.submit(_decisive, state.kappa, state.verdict, done=self._keep)
+            self.traces.submit(_decisive, state.kappa, state.verdict, done=self._add_known)
             self._find_cycles()
 
     def _find_cycles(self):
-        self._keep((_CYCLES, {"periodic orbits": ""}))
+        self._add_known((_CYCLES, {"periodic orbits": ""}))
         state = self.state
         omega = state.verdict and "cycles" in state.show and state.verdict.boundary.omega
         fraction = fraction_of(state.fraction)
         self.cycles.cancel()
         if omega or fraction is not None:
             box = _box(self.plot) if "manifolds" in state.show and fraction is not None else None
-            self.cycles.submit(_cycles, state.kappa, omega, fraction, box, done=self._keep)
+            self.cycles.submit(_cycles, state.kappa, omega, fraction, box, done=self._add_known)
 
     def _spread(self):
-        """Let an ensemble spread from the middle of what is seen now."""
+        """Let an ensemble spread from the middle of the view."""
         logs = {"x_axis_type": "log", "y_axis_type": "log"}
         plot = widgets.small("spreading of the ensemble", "step", "<(y - y₀)²>", **logs)
         source = models.ColumnDataSource({"n": [], "variance": []}, name="variance")
         plot.line("n", "variance", source=source, line_width=2)
         self.beneath.children = [plot]
 
-        def show(found):
-            points, source.data, words = found
-            self._keep(({"ensemble": points}, {"ensemble": words}))
+        def show(result):
+            points, source.data, message = result
+            self._add_known(({"ensemble": points}, {"ensemble": message}))
 
         self.ensemble.submit(spreading, self.state.kappa, _box(self.plot), done=show)
 
-    def _keep(self, found):
-        known, words = found
+    def _add_known(self, result):
+        known, messages = result
         self.known = self.known | known
-        self._tell(words)
+        self._write(messages)
         self._show_known()
 
     def _show_known(self):
-        """Draw what is known in the box: curves, and points one by one."""
+        """Draw the known curves and points, as far as they are in the box."""
         box = _box(self.plot)
         for name, columns in self.known.items():
             shown = _CUTS.get(name, _line)(box, **columns) if columns else None
             if shown and name == "longest_lived":
-                most = _shape(self.plot)[1] // _APART
-                shown = {axis: values[:most] for axis, values in shown.items()}
+                max_dots = _shape(self.plot)[1] // _DOT_SPACING
+                shown = {axis: values[:max_dots] for axis, values in shown.items()}
             self.show(name, shown, _TIPS if name == "cycles" else None)
 
     def _add(self, event):
@@ -191,10 +194,11 @@ class PortraitPanel:
         self.added.value = orbits_text((*self.state.orbits, (x % 1, y)))
 
 
-def _drawn(state):
-    """Return the figure, the bar of its colours, and the source of its image."""
-    how = {"most": 1.0, "active_drag": "box_zoom", "aspect_ratio": 1.13, "name": "phase portrait"}
-    plot = widgets.picture(state, "xy", ("x (turns)", "y (mod 1)"), **how)
+def _figure(state):
+    """Return the figure, its colour bar, and the source of its image."""
+    options = {"max_zoom": 1.0, "active_drag": "box_zoom", "aspect_ratio": 1.13}
+    options["name"] = "phase portrait"
+    plot = widgets.picture(state, "xy", ("x (turns)", "y (mod 1)"), **options)
     blank = _image(np.zeros((1, 1), np.uint8), *_box(plot))
     image = models.ColumnDataSource(blank, name="orbits")
     palette = ["#00000000", CHAOTIC, *COLOURS]  # of the bytes
@@ -205,11 +209,11 @@ def _drawn(state):
 
 
 def _profile(plot, source):
-    """Return the narrow figure beside the portrait: ω of the orbits on a vertical line in it."""
-    how = {"width": _BESIDE, "tools": "save", "toolbar_location": "above", "x_axis_label": "ω"}
-    how["y_axis_label"] = "y (mod 1)"
-    how |= {"sizing_mode": "stretch_height", "name": "rotation numbers"}
-    beside = figure(y_range=plot.y_range, stylesheets=[_NARROW], **how)
+    """Return the narrow figure beside the portrait: ω of orbits that start on a vertical line."""
+    options = {"width": _BESIDE, "tools": "save", "toolbar_location": "above", "x_axis_label": "ω"}
+    options["y_axis_label"] = "y (mod 1)"
+    options |= {"sizing_mode": "stretch_height", "name": "rotation numbers"}
+    beside = figure(y_range=plot.y_range, stylesheets=[_NARROW], **options)
     beside.toolbar.styles = {"min-width": "60px"}  # for its only tool
     beside.xaxis[0].ticker.desired_num_ticks = 2
     beside.yaxis.major_label_text_font_size = "0px"  # as beside it
@@ -219,13 +223,13 @@ def _profile(plot, source):
 
 
 def _box(plot):
-    """Return left, bottom, width and height of what the figure shows, one cell at most."""
+    """Return left, bottom, width and height of the view, one cell at most."""
     (left, right), (bottom, top) = widgets.sides_of(plot)
     return left, bottom, min(right - left, 1.0), min(top - bottom, 1.0)
 
 
 def _shape(plot):
-    return widgets.pixels_of(plot, _MOST_PIXELS, (_PIXELS, _PIXELS))
+    return widgets.pixels_of(plot, _MAX_PIXELS, (_PIXELS, _PIXELS))
 
 
 def _image(pixels, left, bottom, width, height):
@@ -233,88 +237,91 @@ def _image(pixels, left, bottom, width, height):
 
 
 def _computed(kappa, box, added, every, with_lines, shape):
-    """Yield the portrait, its picture, {name: curve} beside it, and in words the orbits added."""
-    curves, told = dict.fromkeys(_SYMMETRY), []
+    """Yield the portrait, its picture, {name: curve} for it, and a message on the added orbits."""
+    curves, notes = dict.fromkeys(_SYMMETRY), []
     if with_lines:
         curves |= _symmetry_lines(kappa, box)
         if not any(curves.values()):
-            told = ["The forcing has no symmetry centre, so there are no symmetry lines."]
+            notes = ["The forcing has no symmetry centre, so there are no symmetry lines."]
     for x, y in added[-1:]:
-        told.insert(0, f"The one added at ({x:.6g}, {y:.6g}): {describe_orbit(kappa, x, y)}.")
-    left, bottom, width, height = box  # ω of starts on the vertical line in its middle
-    y = bottom + height * (np.arange(_PROFILE) + 0.5) / _PROFILE
+        notes.insert(0, f"The orbit added at ({x:.6g}, {y:.6g}): {describe_orbit(kappa, x, y)}.")
+    left, bottom, width, height = box  # its vertical middle line has the starts of the profile
+    y = bottom + height * (np.arange(_PROFILE_STARTS) + 0.5) / _PROFILE_STARTS
     omega, _ = orbits.rotation_number(kappa, left + width / 2, y, 2000)
     curves["profile"] = {"x": omega, "y": y}
     for portrait in portraits(kappa, box, added, every):
         chaotic = int(np.isnan(portrait.omega).sum())
-        words = f"{portrait.sizes['orbit']} orbits, {chaotic} of them chaotic (grey)."
-        yield portrait, _pixels(portrait, shape, len(added)), {**curves}, " ".join([words, *told])
+        count = f"{portrait.sizes['orbit']} orbits, {chaotic} of them chaotic (grey)."
+        yield portrait, _pixels(portrait, shape, len(added)), {**curves}, " ".join([count, *notes])
 
 
 def _pixels(portrait, shape, n_added):
-    """Return the picture of a portrait: 0 for nothing, 1 for chaos, else a colour's place and 2."""
+    """Return the picture of a portrait: 0 for empty, 1 for chaotic, else 2 + the colour's index."""
     left, bottom, width, height = portrait.attrs["box"]
     which = portrait.which.values
     value = (places(portrait) + 2).astype(np.uint8)[which]
     column = np.minimum((portrait.x.values - left) / width * shape[1], shape[1] - 1).astype(int)
     row = np.minimum((portrait.y.values - bottom) / height * shape[0], shape[0] - 1).astype(int)
     pixels = np.zeros(shape, np.uint8)
-    for here in (value == 1, value > 1):
-        pixels[row[here], column[here]] = value[here]
-    here = which >= portrait.sizes["orbit"] - n_added  # what was asked for is larger
+    for inside in (value == 1, value > 1):
+        pixels[row[inside], column[inside]] = value[inside]
+    inside = which >= portrait.sizes["orbit"] - n_added  # added orbits are drawn larger
     for down, right in np.ndindex(3, 3) if n_added else ():
-        rows = np.clip(row[here] + down - 1, 0, shape[0] - 1)
-        pixels[rows, np.clip(column[here] + right - 1, 0, shape[1] - 1)] = value[here]
+        rows = np.clip(row[inside] + down - 1, 0, shape[0] - 1)
+        pixels[rows, np.clip(column[inside] + right - 1, 0, shape[1] - 1)] = value[inside]
     return pixels
 
 
 def _symmetry_lines(kappa, box):
-    """Return the lines of each of the two centres; none where the forcing has no centre."""
+    """Return the symmetry lines of both centres; {} if the forcing has no symmetry centre."""
     try:
         x, y = symmetries.symmetry_lines(kappa, np.linspace(0, 1, 4001))
     except ValueError:
         return {}
-    # There is a gap between one line and the next.
+    # NaN separates one line from the next.
     pairs = np.insert([x, y], x.shape[1], np.nan, axis=2).reshape(2, 2, -1).swapaxes(0, 1)
     return {name: _curve(in_box(box, *pair)) for name, pair in zip(_SYMMETRY, pairs, strict=True)}
 
 
-def _decisive(kappa, found):
-    """Return what is left of the last circle, {"circle" or "longest_lived": curve}, and its name.
+def _decisive(kappa, verdict):
+    """Return {"circle" or "longest_lived": curve} and its description, for a verdict.
 
-    Empty where there is nothing to show.
+    Both are empty if there is nothing to show.
     """
-    if found.circle is not None:
-        x, y = found.circle
-        n, more = x.size, max(x.size, _FINE)
+    if verdict.circle is not None:
+        x, y = verdict.circle
+        n, more = x.size, max(x.size, _FINE_POINTS)
         x = fourier.resample(x - np.arange(n) / n, more) + np.arange(more) / more
-        name = f"Certified circle, ω = {found.boundary.omega}"
+        name = f"Certified circle, ω = {verdict.boundary.omega}"
         return {"circle": _curve((x, fourier.resample(y, more)))}, {"last circle": name}
-    if found.answer is Answer.TRANSPORT:
-        x, y, steps = barriers.longest_lived_start(kappa, max(1000, int(2 * found.steps)))
-        traced = orbits.orbit(kappa, x, y, int(min(steps, _MOST_STEPS)))
+    if verdict.answer is Answer.TRANSPORT:
+        x, y, steps = barriers.longest_lived_start(kappa, max(1000, int(2 * verdict.steps)))
+        traced = orbits.orbit(kappa, x, y, int(min(steps, _MAX_STEPS)))
         lifetime = lifetime_text(kappa, steps)
-        name = f"Not a barrier: the longest-lived start, eliminated after {lifetime} (dots)"
+        name = f"No barrier: the longest-lived start is eliminated after {lifetime} (dots)"
         return {"longest_lived": _curve(traced)}, {"last circle": name}
     return {}, {}
 
 
 def _cycles(kappa, omega, fraction, box):
-    """Return the points of the orbits of the convergents of ω, and of p/q; the manifolds of p/q if
-    there is a box to draw them in; and words on p/q."""
-    near = distinct_convergents(omega, _MOST_Q) if omega else ()
-    found, missing = periodic_orbits(kappa, [f for f in near if f.denominator > 1])
+    """Return the periodic orbits of the convergents of ω and of p/q, and a message on p/q.
+
+    With a box the manifolds of p/q are included.
+    """
+    fractions = distinct_convergents(omega, _MAX_Q) if omega else ()
+    of_convergents, missing = periodic_orbits(kappa, [f for f in fractions if f.denominator > 1])
     own, lost = periodic_orbits(kappa, [] if fraction is None else [fraction])
     points = {name: [] for name in ("x", "y", "marker", "fill", "orbit")}
-    for one, family, x, y, residue in found + own:
-        words = *_MARKERS[family], f"{one} ({family}), R = {residue:.4g}"
-        for name, more in zip(points, (x, y, *([word] * x.size for word in words)), strict=True):
+    for frequency, family, x, y, residue in of_convergents + own:
+        labels = *_MARKERS[family], f"{frequency} ({family}), R = {residue:.4g}"
+        values = x, y, *([label] * x.size for label in labels)
+        for name, more in zip(points, values, strict=True):
             points[name] += [*more]
     kinds = [f"{family} orbit: {describe_residue(residue)}" for _, family, _, _, residue in own]
-    said = [f"{fraction}: {'; '.join(kinds)}."] if own else []
+    notes = [f"{fraction}: {'; '.join(kinds)}."] if own else []
     curves, more = ({}, "") if box is None else resonance(kappa, fraction, box)
-    said = " ".join([*said, more, *missing, *lost]).strip()
-    return {"cycles": points, **curves}, {"periodic orbits": said}
+    notes = " ".join([*notes, more, *missing, *lost]).strip()
+    return {"cycles": points, **curves}, {"periodic orbits": notes}
 
 
 def _curve(points):
@@ -322,14 +329,14 @@ def _curve(points):
 
 
 def _line(box, x, y):
-    """Return a curve as far as it is in the box, with gaps where it leaves."""
+    """Clip a curve to the box, with gaps where it leaves."""
     x, y = np.asarray(x, float), np.asarray(y, float)
-    stride = 1 + in_box(box, x, y)[0].size // _MOST_POINTS
+    stride = 1 + in_box(box, x, y)[0].size // _MAX_POINTS
     return _curve(in_box(box, x[::stride], y[::stride]))
 
 
 def _lobes(box, x, y):
-    """Return the edges of lobes, wherever their images mod 1 may be in the box."""
+    """Return the edges of lobes, with all images mod 1 that may be in the box."""
     left, bottom, _, _ = box
     shown = {"x": [], "y": [], "fill": []}
     for n, (u, v) in enumerate(zip(x, y, strict=True)):
@@ -341,12 +348,12 @@ def _lobes(box, x, y):
 
 
 def _dots(box, x, y, **more):
-    """Return the points in the box, with what belongs to them."""
+    """Select the points in the box, with their other columns."""
     left, bottom, width, height = box
     u, v = (np.asarray(x, float) - left) % 1, (np.asarray(y, float) - bottom) % 1
-    here = (u <= width) & (v <= height)
-    rest = {name: np.asarray(values)[here].tolist() for name, values in more.items()}
-    return {"x": left + u[here], "y": bottom + v[here], **rest}
+    inside = (u <= width) & (v <= height)
+    rest = {name: np.asarray(values)[inside].tolist() for name, values in more.items()}
+    return {"x": left + u[inside], "y": bottom + v[inside], **rest}
 
 
 _CUTS = {"lobes": _lobes, **dict.fromkeys(("cycles", "longest_lived", "ensemble"), _dots)}

@@ -1,7 +1,7 @@
-"""What one tab is looking at: a point in a plane of forcings, N, two views; and all as an address.
+"""The state of one tab: a point in a plane of forcings, N, two views; and its address.
 
-Every part of the state that a link brings back is a text in the address, left out where it is as at
-first: `a=0.1:0.3&b=0:0.2&omega=gamma&orbits=0.5,0.3;0.5,0.4&show=boundary,cycles`.
+The address has each part of the state as text, except for those that have their first values:
+`a=0.1:0.3&b=0:0.2&omega=gamma&orbits=0.5,0.3;0.5,0.4&show=boundary,cycles`.
 """
 
 from collections import defaultdict
@@ -19,34 +19,34 @@ STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
 LINES = {"boundary": "where the last circle breaks"}
 ORBITS = {"kicks": "kick by kick", "symmetry": "symmetry lines", "cycles": "periodic orbits"}
 ORBITS |= {"manifolds": "manifolds of p/q"}
-_HALF = 1.15  # of the largest strength, of the first view
-ZOOM = 1e-9, 30.0  # times the first view: beyond that pixels are no longer apart as floats
-_FAR = 1e7  # largest coordinates of a view, added
-_MOST_ORBITS = 50
-_MOST_Q = 1000  # of p/q whose orbits are sought
+_HALF_WIDTH = 1.15  # of the first view, in units of the largest strength
+ZOOM = 1e-9, 30.0  # times the first view; beyond, pixels would coincide as floats
+_MAX_COORDINATE = 1e7  # of both ends of a view together
+_MAX_ORBITS = 50
+_MAX_Q = 1000  # of p/q whose orbits are computed
 
 
 class State:
-    """What one tab looks at.
+    """The state of one tab.
 
     plane : nasm.planes.Plane. point : (a, b), its coordinates. steps : int, N of {n* ≤ N}.
-    a, b : (lo, hi) of the plane that is shown. x, y : (lo, hi) of phase space.
+    a, b : (low, high) of the view of the plane. x, y : (low, high) of that of phase space.
     omega : text of the ω whose circle is followed, or "". orbits : ((x, y), …) that were added.
     fraction : text of the p/q whose periodic orbits are shown, or "".
     show : frozenset of the names in LINES and ORBITS that are shown.
     verdict : nasm.Verdict of the point, None until it is known.
-    drawn : the point whose portrait is shown. plays : whether the point moves by itself.
-    seen : {name: function → xarray.Dataset}, what each panel shows now; panels put theirs in.
+    drawn : the point whose portrait is shown. plays : True while the point moves by itself.
+    datasets : {name: function → xarray.Dataset}, the data that each panel shows; panels add theirs.
     """
 
     def __init__(self, plane):
         sizes = [max(map(abs, vector)) for vector in (plane.first, plane.second)]
         self.plane, self.point, self.steps = plane, (0.5 / sizes[0], 0.4 / sizes[1]), 10_000
-        self.a, self.b = ((-_HALF / size, _HALF / size) for size in sizes)
+        self.a, self.b = ((-_HALF_WIDTH / size, _HALF_WIDTH / size) for size in sizes)
         self.x, self.y = (0.0, 1.0), (-0.25, 0.75)
         self.omega, self.orbits, self.show = "", (), frozenset({"boundary"})
         self.fraction, self.drawn, self.plays = "", None, False
-        self.verdict, self.seen, self._hear = None, {}, defaultdict(list)
+        self.verdict, self.datasets, self._callbacks = None, {}, defaultdict(list)
 
     @property
     def kappa(self):
@@ -55,19 +55,19 @@ class State:
     def on(self, names, callback):
         """Call back, without arguments, whenever one of these attributes changes: "point omega"."""
         for name in names.split():
-            self._hear[name].append(callback)
+            self._callbacks[name].append(callback)
 
     def take(self, **changes):
-        """Set attributes, and tell those who asked for what has changed."""
+        """Set attributes, and call the callbacks of those that have changed."""
         changed = [name for name, value in changes.items() if getattr(self, name) != value]
         vars(self).update(changes)
-        for callback in [callback for name in changed for callback in self._hear[name]]:
+        for callback in [callback for name in changed for callback in self._callbacks[name]]:
             callback()
 
     def move(self, a, b):
         """Go to another point; ValueError if its strengths are not finite or too large."""
         point = float(a), float(b)
-        forcing(point)  # before it is multiplied
+        forcing(point)  # checked before the plane multiplies it
         forcing(self.plane.forcing(*point))
         if point != self.point:
             self.take(point=point, verdict=None)
@@ -79,20 +79,22 @@ class State:
     def follow(self, omega):
         """Follow the circle of another ω, or none for ""; ValueError if it has no circle.
 
-        For a decimal number a noble one is taken; returns what to say of it.
+        A decimal number is replaced by a noble one; return a message about that.
         """
         try:
-            omega, words = named_by(omega)
+            omega, message = named_by(omega)
         except ValueError:
             self.take(omega="")
             raise
         self.take(omega=omega)
-        return words
+        return message
 
     @property
     def boundary(self):
-        """The point of the ray where the last circle breaks, None where the verdict knows none, or
-        the plane's ray is not the verdict's, which begins without kicks."""
+        """The point on the ray where the last circle breaks.
+
+        None if the verdict has no breakup, or if rays of the plane do not begin at κ = 0.
+        """
         scale = self.verdict.boundary.value if self.verdict else np.nan
         if any(self.plane.origin) or not np.isfinite(scale):
             return None
@@ -100,64 +102,69 @@ class State:
 
     def address(self):
         """Return the query of a link to all of this."""
-        found = {"k1": repr(self.point[0]), "k2": repr(self.point[1])}
+        query = {"k1": repr(self.point[0]), "k2": repr(self.point[1])}
         if self.plane != two_kicks():
-            found["plane"] = self.plane.name
+            query["plane"] = self.plane.name
         first = State(self.plane)
-        for name, (part, _, written) in _PARTS.items():
+        for name, (part, _, write) in _PARTS.items():
             if getattr(self, part) != getattr(first, part):
-                found[name] = written(getattr(self, part))
-        return urlencode(found, safe=":,;()[]")
+                query[name] = write(getattr(self, part))
+        return urlencode(query, safe=":,;()[]")
 
     def go(self, query):
-        """Take what a query {name: text} asks for; ValueError in words, with nothing changed."""
+        """Set the state from a query {name: text}; a ValueError leaves it unchanged."""
         name = query.get("plane", two_kicks().name)
         if query and name != self.plane.name:
             raise ValueError(
                 f"this page shows {self.plane.name}; start one with --plane {abbreviate(name)}"
             )
-        asked = State(self.plane)
+        requested = State(self.plane)
         for name, (part, read, _) in _PARTS.items():
             if name in query:
-                setattr(asked, part, read(query[name]))
-        for ends, first in ((asked.a, self.a), (asked.b, self.b)):
+                setattr(requested, part, read(query[name]))
+        for ends, first in ((requested.a, self.a), (requested.b, self.b)):
             _allow(ends, np.ptp(first) * np.array(ZOOM))
-        for ends in (asked.x, asked.y):
+        for ends in (requested.x, requested.y):
             _allow(ends, (ZOOM[0], 1.0))
-        asked.follow(asked.omega)
-        asked.seek(asked.fraction)
+        requested.follow(requested.omega)
+        requested.seek(requested.fraction)
         point = zip(("k1", "k2"), self.point, strict=True)
-        asked.move(*(parse_float(query[name]) if name in query else value for name, value in point))
-        self.take(point=asked.point, **{part: getattr(asked, part) for part, *_ in _PARTS.values()})
+        requested.move(
+            *(parse_float(query[name]) if name in query else value for name, value in point)
+        )
+        self.take(
+            point=requested.point,
+            **{part: getattr(requested, part) for part, *_ in _PARTS.values()},
+        )
 
 
 def fraction_of(text):
-    """Return the Fraction p/q that a text spells, None for ""; ValueError in words."""
+    """Parse a fraction p/q; None for "". A ValueError explains what is wrong."""
     if not text:
         return None
     with suppress(ValueError):
-        found = parse_fraction(text)
-        if found.denominator <= _MOST_Q and abs(found) <= _MOST_Q:
-            return found
-    raise ValueError(f"{short_repr(text)} must be a fraction like 3/8, with q up to {_MOST_Q}")
+        fraction = parse_fraction(text)
+        if fraction.denominator <= _MAX_Q and abs(fraction) <= _MAX_Q:
+            return fraction
+    raise ValueError(f"{short_repr(text)} must be a fraction like 3/8, with q up to {_MAX_Q}")
 
 
 def orbits_of(text):
-    """Return the starts ((x, y), …) that a text names; ValueError in words."""
-    pairs, found = [*filter(None, map(str.strip, text.split(";")))], []
-    if len(pairs) > _MOST_ORBITS:
-        raise ValueError(f"{len(pairs)} orbits are too many; take {_MOST_ORBITS} or fewer")
+    """Parse initial conditions ((x, y), …). A ValueError explains what is wrong."""
+    pairs, orbits = [*filter(None, map(str.strip, text.split(";")))], []
+    if len(pairs) > _MAX_ORBITS:
+        raise ValueError(f"{len(pairs)} orbits are too many; take {_MAX_ORBITS} or fewer")
     for pair in pairs:
-        words = pair.replace(",", " ").split()
-        start = [parse_float(word) for word in words] if len(words) == 2 else [np.nan]
+        numbers = pair.replace(",", " ").split()
+        start = [parse_float(text) for text in numbers] if len(numbers) == 2 else [np.nan]
         if not np.isfinite(start).all():
             raise ValueError(f"{short_repr(pair)} must be two numbers, like 0.5, 0.3")
-        found.append((start[0] % 1, start[1]))
-    return tuple(found)
+        orbits.append((start[0] % 1, start[1]))
+    return tuple(orbits)
 
 
 def orbits_text(orbits):
-    """Return the text of starts ((x, y), …)."""
+    """Write initial conditions ((x, y), …) as text."""
     return "; ".join(f"{x!r}, {y!r}" for x, y in orbits)
 
 
@@ -177,7 +184,9 @@ def _ends(text):
 
 def _allow(ends, sizes):
     low, high = ends
-    if not (abs(low) + abs(high) < _FAR and 0.99 * sizes[0] <= high - low <= 1.01 * sizes[1]):
+    if not (
+        abs(low) + abs(high) < _MAX_COORDINATE and 0.99 * sizes[0] <= high - low <= 1.01 * sizes[1]
+    ):
         raise ValueError(f"the range {low}:{high} must be {sizes[0]:g} to {sizes[1]:g} wide")
 
 
@@ -188,7 +197,7 @@ def _names(text):
     return names
 
 
-_PARTS = {  # of the address: what it is here, how to read and how to write it
+_PARTS = {  # name in the address: attribute, function to read it, function to write it
     "n": ("steps", _steps, str),
     **{name: (name, _ends, lambda ends: "{!r}:{!r}".format(*ends)) for name in "abxy"},
     "omega": ("omega", str, str),

@@ -1,4 +1,4 @@
-"""The verdict in words, and the view as Python."""
+"""The verdict as sentences, and the view as a Python program."""
 
 import time
 from collections import deque
@@ -10,31 +10,32 @@ from nasm.verdicts import verdict
 from workflows.explore.work import spread
 from workflows.shared.verdict_words import sentences
 
-_REST = 0.05  # seconds that the point has to rest, while it is dragged
+_START_DELAY = 0.05  # seconds without a new point, while it is dragged
 
 
-def tell(message, state, work):
-    """Say the verdict in words."""
-    message.min_height = 103  # the most it takes beside each other
+def describe(message, state, work):
+    """Keep a message that describes the verdict of the state's point."""
+    message.min_height = 103  # the height of the longest verdict in two columns
     lane = work.latest("verdict")
 
-    def ask():
+    def compute():
         point = state.plane, state.point
         message.text = _html(["computing the verdict …"])
         state.take(verdict=None)
-        lane.submit(_judged, work.client, state.kappa, done=lambda found: show(point, *found))
+        client, kappa = work.client, state.kappa
+        lane.submit(_verdict_and_seconds, client, kappa, done=lambda result: show(point, *result))
 
-    def show(point, found, seconds):
-        words = sentences(state.kappa, point, found)
-        message.text = _html([*words, f"This took {seconds:.2f} s."])
-        state.take(verdict=found)
+    def show(point, verdict, seconds):
+        lines = sentences(state.kappa, point, verdict)
+        message.text = _html([*lines, f"This took {seconds:.2f} s."])
+        state.take(verdict=verdict)
 
-    state.on("point", ask)
-    ask()
+    state.on("point", compute)
+    compute()
 
 
-def copied(state):
-    """Return the button that copies the view as Python."""
+def copy_button(state):
+    """Return the button that copies the view as Python, and its hidden text."""
     code, copy = Div(visible=False), Button(label="copy as Python")
     args = {"code": code, "copy": copy}
     copy.js_on_event("button_click", CustomJS(args=args, code="copyText(code.text, copy)"))
@@ -43,11 +44,11 @@ def copied(state):
     return copy, code
 
 
-def _judged(client, kappa):
-    """Return the verdict and its seconds. One in vain is enough: a worker does not stop."""
-    time.sleep(_REST)
-    found = spread(client(), deque([(None, _timed, kappa)]), priority=1)
-    return next(ended[1] for ended in found if ended)
+def _verdict_and_seconds(client, kappa):
+    """Return the verdict and its seconds; wait first, as a worker cannot be interrupted."""
+    time.sleep(_START_DELAY)
+    results = spread(client(), deque([(None, _timed, kappa)]), priority=1)
+    return next(result[1] for result in results if result)
 
 
 def _timed(kappa):
@@ -68,9 +69,9 @@ def _python(state):
 from nasm import escape, orbits
 from nasm.verdicts import verdict
 
-kappa = {state.kappa.tolist()}  # one period of kicks, the first one first
-found = verdict(kappa)
-print(found.answer, found.evidence.value, found.boundary, sep="\\n")
+kappa = {state.kappa.tolist()}  # one period, first kick first
+result = verdict(kappa)
+print(result.answer, result.evidence.value, result.boundary, sep="\\n")
 times = escape.escape_time(kappa, *escape.ensemble(64), n_max={state.steps})
 print(f"the first of {{times.size}} orbits escapes after {{times.min()}} steps")
 x, y = orbits.portrait(kappa)

@@ -1,4 +1,4 @@
-"""What the panels are made of: figures and what they show, fields and what is wrong in them."""
+"""Parts of the panels: figures and their data, text fields and their error messages."""
 
 from contextlib import suppress
 from html import escape
@@ -12,13 +12,15 @@ from bokeh.themes import Theme
 
 from workflows.explore.state import ZOOM, State
 
-_SOON = 20  # milliseconds, in which the browser tells all that has changed at once
+_DELAY = 20  # milliseconds, within which the browser reports changes that belong together
 _TOOLS = "box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save"
-_LOOK = {"Toolbar": {"logo": None, "styles": {"min-width": "230px"}}}  # or one tool is hidden
-_LOOK["Axis"] = {"axis_label_text_font_style": "normal"}
-_LOOK["Row"] = {"stylesheets": [":host { flex-wrap: wrap; gap: 4px 16px }"]}  # as on a phone
-_LOOK["Figure"] = {"border_fill_color": None}  # white at first would shine through a dark one
-THEME = Theme(json={"attrs": _LOOK})
+_ATTRIBUTES = {
+    "Toolbar": {"logo": None, "styles": {"min-width": "230px"}}
+}  # narrower, it would hide a tool
+_ATTRIBUTES["Axis"] = {"axis_label_text_font_style": "normal"}
+_ATTRIBUTES["Row"] = {"stylesheets": [":host { flex-wrap: wrap; gap: 4px 16px }"]}  # as on a phone
+_ATTRIBUTES["Figure"] = {"border_fill_color": None}  # a white one would flash in dark mode
+THEME = Theme(json={"attrs": _ATTRIBUTES})
 
 
 def alert(text):
@@ -27,10 +29,10 @@ def alert(text):
 
 
 def field(model, take):
-    """Return a text field with what is wrong with its text below it.
+    """Return a text field with a message below it.
 
-    take : function of the text, called when it changes; its ValueError is the message, or the words
-    that it returns, if any. The text stays as it was typed.
+    take : function of the text, called when it changes. The message is its ValueError, or the text
+    that it returns, if any. The field keeps what was typed.
     """
     message = models.Div(width=model.width, margin=(0, 5))
 
@@ -46,7 +48,7 @@ def field(model, take):
 
 
 def boxes(state, labels, **options):
-    """Return boxes to tick, which choose among the names in `labels` what is shown."""
+    """Return check boxes that select which of the names in `labels` are shown."""
     names = list(labels)
 
     def chosen(attr, old, new):
@@ -58,16 +60,16 @@ def boxes(state, labels, **options):
     return group
 
 
-def picture(state, names, labels, most=ZOOM[1], **options):
-    """Return a figure that shows two ranges of the state, "ab" or "xy", and goes back to the first.
+def picture(state, names, labels, max_zoom=ZOOM[1], **options):
+    """Return a figure that shows two ranges of the state, "ab" or "xy", and can be reset.
 
-    labels : of its axes. most : how far one can zoom out, in parts of the first ranges.
+    labels : of its axes. max_zoom : largest ranges, relative to the first ones.
     """
     for axis, name, label in zip("xy", names, labels, strict=True):
         low, high = getattr(State(state.plane), name)
-        how = {"reset_start": low, "reset_end": high, "min_interval": ZOOM[0] * (high - low)}
-        how |= {"max_interval": most * (high - low)}
-        options[f"{axis}_range"] = models.Range1d(*getattr(state, name), **how)
+        settings = {"reset_start": low, "reset_end": high, "min_interval": ZOOM[0] * (high - low)}
+        settings |= {"max_interval": max_zoom * (high - low)}
+        options[f"{axis}_range"] = models.Range1d(*getattr(state, name), **settings)
         options[f"{axis}_axis_label"] = label
     options |= {"tools": _TOOLS, "active_scroll": "wheel_zoom", "toolbar_location": "above"}
     plot = figure(sizing_mode="scale_width", **options)
@@ -76,7 +78,7 @@ def picture(state, names, labels, most=ZOOM[1], **options):
 
 
 def add_bar(plot, mapper, title):
-    """Add the bar of its colours to a figure, with a title along its middle; return the bar."""
+    """Add a colour bar to a figure, with a title along its middle; return the bar."""
     bar = models.ColorBar(color_mapper=mapper, width=10, padding=4)
     plot.add_layout(bar, "right")
     plot.add_layout(models.Title(text=title, align="center", text_font_style="normal"), "right")
@@ -84,17 +86,18 @@ def add_bar(plot, mapper, title):
 
 
 def show(plot, marks, name, columns, tips=None):
-    """Show columns of data by marks in a figure, made when they first have any; None clears.
+    """Show columns of data by marks in a figure; None clears them.
 
-    marks : {name: function → [Glyph, …]}, the lowest first. tips : what the pointer tells of them.
+    The marks are created with the first data. marks : {name: function → [Glyph, …]}, the lowest
+    first. tips : tooltips of the marks.
     """
-    there = [one for one in plot.renderers if one.tags == [name]]
-    if there:
-        source = there[0].data_source
+    existing = [one for one in plot.renderers if one.tags == [name]]
+    if existing:
+        source = existing[0].data_source
         source.data = columns or {name: [] for name in source.data}
     elif columns and any(map(len, columns.values())):
-        how = {"data_source": models.ColumnDataSource(columns, name=name), "tags": [name]}
-        new = [models.GlyphRenderer(glyph=glyph, **how) for glyph in marks[name]()]
+        settings = {"data_source": models.ColumnDataSource(columns, name=name), "tags": [name]}
+        new = [models.GlyphRenderer(glyph=glyph, **settings) for glyph in marks[name]()]
         order = [[], *([one] for one in marks)]
         plot.renderers = sorted([*plot.renderers, *new], key=lambda one: order.index(one.tags))
         plot.add_tools(*[models.HoverTool(renderers=new, tooltips=tips)] * bool(tips))
@@ -102,9 +105,9 @@ def show(plot, marks, name, columns, tips=None):
 
 def small(title, x_label, y_label, **options):
     """Return a small figure, of curves that are computed on request."""
-    how = {"height": 150, "toolbar_location": None, "name": title}
-    how |= {"x_axis_label": x_label, "y_axis_label": y_label}
-    return figure(title=title, sizing_mode="stretch_width", tools="", **how | options)
+    settings = {"height": 150, "toolbar_location": None, "name": title}
+    settings |= {"x_axis_label": x_label, "y_axis_label": y_label}
+    return figure(title=title, sizing_mode="stretch_width", tools="", **settings | options)
 
 
 def sides_of(plot):
@@ -117,27 +120,30 @@ def rounded(event, pixel):
     return [round(w, ceil(-log10(d))) for w, d in zip((event.x, event.y), pixel, strict=True)]
 
 
-def pixels_of(plot, most, before=None):
-    """Return rows and columns inside the axes, 1 to `most`; `before` the browser tells, that."""
+def pixels_of(plot, largest, default=None):
+    """Return rows and columns inside the axes, 1 to `largest`.
+
+    Until the browser reports them, return `default`.
+    """
     with suppress(UnsetValueError):
-        return tuple(min(max(int(n), 1), most) for n in (plot.inner_height, plot.inner_width))
-    return before
+        return tuple(min(max(int(n), 1), largest) for n in (plot.inner_height, plot.inner_width))
+    return default
 
 
 def on_view(plot, work, refresh):
-    """Call refresh(), once for many changes, soon after what the figure shows or its size changes.
+    """Call refresh(), once for several changes, soon after the view or size of the figure changes.
 
-    Returns a function that asks for that too.
+    Returns a function that schedules such a call.
     """
-    waits = []
+    scheduled = []
 
     def run():
-        waits.clear()
+        scheduled.clear()
         refresh()
 
     def soon():
-        if not waits:
-            waits.append(work.document.add_timeout_callback(run, _SOON))
+        if not scheduled:
+            scheduled.append(work.document.add_timeout_callback(run, _DELAY))
 
     ends = product((plot.x_range, plot.y_range), ("start", "end"))
     for model, name in (*ends, (plot, "inner_width"), (plot, "inner_height")):

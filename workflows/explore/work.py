@@ -1,7 +1,7 @@
-"""Work off the event loop: threads compute, the document of a tab gets the results.
+"""Computations outside the event loop: threads compute, the document of a tab gets the results.
 
-Everything here is called on the event loop, but for the functions that compute. They run in daemon
-threads, so that neither a closed tab nor Ctrl-C waits for them; kernels release the GIL.
+Everything here is called on the event loop, except for the functions that compute. They run in
+daemon threads, so that neither a closed tab nor Ctrl-C waits for them; kernels release the GIL.
 """
 
 from contextlib import suppress
@@ -12,20 +12,18 @@ from threading import Thread
 from pipeline.store import Refused
 from pipeline.sweep.submit import as_completed
 
-_LOOK = 0.1  # seconds after which a generator yields, to be closed if it is void
+_YIELD_SECONDS = 0.1  # between the yields of a generator, at which it can be closed
 
 
 class Work:
-    """The work of one tab.
+    """The computations of one tab. They begin at `start`, and end at `close`.
 
-    document : of Bokeh.
+    document : the Bokeh document.
     client : function → dask Client; called in threads only, as it may wait for the workers.
     loaded : {name of kernels: Event, set when they are loaded}.
-    busy : {name of what is being computed for the page: how far that is, in words}.
-    failed : {name of what could not be: why, in words}, until it is tried again.
+    busy : {name of a computation: its progress as text}.
+    failed : {name of a computation that failed: the reason}, until it is started again.
     show : function without arguments, called whenever `busy` or `failed` changes.
-
-    Nothing is computed before `start` is called, nor after `close`.
     """
 
     def __init__(self, document, client, loaded=None):
@@ -34,21 +32,21 @@ class Work:
         self.closed, self._lanes = True, []
 
     def latest(self, name, kernels="verdict"):
-        """Return a Latest; `name` says in the page what is being computed, "portrait".
+        """Return a Latest; the page shows its `name` while it computes, e.g. "portrait".
 
-        kernels : name of those that it waits for; None if it waits for none.
+        kernels : name of the kernels that it waits for; None to start at once.
         """
         self._lanes.append(Latest(self, name, self.loaded.get(kernels)))
         return self._lanes[-1]
 
     def start(self):
-        """Begin with what was submitted so far; called on the event loop."""
+        """Begin with the computations submitted so far; called on the event loop."""
         self.closed = False
         for lane in self._lanes:
             lane.start()
 
     def close(self):
-        """Drop all that is still to come: the tab is closed."""
+        """Drop all remaining computations, as the tab is closed."""
         self.closed = True
 
     def tick(self, callback):
@@ -57,21 +55,22 @@ class Work:
             with suppress(AttributeError):  # Bokeh takes the document of a closed tab apart
                 self.document.add_next_tick_callback(callback)
 
-    def progress(self, name, words=None):
-        """Note how far the computation is, or that it ends."""
-        self.busy[name] = words
-        if words is None:
+    def progress(self, name, text=None):
+        """Record the progress of a computation; None when it ends."""
+        self.busy[name] = text
+        if text is None:
             del self.busy[name]
         self.show()
 
     def fail(self, name, error):
+        """Record that a computation failed."""
         is_sentence = isinstance(error, ValueError | OSError | Refused)
         self.failed[name] = str(error) if is_sentence else repr(error)
         self.show()
 
 
 class Latest:
-    """Computations of one kind, of which only the last one that was asked for counts."""
+    """Computations of one kind, of which only the last one counts."""
 
     def __init__(self, work, name, loaded):
         self.work, self.name, self._loaded = work, name, loaded
@@ -80,25 +79,26 @@ class Latest:
     def submit(self, function, *args, done):
         """Compute function(*args) in a thread, and call done(result) on the event loop.
 
-        A newer call makes an older one void: its result is dropped. One runs at a time; of those
-        that wait the newest is kept. A function that is a generator has done(value) called
-        for each value that it yields, and is closed at the next `yield` once it is void, so it
-        should yield often; what is not worth showing it yields as None.
+        A newer call makes an older one void: its result is dropped. One runs at a time, and only
+        the newest waits. For a generator done(value) is called for each value that is not None. A
+        generator is closed at the next `yield` once it is void, so it should yield often, None if
+        there is nothing new to show.
         """
         self.cancel()
         self._waiting = self._number, function, args, done
         self.start()
 
     def cancel(self):
-        """Make what runs or waits void."""
+        """Make the computations that run or wait void."""
         self._number += 1
         self._waiting = None
 
     def is_void(self, number):
+        """Return True if a newer computation was submitted, or the tab is closed."""
         return self.work.closed or number != self._number
 
     def start(self):
-        """Compute what waits, if nothing runs."""
+        """Start the computation that waits, unless one runs."""
         if self._waiting and not self._runs and not self.work.closed:
             job, self._waiting = self._waiting, None
             self._runs = True
@@ -132,16 +132,16 @@ class Latest:
         self.start()
 
 
-def spread(client, calls, most=inf, priority=0):
-    """Yield (key, result) of calls on the workers as they end, and None while nothing ends.
+def spread(client, calls, max_workers=inf, priority=0):
+    """Yield (key, result) of calls on the workers as they end, and None while none ends.
 
-    client : dask Client. calls : deque of (key, function, *args). most, priority : as for
-    `submit.as_completed`, which has four in flight for each worker, so that the scheduler always
-    has one that it prefers to those of a lower priority, and which cancels them when this is
-    closed.
+    client : dask Client. calls : deque of (key, function, *args). max_workers, priority : as for
+    `submit.as_completed`. It keeps four calls in flight for each worker, so that the scheduler
+    always has one that it prefers to those of a lower priority, and cancels them when this
+    generator is closed.
     """
     for item in as_completed(
-        client, lambda: calls.popleft() if calls else None, 4, most, _LOOK, priority
+        client, lambda: calls.popleft() if calls else None, 4, max_workers, _YIELD_SECONDS, priority
     ):
         if item and isinstance(item[1], Exception):
             raise item[1]

@@ -1,9 +1,9 @@
 """The paper reproduced: every figure with its caption, its command and its numbers, on one page.
 
-Runs the commands one after another (arXiv:1606.04824, Figs. 1 to 11, and beyond), each in a
-directory of its own in OUT, all on the same workers, and writes OUT/index.html. Each command
-resumes an earlier run. Below its figures the page shows a few lines of Python that read its cubes
-and redraw the main result; OUT/recipes has them as scripts and notebooks, to be run in OUT.
+Runs the commands one after another (arXiv:1606.04824, Figs. 1 to 11, and further results), each in
+its own directory in OUT, all on the same workers, and writes OUT/index.html. Each command resumes
+an earlier run. Below its figures the page shows a few lines of Python that read its cubes and
+redraw the main result; OUT/recipes has them as scripts and notebooks, to be run in OUT.
 
 By default a preview of everything, about ten CPU minutes.
 """
@@ -35,37 +35,37 @@ def recipe(name, out):
     The notebook has its docstring as text, and the rest as a cell.
     """
     script = Path(__file__).with_name("recipes").joinpath(f"{name}.py").read_text(encoding="utf-8")
-    _, words, code = script.split('"""', 2)
-    text = {"cell_type": "markdown", "metadata": {}, "source": words}
-    lines = {"cell_type": "code", "metadata": {}, "source": code.strip()}
-    lines |= {"execution_count": None, "outputs": []}
+    _, docstring, code = script.split('"""', 2)
+    text_cell = {"cell_type": "markdown", "metadata": {}, "source": docstring}
+    code_cell = {"cell_type": "code", "metadata": {}, "source": code.strip()}
+    code_cell |= {"execution_count": None, "outputs": []}
     kernel = {"name": "python3", "display_name": "Python 3", "language": "python"}
-    about = {"metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 4}
-    notebook = json.dumps({"cells": [text, lines], **about}, indent=1, ensure_ascii=False)
+    header = {"metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 4}
+    notebook = json.dumps({"cells": [text_cell, code_cell], **header}, indent=1, ensure_ascii=False)
     Path(out, "recipes").mkdir(exist_ok=True)
-    for kind, text in (("py", script), ("ipynb", notebook)):
-        files.write(f"{out}/recipes/{name}.{kind}", text)
+    for kind, content in (("py", script), ("ipynb", notebook)):
+        files.write(f"{out}/recipes/{name}.{kind}", content)
     return script
 
 
-def shown(exhibit, out, quick):
-    """Return what the page shows of the results of a command."""
-    here, name = Path(out, exhibit.name), exhibit.name
-    texts = {path.stem: path.read_text(encoding="utf-8").strip() for path in here.glob("*.txt")}
-    others = sorted(path for kind in ("pdf", "csv", "html") for path in here.glob(f"*.{kind}"))
-    pictures = sorted(here.glob("*.png"))
+def section_of(exhibit, out, quick):
+    """Return the section of the page with the results of a command."""
+    folder, name = Path(out, exhibit.name), exhibit.name
+    texts = {path.stem: path.read_text(encoding="utf-8").strip() for path in folder.glob("*.txt")}
+    others = sorted(path for kind in ("pdf", "csv", "html") for path in folder.glob(f"*.{kind}"))
+    pictures = sorted(folder.glob("*.png"))
     return vars(exhibit) | {
         "command": command_of(exhibit, quick),
         "pictures": [(f"{name}/{path.name}", texts.get(path.stem, "")) for path in pictures],
         "files": [f"{name}/{path.name}" for path in others],
-        "cubes": [f"{name}/{path.name}" for path in sorted(here.glob("*.zarr"))],
+        "cubes": [f"{name}/{path.name}" for path in sorted(folder.glob("*.zarr"))],
         "recipe": recipe(name, out),
     }
 
 
 _NAMES = [exhibit.name for exhibit in EXHIBITS]
 _RELEASE = (
-    "Write to DIR, instead, the data set for a DOI: CB_gt, the CB_ω of the six circles, and the "
+    "Instead, write to DIR the data set for a DOI: CB_gt, the CB_ω of the six circles, and the "
     "proved map with cells of 1/128, with certificates and checksums; 70 MB, ten CPU minutes."
 )
 
@@ -75,8 +75,8 @@ _RELEASE = (
 @flag("--yes", "Run --full although it takes hours.")
 @choice("--exhibit", _NAMES, (), "Command to run; may be repeated.  [default: all]", multiple=True)
 @click.option("--release", metavar="DIR", type=DIRECTORY, help=_RELEASE)
-@flag("--quick", "A preview of the release: a few rays and cells.")
-@directory("Directory of the page, and of the commands' folders; each is resumed.")
+@flag("--quick", "A preview of the release, with a few rays and cells.")
+@directory("Directory of the page and of the folders of the commands; each is resumed.")
 @quiet_option
 @cluster_options
 def main(out, full, yes, exhibit, release, quick, quiet, workers, scheduler, tls):
@@ -89,38 +89,40 @@ def main(out, full, yes, exhibit, release, quick, quiet, workers, scheduler, tls
 
     if release or quick:
         if not release or full or exhibit:
-            raise click.UsageError("--release goes with --quick alone, and --quick with --release")
+            raise click.UsageError(
+                "combine --release with --quick only, and --quick with --release only"
+            )
         with shared_workers(scheduler, workers, tls) as workers:
             size = make_release(release, workers, quick, quiet)
         click.echo(f"release: {release}, {size / 1e6:.1f} MB")
         return
     if full and not (yes or scheduler):
-        words = "--full takes some four CPU hours; for a preview leave it out, else add --yes"
-        raise click.UsageError(words)
+        message = "--full takes some four CPU hours; omit it for a preview, or add --yes"
+        raise click.UsageError(message)
     Path(out).mkdir(parents=True, exist_ok=True)
     quick = not full
-    wanted = [each for each in EXHIBITS if not exhibit or each.name in exhibit]
+    selected = [each for each in EXHIBITS if not exhibit or each.name in exhibit]
     with shared_workers(scheduler, workers, tls) as workers:
-        for number, each in enumerate(wanted, 1):
+        for number, each in enumerate(selected, 1):
             if not quiet:
-                click.echo(f"\nexhibit {number} of {len(wanted)}", err=True, nl=False)
+                click.echo(f"\nexhibit {number} of {len(selected)}", err=True, nl=False)
             run(each, out, workers, quick, quiet)
-            # After each of them, so that there is something to see.
-            there = [each for each in EXHIBITS if Path(out, each.name).exists()]
-            claims, counted, table = [], "", Path(out, "claims", "claims.csv")
+            # The page is updated after each command.
+            finished = [each for each in EXHIBITS if Path(out, each.name).exists()]
+            claims, summary, table = [], "", Path(out, "claims", "claims.csv")
             if table.exists():
                 claims = read_csv(table, keep_default_na=False).to_dict("records")
-                counted = table.with_suffix(".txt").read_text(encoding="utf-8").strip()
+                summary = table.with_suffix(".txt").read_text(encoding="utf-8").strip()
             render(
                 "gallery/page.html",
                 f"{out}/index.html",
-                sections=[shown(each, out, quick) for each in there],
+                sections=[section_of(each, out, quick) for each in finished],
                 claims=claims,
-                counted=counted,
+                summary=summary,
                 quick=quick,
                 made=f"{date.today():%d %B %Y}, nasm {__version__}",
             )
     n_figures = sum(1 for _ in Path(out).glob("*/*.png"))
-    parts = plural(n_figures, "figure"), plural(len(there), "command")
-    click.echo(f"\n{' of '.join(parts)} on one page. {counted}".rstrip())
+    parts = plural(n_figures, "figure"), plural(len(finished), "command")
+    click.echo(f"\n{' of '.join(parts)} on one page. {summary}".rstrip())
     click.echo(f"page: {out}/index.html")

@@ -1,8 +1,8 @@
-"""Exhibits: commands, what they show, and their options for a preview and for the real size.
+"""Exhibits: commands, their titles, and their options for a preview and for the full size.
 
-Those of a release are what a DOI holds: the last barrier, the six circles of the paper, and the
-proved map. Each is as its command leaves it, with the certificates; besides, a README that says by
-which command and which versions, and the checksums of all files, SHA256SUMS.
+A release, the data set for a DOI, consists of the last barrier, the six circles of the paper, and
+the proved map. It has the output of these commands with the certificates, a README with the
+commands and versions, and the checksums of all files, SHA256SUMS.
 """
 
 import hashlib
@@ -19,9 +19,9 @@ from workflows.shared.cli import main_of
 
 @dataclass(frozen=True)
 class Exhibit:
-    """A command, what it shows, and its options for a preview and for the paper's size.
+    """A command, its title, and its options for a preview and for the size of the paper.
 
-    beyond : whether the paper does not ask what it answers.
+    beyond : True if it answers a question that the paper does not ask.
     """
 
     name: str
@@ -31,6 +31,7 @@ class Exhibit:
     beyond: bool = False
 
     def options(self, quick):
+        """Return the options of the command line as a list."""
         return shlex.split(self.quick if quick else self.full)
 
 
@@ -67,14 +68,14 @@ def make_release(directory, workers, quick, quiet):
     """Make or resume the release in a directory; return its size in bytes."""
     for exhibit in RELEASE:
         run(exhibit, directory, workers, quick, quiet)
-    here = Path(directory)
-    files.write(here / "README.md", _readme(quick))
-    paths = [path for path in sorted(here.rglob("*")) if path.is_file()]
+    folder = Path(directory)
+    files.write(folder / "README.md", _readme(quick))
+    paths = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     paths = [path for path in paths if path.name not in (SUMS, ".lock")]
     paths = [path for path in paths if path.suffix != files.BESIDE]  # of a run that was killed
     digests = {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
-    sums = (f"{sum}  {path.relative_to(here).as_posix()}\n" for path, sum in digests.items())
-    files.write(here / SUMS, "".join(sums))
+    sums = (f"{sum}  {path.relative_to(folder).as_posix()}\n" for path, sum in digests.items())
+    files.write(folder / SUMS, "".join(sums))
     return sum(path.stat().st_size for path in paths)
 
 
@@ -89,9 +90,9 @@ def _readme(quick):
     return f"""# Where the last barrier of the nonautonomous standard map breaks
 
 The map of arXiv:1606.04824, computed by nasm {__version__} ({COMPUTED_BY}). Each cube, a folder
-NAME.zarr, is opened by `xarray.open_zarr(path)`; its attributes say what its numbers are and who
-computed them. The tables (CSV) hold the same.
+NAME.zarr, is opened by `xarray.open_zarr(path)`; its attributes describe its numbers and how they
+were computed. The tables (CSV) have the same numbers.
 
-{parts}`sha256sum -c {SUMS}` checks all files; in a copy of the program, `python -m workflows.verify
+{parts}`sha256sum -c {SUMS}` checks all files. With nasm installed, `python -m workflows.verify
 --out FOLDER` checks the cubes of a folder, and `--proofs` the certificates as well.
 """

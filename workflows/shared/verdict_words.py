@@ -55,7 +55,7 @@ def sentences(kappa: FloatArray, point: Point, verdict: Verdict) -> list[str]:
     lines.append(f"Evidence: {verdict.evidence.value}.")
     proof: Any = verdict.proof
     if proof is not None and not proof.proved:
-        lines.append(f"A proof was attempted: {proof.why}.")
+        lines.append(f"A proof was attempted: {proof.reason}.")
     if verdict.evidence is Evidence.CIRCLE_PROVED:
         below = verdict.proved_below
         lines.append(

@@ -62,7 +62,7 @@ def verify_proofs(path, place, longest, repair):
                 for certificate, seconds in zip(certificates, of_tile, strict=True):
                     if seconds <= longest:
                         try:
-                            check(certificate, most_kicks=inf)  # it takes no longer than `longest`
+                            check(certificate, max_kicks=inf)  # it takes no longer than `longest`
                         except Refuted as reason:
                             bad[index] = f"a certificate is refuted: {reason}"
                 predicted = sum(seconds for seconds in of_tile if seconds <= longest)

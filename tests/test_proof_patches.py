@@ -14,7 +14,7 @@ from nasm import barriers, periodic, proofs
 from nasm.numbers import parse
 from nasm.proofs import barrier
 from nasm.proofs import certificate_checker as checker
-from nasm.proofs import fan as module
+from nasm.proofs import patches as module
 from nasm.proofs.certificate_checker import check
 from nasm.symmetries import ray
 
@@ -51,7 +51,7 @@ def reached(omega, profile, value, seconds, tilt, least, nearest=1e-4):
     scales = [proof.scales for proof in fans]
     assert scales[0][0] == 0
     assert all(one[1] == other[0] for one, other in pairwise(scales))
-    assert below == scales[-1][1] == proofs.covered(scales)
+    assert below == scales[-1][1] == proofs.covered_up_to(scales)
     for proof, (low, high) in zip(fans[:2], scales, strict=False):
         certificate = json.loads(json.dumps(proof.certificate()))
         assert f" from {low} to {high} times (" in check(certificate)
@@ -64,9 +64,9 @@ def breakup(profile, tilt):
 
 
 def test_intervals_are_joined_without_a_gap():
-    assert proofs.covered([(0.2, 0.3), (0.0, 0.2)]) == 0.3
-    assert proofs.covered([(0.0, 0.2), (np.nextafter(0.2, 1), 0.3)]) == 0.2
-    assert proofs.covered([(1e-300, 0.2)]) == proofs.covered([]) == 0
+    assert proofs.covered_up_to([(0.2, 0.3), (0.0, 0.2)]) == 0.3
+    assert proofs.covered_up_to([(0.0, 0.2), (np.nextafter(0.2, 1), 0.3)]) == 0.2
+    assert proofs.covered_up_to([(1e-300, 0.2)]) == proofs.covered_up_to([]) == 0
 
 
 @pytest.mark.parametrize("failure", range(1, 6))
@@ -86,7 +86,7 @@ def test_an_interval_that_fails_is_tried_again_before_the_next(failure, monkeypa
     assert len(tried) == len(scales) + 1
     assert scales[0][0] == 0
     assert all(one[1] == other[0] for one, other in pairwise(scales))
-    assert 0.9 < below == scales[-1][1] == proofs.covered(scales)
+    assert 0.9 < below == scales[-1][1] == proofs.covered_up_to(scales)
 
 
 def test_the_scale_is_that_up_to_which_the_proofs_leave_no_gap(monkeypatch):
@@ -96,7 +96,7 @@ def test_the_scale_is_that_up_to_which_the_proofs_leave_no_gap(monkeypatch):
 
     monkeypatch.setattr(module, "_proved_between", with_a_gap)
     below, fans = module.proved_below(GAMMA, (1.0,), 0.97, np.inf, nearest=0.01)
-    assert below == proofs.covered(proof.scales for proof in fans) < fans[-1].scales[1]
+    assert below == proofs.covered_up_to(proof.scales for proof in fans) < fans[-1].scales[1]
 
 
 @pytest.mark.parametrize("profile", [(1e-300, 0.0), (1e-200, 1e-210, 0.0)])
@@ -140,7 +140,7 @@ def test_across_the_breakup_at_a_side_of_the_fan_nothing_is_proved(beyond, end):
 
 def fan(profile, tilt, low, high, shape, module=module):
     with ctx.workprec(128):
-        return module._Fan(GAMMA, list(profile), list(tilt), low, high, N, *shape)
+        return module._Patch(GAMMA, list(profile), list(tilt), low, high, N, *shape)
 
 
 def nodes(n):
@@ -155,7 +155,7 @@ def circles_at_points(profile, tilt, high, shape):
         for s, t, b in product(*map(nodes, shape), [np.array(tilt)])
     ]
     with ctx.workprec(128):
-        return profile, tilt, high, shape, found.moves(found.circles(starts), -80)
+        return profile, tilt, high, shape, found.coefficients(found.circles(starts), -80)
 
 
 def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.0)):
@@ -166,7 +166,7 @@ def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.
         rows = [
             [[arb(0), arb(strength * x * y / 2)]] * len(profile) for x, y in product(values, others)
         ]
-        return profile, tilt, 1.0, shape, found.moves(rows, -80)
+        return profile, tilt, 1.0, shape, found.coefficients(rows, -80)
 
 
 def complex_modes(tilt, shape):
@@ -378,7 +378,7 @@ def test_modes_that_are_not_real_or_not_odd_are_refused(row):
 def test_the_constant_of_interpolation_is_above_lebesgues():
     # Σ ±ℓ_i(cos θ) is an even trigonometric polynomial of degree < n, whose slope is less than n
     # times its maximum (Bernstein): what a grid misses of the maximum is known.
-    for n in range(2, module.MOST + 1):
+    for n in range(2, module.MAX_NODES + 1):
         theta = np.linspace(0, np.pi / 2, 150 * n + 1)  # and the same beyond
         T = np.cos(np.arange(n)[:, None] * theta)
         weights = np.cos(np.outer(np.arccos(nodes(n)), np.arange(n))) * 2 / n
@@ -408,7 +408,7 @@ def test_what_interpolation_misses_is_bounded_on_the_best_ellipse():
 
 
 def test_the_checkers_constants_of_interpolation_are_lebesgues():
-    for n in range(2, checker.DEGREES + 2):
+    for n in range(2, checker.MAX_DEGREES + 2):
         theta = np.linspace(0, np.pi / 2, 20 * n + 1)
         weights = np.cos(np.outer(np.arccos(nodes(n)), np.arange(n))) * 2 / n
         weights[:, 0] /= 2
@@ -444,6 +444,6 @@ def test_a_fan_whose_certificate_might_not_be_confirmed_is_left(monkeypatch):
     assert found.proved
     most = {"ratio": 1 / 32, "chi": 1 / 100, "room": 1 / 101, "moved": 1 / 100}
     part = max(found.constants[name] / right for name, right in most.items())
-    for _PART, proved in ((0.999 * part, False), (1.001 * part, True)):
-        monkeypatch.setattr(module, "_PART", _PART)
+    for _BOUND_FRACTION, proved in ((0.999 * part, False), (1.001 * part, True)):
+        monkeypatch.setattr(module, "_BOUND_FRACTION", _BOUND_FRACTION)
         assert tried(GAMMA, *TRIANGLE, scales).proved == proved

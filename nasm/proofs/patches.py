@@ -1,0 +1,404 @@
+"""A proof that a barrier exists under every forcing of a patch.
+
+A patch consists of the forcings κ = s(a + tb), low ≤ s ≤ high, |t| ≤ 1. Patches with the same a
+and b, each beginning at the s where the last one ended, fill a triangle with a corner at κ = 0, or
+a ray if b = 0. In each of them
+
+    u_j(φ; s, t) = Σ_{m<Q, l<R} C_jml(φ) T_m(σ) T_l(t),    s = (low + high)/2 + σ (high - low)/2,
+
+|σ| ≤ 1, with the Chebyshev polynomials T_m. The theorem of `nasm.proofs.barrier` applies for every
+s and t if its constants hold for all σ and t. Bounds of n_j and k_j are sums over m and l. That of
+p_j uses how much g_j' differs from its value at the nearest of Q·R Chebyshev points. For the
+residual
+
+    ‖E_j‖ ≤ Λ_Q Λ_R max ‖E_j‖ at the points + interpolation error,    Λ_Q = 1 + (2/π) log Q.
+
+So the circle exists for all weaker kicks too; it does not break and reappear on the way. See
+proofs/README.md, "A patch". A proof relies on `_Patch` and the functions of `nasm.proofs.barrier`
+that it calls, and may get C from anywhere. Certificates call a patch a fan.
+"""
+
+import time
+from collections.abc import Iterable, Sequence
+from itertools import product
+from math import ceil, floor, log, log2, pi, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from nasm import circles
+from nasm.checks import real
+from nasm.maps import MAX_STRENGTH, MIN_SIZE, direction, forcing
+from nasm.numbers import RotationNumber, as_rotation_number
+from nasm.proofs.barrier import (
+    Ball,
+    BarrierProof,
+    ComplexArray,
+    Grid,
+    as_balls,
+    balls,
+    decay,
+    fast_size,
+    grid_size,
+    integers,
+    need_flint,
+    polished,
+    residual,
+    stepped,
+    turns,
+    verified,
+)
+from nasm.symmetries import shorten
+from nasm.types import FloatArray, OmegaLike
+
+__all__ = ["covered_up_to", "proved_below"]
+
+try:
+    from flint import acb_mat, arb, arb_mat, ctx
+except ImportError:  # the extra `proof`
+    arb = None  # type: ignore[assignment, misc]
+
+# Distances from the breakup, at the end of a patch relative to its beginning.
+_MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
+# The residual ε that suffices 1% below the breakup, and its power law in the distance.
+_RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 3e-19, 6.3
+_LONG_DOUBLE_RESIDUAL = 1e-15  # ε down to which circles in long doubles are accurate enough
+_GRID_FACTOR = 1.1  # points of a grid, relative to one forcing
+_MIN_NODES, MAX_NODES = 8, 64  # Chebyshev points in s, and in t
+_TRIAL_NODES = 24  # across the far end of a patch, to choose the number of points in t
+_STRIP_RATIO = 0.1  # ρ relative to the strip in which circles are analytic, approximately
+_SLOWDOWN = 1.25  # of the work, relative to a power law 1/distance
+_BOUND_FRACTION = 0.8
+"""A patch counts as proved if the left sides are below this part of the right sides of the theorem.
+
+The checker of certificates computes its own bounds, which may be slightly larger: in one of 988
+cells of forcings by a factor of 1.15.
+"""
+
+
+def proved_below(
+    omega: OmegaLike,
+    profile: ArrayLike,
+    value: float,
+    budget: float,
+    tilt: ArrayLike | None = None,
+    nearest: float = 1e-4,
+) -> tuple[float, list[BarrierProof]]:
+    """Prove that the circle of omega exists at all scales from 0 on, along a ray or in a triangle.
+
+    Parameters
+    ----------
+    omega : RotationNumber or str
+        Rotation number per period of the profile, irrational.
+    profile : array_like, shape (P,)
+        Direction of the ray, not zero.
+    value : float
+        Scale at which the circle breaks, e.g. by `periodic.critical_scale`, from 1e-300 to 1e306;
+        for a triangle the least on its rays. It only chooses where to try proofs.
+    budget : float
+        CPU seconds, which are kept approximately. For two kicks 2 s reach 0.97 of the breakup, and
+        12 s 0.99; proofs/README.md has a table.
+    tilt : array_like, shape (P,), optional
+        For a triangle: it consists of the rays profile + t·tilt, -1 ≤ t ≤ 1.
+    nearest : float
+        Relative distance from the breakup at which to stop, from 0 to 1.
+
+    Returns
+    -------
+    scale : float
+        The circle exists under s·(profile + t·tilt) for all real s and t, 0 ≤ s ≤ scale. This is a
+        statement about real numbers: forcings rounded to floats lie beside the ray by some 10⁻¹⁶.
+    proofs : list of BarrierProof
+        Proofs of the patches that fill the ray or the triangle.
+
+    Raises
+    ------
+    ImportError
+        If python-flint is not installed.
+    ValueError
+        If an argument is out of range.
+
+    Examples
+    --------
+    >>> from nasm.proofs import proved_below
+    >>> scale, proofs = proved_below("gamma", (1.0,), 0.971635, budget=0.3)
+    >>> 0.5 < scale < 0.971635
+    True
+    >>> proofs[0]
+    <BarrierProof: the circle [0;(1)] exists under s·(1.0,), 0 ≤ s ≤ 0.485818; proved on ... points>
+    """
+    omega, profile = as_rotation_number(omega), direction(profile)
+    value = real("value", value, MIN_SIZE, MAX_STRENGTH / MIN_SIZE)
+    if not real("budget", budget) > 0:
+        raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
+    real("nearest", nearest, 0, 1)
+    need_flint()
+    short, short_omega = profile, omega
+    if tilt is None:
+        (short,), short_omega = shorten([profile], omega)
+    tilt = np.zeros(short.size) if tilt is None else forcing(tilt)
+    if tilt.shape != short.shape:
+        raise ValueError(f"tilt={tilt.tolist()} must have a number for each kick of the profile")
+    about = {"omega": omega, "kappa": tuple(profile.tolist()), "tilt": tuple(tilt.tolist())}
+    about |= {"short_omega": short_omega, "short_kappa": tuple(short.tolist())}
+    reached, proofs, part, until, pace = (
+        0.0,
+        [],
+        _MIN_DISTANCE_RATIO,
+        time.thread_time() + budget,
+        0.0,
+    )
+    while part <= _MAX_DISTANCE_RATIO and not omega.is_rational:
+        before = time.thread_time()
+        # The work is about proportional to 1/distance.
+        affordable = _SLOWDOWN * pace / max(until - before, 1e-9)
+        distance = max((1 - reached / value) * part, affordable, nearest)
+        if not distance < _MAX_DISTANCE_RATIO * (1 - reached / value):
+            break
+        high = value * (1 - distance)
+        proof = _proved_between(reached, high, value, about)
+        if proof.proved:
+            reached, part = high, max(_MIN_DISTANCE_RATIO, part**1.5)
+            proofs.append(proof)
+        else:
+            part = sqrt(part)
+        pace = (time.thread_time() - before) * distance
+    return covered_up_to(proof.scales for proof in proofs), proofs
+
+
+def covered_up_to(intervals: Iterable[tuple[float, ...]]) -> float:
+    """Return the scale up to which every s ≥ 0 is in one of the intervals (low, high).
+
+    Examples
+    --------
+    >>> from nasm.proofs import covered_up_to
+    >>> covered_up_to([(0.0, 0.2), (0.2, 0.3), (0.4, 0.5)])
+    0.3
+    """
+    reached = 0.0
+    for low, high in sorted(intervals):
+        if low <= reached:
+            reached = max(reached, high)
+    return reached
+
+
+def _proved_between(low: float, high: float, value: float, about: dict[str, Any]) -> BarrierProof:
+    """Try to prove the circle for low ≤ s ≤ high, below the breakup at value."""
+    about = about | {"scales": (low, high)}
+    omega, profile, tilt = (about[key] for key in ("short_omega", "short_kappa", "tilt"))
+    middle, half, distance = (low + high) / 2, (high - low) / 2, 1 - high / value
+    epsilon = (
+        _RESIDUAL_AT_1_PERCENT
+        * (distance / 0.01) ** _RESIDUAL_POWER
+        / max(1, len(profile) - 1) ** 3
+    )
+    x = (value - middle) / half
+    Q = max(_MIN_NODES, ceil(-log(epsilon) / log(x + sqrt(x * x - 1))))
+    most = min(2**16, 2 ** ceil(log2(128 + 32 / distance)))
+
+    def circle(sigma: float, t: float) -> circles.InvariantCircle:
+        kappa = (middle + half * sigma) * (np.array(profile) + t * np.array(tilt))
+        return circles.invariant_circle(omega, kappa, most)
+
+    far = [circle(1.0, t) for t in _points(_TRIAL_NODES if any(tilt) else 1).tolist()]
+    if lost := [one.status.value for one in far if not one.certified]:
+        return BarrierProof(False, f"not proved: a circle was not found: {lost[0]}", **about)
+    n = fast_size(int(_GRID_FACTOR * max(grid_size(one.u) for one in far)))
+    R, starts = _points_across(far, n, epsilon / 10) if any(tilt) else 1, []
+    if max(Q, R) > MAX_NODES:
+        return BarrierProof(False, "not proved: the patch is too wide", **about)
+    for sigma in _points(Q).tolist():  # the closest to the breakup first
+        for t in _points(R).tolist():
+            start = circle(sigma, t)
+            if not start.certified:
+                reason = f"not proved: a circle was not found: {start.status.value}"
+                return BarrierProof(False, reason, **about)
+            starts.append(start.u)
+    unit = floor(log2(epsilon / (1000 * n)))
+    with ctx.workprec(128 if n < 2**18 else 160):
+        patch = _Patch(omega, profile, tilt, low, high, n, Q, R)
+        modes = patch.circles(starts, epsilon)
+        if modes is None:
+            return BarrierProof(False, "not proved: Newton's method diverges", **about)
+        coefficients = patch.coefficients(modes, unit)
+        if R > 1:
+            coefficients = _above_rounding(coefficients, Q, R)
+        outcome = patch.verified(coefficients, unit)
+    coefficients = [coefficients[first : first + R] for first in range(0, Q * R, R)]
+    return BarrierProof(**about, n=n, unit=unit, coefficients=coefficients, **outcome)
+
+
+def _points(Q: int) -> FloatArray:
+    """Return the Q Chebyshev points."""
+    return np.cos(pi * (2 * np.arange(Q) + 1) / (2 * Q))
+
+
+def _points_across(far: list[circles.InvariantCircle], n: int, max_error: float) -> int:
+    """Choose R such that the error of interpolation in t is at most max_error.
+
+    The error is that of `_Patch._between`, with the norms of coefficients of the circles at the far
+    end.
+    """
+    degrees = np.arange(_TRIAL_NODES)[:, None]
+    turn = turns(far[0].omega, len(far[0].kappa), n // 2 + 1)
+    refined = [polished(one.kappa.tolist(), n, turn, one.u) for one in far]
+    modes: ComplexArray = np.array(refined).astype(np.complex128)
+    if not np.isfinite(modes).all():
+        return MAX_NODES + 1
+    rho = _STRIP_RATIO * decay(np.abs(modes).max(axis=(0, 1)))
+    T = np.cos(degrees * np.arccos(_points(_TRIAL_NODES)))
+    T *= np.minimum(degrees + 1, 2) / _TRIAL_NODES
+    weights = 2 * np.exp(2 * pi * rho * np.arange(modes.shape[-1]))
+    sizes = (np.abs(np.tensordot(T, modes, 1)) @ weights).max(axis=1)
+    # Beyond `end` sizes are those of rounding.
+    end = max(4, int(np.argmax(np.append(sizes < 1e-10 * sizes.max(), True))))
+    rate = (sizes[end - 1] / sizes[end // 2 - 1]) ** (1 / (end - end // 2))
+    rate = np.clip(rate, 0.01, 0.95)
+    r = np.geomspace(1.01, 0.98 / rate, 80)
+    size = sizes[:end] @ (r ** degrees[:end] + r ** -degrees[:end]) / 2
+    size += sizes[end - 1] / 2 * r**end * rate / (1 - rate * r)
+    B = np.abs([one.kappa for one in far]).max() * (r + 1 / r) / (4 * pi)
+    B *= np.exp(2 * pi * (rho + np.minimum(size, 50)))
+    return max(_MIN_NODES, ceil(min(np.log(4 * B / (1 - 1 / r) / max_error) / np.log(r))))
+
+
+def _above_rounding(coefficients: list[Any], Q: int, R: int) -> list[Any]:
+    """Replace coefficients C by 0 if they are as small as the rounding of modes in long double.
+
+    C decays with the sum of its degrees, so that those of high degrees in both are rounding alone.
+    """
+    size = max(1, *(len(part) for table in coefficients for row in table for part in row))
+    sizes = np.zeros((Q * R, size))
+    for total, table in zip(sizes, coefficients, strict=True):
+        for part in (part for row in table for part in row):
+            total[: len(part)] += np.abs(np.array(part, float))
+    rho = _STRIP_RATIO * decay(sizes[0])
+    norms = sizes @ np.exp(2 * pi * rho * np.arange(sizes.shape[1]))
+    rounding = norms.reshape(Q, R)[3 * Q // 4 :, 3 * R // 4 :].max()
+    nothing: list[Any] = [[[], []]] * len(coefficients[0])
+    return [C if x > 2 * rounding else nothing for C, x in zip(coefficients, norms, strict=True)]
+
+
+class _Patch:
+    """The forcings s(profile + t·tilt), low ≤ s ≤ high, |t| ≤ 1, at Q·R Chebyshev points, in balls.
+
+    Lists run over all points, or all degrees, those of t fastest.
+    """
+
+    def __init__(
+        self,
+        omega: RotationNumber,
+        profile: Sequence[float],
+        tilt: Sequence[float],
+        low: float,
+        high: float,
+        n: int,
+        Q: int,
+        R: int,
+    ) -> None:
+        if not (
+            0 <= low < high
+            and 1 < Q <= MAX_NODES
+            and 1 <= R <= MAX_NODES
+            and (R > 1 or not any(tilt))
+        ):
+            raise ValueError(f"low={low}, high={high}, Q={Q}, R={R} are out of range")
+        self.profile, self.tilt = [arb(k) for k in profile], [arb(k) for k in tilt]
+        self.shape = Q, R
+        self.middle, self.half, self.high = (arb(low) + high) / 2, (arb(high) - low) / 2, arb(high)
+        self.T = [_chebyshev(Q), _chebyshev(R)]
+        grid = Grid(omega, profile, n)
+        self.grids = []
+        for row, across in product(*self.T):
+            s, t = self.middle + self.half * row[1], across[1] if R > 1 else arb(0)
+            both = zip(self.profile, self.tilt, strict=True)
+            self.grids.append(grid.under([s * (a + t * b) for a, b in both]))
+        self.odd, self.turn = grid.odd, turns(omega, grid.sites, n // 2 + 1)
+
+    def circles(self, starts: list[FloatArray], epsilon: float = 0.0) -> list[Any] | None:
+        """Return the modes of circles at the points, exact balls, from values on grids.
+
+        If epsilon is close to the rounding of long doubles, add a step of Newton's method in balls.
+        None if Newton's method diverges.
+        """
+        all_modes = []
+        for grid, start in zip(self.grids, starts, strict=True):
+            modes = polished(grid.kappa, grid.n, self.turn, start)
+            if not np.isfinite(modes).all():
+                return None
+            modes[0, 0] = 0  # the same phase at all points
+            modes = as_balls(modes, self.odd)
+            if epsilon < _LONG_DOUBLE_RESIDUAL:
+                modes = stepped(grid, self.turn, modes, residual(grid, modes))
+            if modes is None:
+                return None
+            all_modes.append(modes)
+        return all_modes
+
+    def _product(self, A: list[list[list[Ball]]], tables: list[Any]) -> list[Any]:
+        """Return Σ A_mi A'_li' tables[i, i'] for A, A' = A and tables of P rows of equal length."""
+        matrix, tables = arb_mat if self.odd else acb_mat, np.array(tables, object)
+        x = tables.reshape(*self.shape, -1)
+        for B in A:  # along the first axis, which then becomes the second
+            both = matrix(B) * matrix(x.reshape(len(B), -1).tolist())
+            x = np.array(both.entries(), object).reshape(x.shape).swapaxes(0, 1)
+        return x.reshape(tables.shape).tolist()
+
+    def coefficients(self, modes: list[Any], unit: int) -> list[Any]:
+        """Interpolate modes at the points; return C rounded to integers, as in `BarrierProof`."""
+        A = [
+            [[(2 if m else 1) * row[m] / len(T) for row in T] for m in range(len(T))]
+            for T in self.T
+        ]
+        return [[integers(row, unit) for row in table] for table in self._product(A, modes)]
+
+    def verified(self, coefficients: list[Any], unit: int) -> dict[str, Any]:
+        """Try to verify the theorem for all s and t; return fields of a `BarrierProof`."""
+        size = max(1, *(len(part) for t in coefficients for row in t for part in row))
+        C = [balls(table, unit, size, self.odd) for table in coefficients]
+        u = self._product(self.T, C)
+        E = [residual(grid, modes) for grid, modes in zip(self.grids, u, strict=True)]
+        sizes = [[[x.abs_upper() for x in row] for row in table] for table in C]
+        # |T_m(σ) - T_m(σ_i)| for the nearest σ_i: their angles differ by π/2Q or less.
+        steps = [[2 * (arb(m) / (4 * n)).sin_pi() for m in range(n)] for n in self.shape]
+        apart = [a + b for a, b in product(*steps)]
+        kappa = [self.high * self._largest(j) for j in range(len(self.profile))]
+        outcome = verified(self.grids, u, E, sizes, apart, kappa, self._between, _BOUND_FRACTION)
+        return {key: outcome[key] for key in outcome if key != "estimated_ratio"}
+
+    def _largest(self, j: int, t: Ball | int = 1) -> Ball:
+        """Bound |κ_j| for s = 1 and |t| at most `t`."""
+        return abs(self.profile[j]) + abs(self.tilt[j]) * t
+
+    def _between(self, error: Ball, rho: Ball, norms: list[Ball], j: int) -> Ball:
+        """Bound ‖E_j‖ for all σ and t, from its bound `error` at the points.
+
+        The error of interpolating the sine, in σ and in t, is bounded on ellipses whose half axes
+        have the sum r.
+        """
+        (Q, R), two_pi, misses = self.shape, 2 * arb.pi(), []
+        degrees = [*product(range(Q), range(R))]
+        for axis, count in enumerate(self.shape):
+            least = arb.pos_inf() if count > 1 else arb(0)  # nothing depends on t
+            sums = [arb(0)] * count
+            for m, x in zip(degrees, norms, strict=True):
+                sums[m[axis]] += x
+            for r in [arb(x) for x in np.geomspace(1.2, 40, 50)] if count > 1 else []:
+                axes = (r + 1 / r) / 2
+                s, t = (self.middle + self.half * axes, 1) if axis == 0 else (self.high, axes)
+                size = rho + sum((r**m + r**-m) / 2 * x for m, x in enumerate(sums))
+                B = s * self._largest(j, t) / two_pi * (two_pi * size).exp()
+                bound = 4 * B * r**-count / (1 - 1 / r)
+                least = bound if bound < least else least
+            misses.append(least)
+        (along, beside), (Lambda, across) = (
+            misses,
+            (1 + 2 / arb.pi() * arb(n).log() for n in (Q, R)),
+        )
+        return Lambda * (across * error + beside) + along
+
+
+def _chebyshev(Q: int) -> list[list[Ball]]:
+    """Return T_m(σ_i), with a row for each i."""
+    return [[(arb(m * (2 * i + 1)) / (2 * Q)).cos_pi() for m in range(Q)] for i in range(Q)]
