@@ -58,5 +58,5 @@ def main(run, plane, n_rays, n_cusp_rays, tol, **options):
             direct, barrier, grid.n_orbits[-1]
         )
         caption += "\n" + describe_circles(circles)
-        found = field, circles, barrier
-        run.figure("critical_boundary", draw_critical_boundary, *found, caption=caption)
+        results = field, circles, barrier
+        run.figure("critical_boundary", draw_critical_boundary, *results, caption=caption)

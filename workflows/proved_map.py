@@ -52,5 +52,5 @@ def main(run, cells, cpu_seconds, distance):
         rays = list(zip(at, scales, strict=True))
         jobs = proved_map(rays, int(cells), cpu_seconds), proved_triangles(rays, circles, distance)
         cubes = [run.sweep(job).load() for job in jobs]
-        found = *cubes, barrier
-        run.figure("proved_map", draw_proved_map, *found, caption=proved_map_caption(*found))
+        results = *cubes, barrier
+        run.figure("proved_map", draw_proved_map, *results, caption=proved_map_caption(*results))

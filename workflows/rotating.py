@@ -42,8 +42,8 @@ def main(run, n_rays, n_cusp_rays, n_max, n_orbits):
         tori = rays.with_ratio(tori, two.critical_scale, "CB_gt of T")
         tori = rays.with_ratio(tori, direct.upper, "the onset of transport of T", "ratio_direct")
         run.table("rotating_tori", tori)
-        found = circles, two, direct
-        caption = figures.rotating_circles_caption(*found)
-        run.figure("rotating_circles", figures.draw_rotating_circles, *found, caption=caption)
-        found, caption = (tori, two, direct), figures.rotating_tori_caption(tori, two, direct)
-        run.figure("rotating_tori", figures.draw_rotating_tori, *found, caption=caption)
+        results = circles, two, direct
+        caption = figures.rotating_circles_caption(*results)
+        run.figure("rotating_circles", figures.draw_rotating_circles, *results, caption=caption)
+        results, caption = (tori, two, direct), figures.rotating_tori_caption(tori, two, direct)
+        run.figure("rotating_tori", figures.draw_rotating_tori, *results, caption=caption)

@@ -1,4 +1,4 @@
-"""One period of kicks: the verdict in words, and its figure. For `workflows.ask`."""
+"""One period of kicks: the verdict as text, and its figure. For `workflows.ask`."""
 
 from functools import partial
 
@@ -9,17 +9,17 @@ from nasm.verdicts import Answer, verdict
 from workflows.shared.phase_space import portrait
 from workflows.shared.verdict_words import forcing_text, lifetime_text, sentences, steps_text
 
-_STARTS, _STEPS = 64, 10**6  # of direct iteration; it only illustrates
-_POINTS = 2**20  # total length of the orbits among which an escaping one is searched for
-_NEAR = 0.96  # closer to the boundary no orbit escapes: none did on 12 rays, 4% beyond it
-_TRACED = 5000  # steps of the longest-lived start that are drawn, at most
+_STARTS, _STEPS = 64, 10**6  # of direct iteration, which only illustrates the verdict
+_POINTS = 2**20  # total length of the orbits searched for one that escapes
+_NEAR = 0.96  # relative scale above which no orbit escapes: none did on 12 rays, 4% beyond
+_TRACED = 5000  # steps of the longest-lived start drawn at most
 
 
 def escaping_orbit(kappa):
     """Return x, y of an orbit up to its escape from the paper's window, or None.
 
-    The starts that escape first in one arithmetic are followed in another: chaos lets few of them
-    do so at the same step, but of many some do soon.
+    The orbits that escape first are iterated again by `orbits.orbit`, whose rounding differs. In
+    chaos few of them escape at the same step again, but among many some escape soon.
     """
     x, y = escape.ensemble(_STARTS)
     times = escape.escape_time(kappa, x, y, _STEPS)
@@ -38,7 +38,9 @@ def escaping_orbit(kappa):
 
 def drawn(kappa, point, verdict, escaping):
     """Draw the portrait of the forcing, with the longest-lived start if transport is global."""
-    from workflows.figures.ask import draw_verdict  # loading it takes as long as the verdict
+    from workflows.figures.ask import (
+        draw_verdict,
+    )  # imported late, as this takes as long as the verdict
 
     longest, name = None, forcing_text(kappa, point)
     if verdict.answer is Answer.TRANSPORT:
@@ -50,15 +52,15 @@ def drawn(kappa, point, verdict, escaping):
 
 
 def answer_periodic(strengths, point, prove):
-    """Return the verdict on one period of kicks in words, and a function that draws its figure.
+    """Return the verdict on one period of kicks as text, and a function that draws its figure.
 
     point : (Plane, its two coordinates), or None. prove : bool. ValueError if the period is long.
     """
-    found = verdict(strengths, prove)
-    transport = found.answer is Answer.TRANSPORT
-    far = not found.boundary.value > _NEAR  # NaN: not known to be near
+    result = verdict(strengths, prove)
+    transport = result.answer is Answer.TRANSPORT
+    far = not result.boundary.value > _NEAR  # NaN counts as far
     escaping = escaping_orbit(strengths) if transport and far else None
-    text = sentences(strengths, point, found)
+    text = sentences(strengths, point, result)
     if escaping is not None:
         (x, *_), (y, *_, last) = escaping
         text.append(
@@ -71,4 +73,4 @@ def answer_periodic(strengths, point, prove):
         text.append(
             "Direct iteration: so close to the boundary escapes take too long to be observed."
         )
-    return "\n".join(text), partial(drawn, strengths, point, found, escaping)
+    return "\n".join(text), partial(drawn, strengths, point, result, escaping)

@@ -25,8 +25,8 @@ def main(plane, port, no_browser, out, **cluster):
     try:
         import bokeh  # noqa: F401
     except ImportError:
-        words = "the explorer needs Bokeh, an extra: pip install '.[explore]'"
-        raise click.ClickException(words) from None
+        message = "the explorer needs Bokeh, an extra: pip install '.[explore]'"
+        raise click.ClickException(message) from None
     click.echo("loading", err=True)
     from workflows.explore.server import serve
     from workflows.shared.run import place_of, usage_errors

@@ -141,8 +141,8 @@ def serve(plane, place, port, opens, cluster):
     try:
         sockets, port = bind_sockets(_HOST, port)
     except OSError as error:
-        words = f"port {port}: {error.strerror}; another explorer? Take another, or 0 for any"
-        raise click.BadParameter(words, param_hint="--port") from None
+        message = f"port {port}: {error.strerror}; another explorer? Take another, or 0 for any"
+        raise click.BadParameter(message, param_hint="--port") from None
     # A call whose worker is lost is sent again, twice at the most.
     again = {"distributed.scheduler.allowed-failures": 2}
     with connect(**cluster) as client, dask.config.set(again):

@@ -34,12 +34,12 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
     draw_orbits(axes, orbits)
     if verdict.circle is not None:
         omega = str(verdict.boundary.omega)
-        look = style.circle_style(omega) | {"marker": "", "ls": "-", "lw": 1.8, "zorder": 3}
+        options = style.circle_style(omega) | {"marker": "", "ls": "-", "lw": 1.8, "zorder": 3}
         x, y = (values[:: max(1, values.size // 4096)] for values in verdict.circle)
         x, y = (x % 1)[order := np.argsort(x % 1)], cell(y)[order]
         # One point more at each end, so that the period is covered.
         x, y = np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]]
-        axes.plot(x, y, label=rf"certified circle, $\omega = {omega}$", **look)
+        axes.plot(x, y, label=rf"certified circle, $\omega = {omega}$", **options)
     if longest is not None:
         lifetime, x, y = longest
         words = f"longest-lived start ({lifetime}): not a barrier"

@@ -23,17 +23,17 @@ def stability_caption(name, studies):
     """Describe the results of the studies of a figure, in numbered sentences."""
     numbers = {part: number for number, part in enumerate(studies, 1)}
     parts = FIGURES[name].items()
-    return "\n".join(f"{numbers[part]}. {words(studies[part])}" for part, (_, words) in parts)
+    return "\n".join(f"{numbers[part]}. {describe(studies[part])}" for part, (_, describe) in parts)
 
 
 def _draw_near_cusp(axes, study):
     """Draw the errors, the claimed ones dashed, and crosses where there is no answer."""
     for i, name in enumerate(study.approach.values):
-        here, colour = study.isel(approach=i), COLOURS[i]
-        off = np.maximum(here.off, 1e-14)
+        part, colour = study.isel(approach=i), COLOURS[i]
+        off = np.maximum(part.off, 1e-14)
         axes.plot(study.delta, off, f"{MARKERS[i]}-", color=colour, ms=4, label=name)
-        axes.plot(study.delta, here.error, "--", color=colour, lw=1)
-        _mark_silent(axes, study.delta[(here.status != _OK).values] * 1.2**i, colour)
+        axes.plot(study.delta, part.error, "--", color=colour, lw=1)
+        _mark_silent(axes, study.delta[(part.status != _OK).values] * 1.2**i, colour)
     axes.set(xscale="log", yscale="log", xlabel=r"$45° - \varphi$ (degrees)")
     axes.set(ylabel="relative error", title="Near the cusp")
     key(axes, {"--": "claimed", "x": "no answer (on the axis)"})
@@ -42,29 +42,29 @@ def _draw_near_cusp(axes, study):
 def _near_cusp(study):
     parts = []
     for i, name in enumerate(study.approach.values):
-        here = study.isel(approach=i)
-        over = float((here.off / (here.error + here.judge_error)).max())
+        part = study.isel(approach=i)
+        over = float((part.off / (part.error + part.judge_error)).max())
         parts.append(
-            f"{name} down to {_nearest(here, here.status == _OK):.0e}° (error up to "
-            f"{float(here.off.max()):.0e}, at most {over:.2g} times the claimed error)"
+            f"{name} down to {_nearest(part, part.status == _OK):.0e}° (error up to "
+            f"{float(part.off.max()):.0e}, at most {over:.2g} times the claimed error)"
         )
     return f"Near the cusp at 45° these methods have answers: {'; '.join(parts)}."
 
 
 def _nearest(study, holds):
-    """Return the least distance at which something holds, inf if nowhere."""
+    """Return the least distance at which `holds` is true, inf if it never is."""
     return study.delta.values[holds.values].min(initial=np.inf)
 
 
 def _mark_silent(axes, x, colour):
-    """Mark by × on the axis below where a method has no answer."""
+    """Mark by × on the lower axis where a method has no answer."""
     below = {"transform": axes.get_xaxis_transform(), "clip_on": False, "zorder": 4}
-    if len(x):  # a line of no points, not clipped, would stand in the figure's corner
+    if len(x):  # an unclipped line without points would appear in the corner of the figure
         axes.plot(x, np.zeros(len(x)), "x", color=colour, ms=5, **below)
 
 
 def _draw_past_boundary(axes, study):
-    """Draw what each method claims on each side of the breakup: a mark if it does, else a dot."""
+    """Draw where each method makes its claim, around the breakup: a mark there, dots elsewhere."""
     excess = study.excess.values
     claims = (
         ("circle\ncertified", study.certified == 1, "o"),
@@ -74,10 +74,10 @@ def _draw_past_boundary(axes, study):
         ("escape,\nsingle", np.isfinite(study.escape_time_single), "<"),
     )
     claims = [claim for claim in claims[::-1] if claim[1].any()]
-    for row, (_, said, mark) in enumerate(claims):
+    for row, (_, claimed, mark) in enumerate(claims):
         for i, angle in enumerate(study.angle.values):
-            here = said.sel(angle=angle).values
-            for shown, marker, size in ((here, mark, 5), (~here, ".", 2)):
+            made = claimed.sel(angle=angle).values
+            for shown, marker, size in ((made, mark, 5), (~made, ".", 2)):
                 y, style = np.full(shown.sum(), row + 0.2 * i), {"ls": "", "marker": marker}
                 axes.plot(excess[shown], y, color=COLOURS[i], ms=size, **style)
     axes.set_yticks(range(len(claims)), [label for label, *_ in claims])
@@ -86,7 +86,7 @@ def _draw_past_boundary(axes, study):
     axes.tick_params(axis="x", rotation=45)
     for i, angle in enumerate(study.angle.values):
         axes.plot([], [], "o", color=COLOURS[i], label=rf"$\varphi = {angle:g}°$")
-    key(axes, {".": "small dots: not"})
+    key(axes, {".": "small dots: no claim"})
     axes.set(xlabel="$s/s_c - 1$", ylim=(-0.5, len(claims)))
     axes.set_title("Claims of each method around the breakup")
 
@@ -95,19 +95,19 @@ def _past_boundary(study):
     excess = study.excess.values
     beyond = study.isel(excess=np.flatnonzero(excess > 1e-12))
     within = study.isel(excess=np.flatnonzero(excess < -1e-12))
-    gone = beyond.excess.where(np.isfinite(beyond.elimination_time).all("angle")).min()
+    eliminated = beyond.excess.where(np.isfinite(beyond.elimination_time).all("angle")).min()
     regular = beyond.excess.where((beyond.digits >= 5).any("angle")).max()
-    seen, single = (
+    escaped, single = (
         beyond.excess.where(np.isfinite(times).any("angle")).min()
         for times in (beyond.escape_time, beyond.escape_time_single)
     )
     return (
         f"Past the breakup {int((beyond.certified == 1).sum())} circles are certified. Converse "
-        f"KAM eliminates all starts from {_percent(gone)} beyond on, and wrongly in "
+        f"KAM eliminates all starts from {_percent(eliminated)} beyond on, and wrongly in "
         f"{int(np.isfinite(within.elimination_time).sum())} cases inside; a weighted Birkhoff "
         f"average classifies an orbit as regular (5 digits) up to {_percent(regular)} beyond; of "
         "100 orbits at least one escapes "
-        + (f"from {_percent(seen)} beyond" if np.isfinite(seen) else "nowhere")
+        + (f"from {_percent(escaped)} beyond" if np.isfinite(escaped) else "nowhere")
         + (f" (in single precision from {_percent(single)})" if np.isfinite(single) else "")
         + f"; in single precision {int(np.isfinite(within.escape_time_single).sum())} ensembles "
         "escape through an existing circle."
@@ -117,13 +117,13 @@ def _past_boundary(study):
 def _draw_fractions(axes, study):
     """Draw breakups by continuation and residues, with errors, and the certified circles below."""
     for i, quotient in enumerate(study.quotient.values):
-        here, colour = study.isel(quotient=i), COLOURS[i]
+        part, colour = study.isel(quotient=i), COLOURS[i]
         place = study.q * 1.08**i
-        residues, norms = (here.isel(approach=m) for m in (0, 1))
+        residues, norms = (part.isel(approach=m) for m in (0, 1))
         style = {"fmt": "s", "ms": 4, "mfc": "none", "lw": 1}
         axes.errorbar(place, norms.value, norms.error, color=colour, **style)
         axes.plot(place, residues.value, "o", color=colour, ms=5, label=f"$a = {quotient}$")
-        axes.plot(place, here.lower, "_", color=colour)
+        axes.plot(place, part.lower, "_", color=colour)
         silent = (residues.value.isnull() & norms.value.isnull()).values
         _mark_silent(axes, place[silent], colour)
     marks = {"o": "residues", "s": "continuation", "_": "certified", "x": "no answer (on the axis)"}
@@ -150,14 +150,17 @@ def _fractions(study):
 
 
 def _draw_twist(axes, study):
-    """Draw lifetimes on the dominant line, and where the twist ends."""
+    """Draw lifetimes on the dominant line, and the end of the twist."""
     for i, angle in enumerate(study.angle.values):
-        here, colour = study.isel(angle=i), COLOURS[i]
-        finite, line = here.where(np.isfinite(here)), line_of(i)
-        line |= {"label": rf"$\varphi = {angle:g}°$", "ms": 6 - 2 * i}  # all are seen
+        part, colour = study.isel(angle=i), COLOURS[i]
+        finite, line = part.where(np.isfinite(part)), line_of(i)
+        line |= {
+            "label": rf"$\varphi = {angle:g}°$",
+            "ms": 6 - 2 * i,
+        }  # of different sizes, so that all are visible
         axes.plot(study.scale, finite.elimination_time, "o", **line)
         axes.plot(study.scale, finite.escape_time, "^:", color=colour, ms=3, lw=0.8)
-        end = here.scale.where(here.twist < 1e-9).min()
+        end = part.scale.where(part.twist < 1e-9).min()
         axes.axvline(float(end), color=colour, lw=0.8, ls="--")
     axes.set(yscale="log", xlabel="scale $s$", ylabel="steps")
     key(axes, {"o": "converse KAM", "^": "escape", "--": "end of the twist"})
@@ -221,14 +224,14 @@ def _disorder(study):
 
 
 def _draw_tori(axes, study):
-    """Draw brackets by the distance from a resonance, and crosses where nothing is certified."""
+    """Draw brackets against the distance from a resonance; crosses if no torus is certified."""
     for i, name in enumerate(study.pair.values):
-        here, colour, place = study.isel(pair=i), COLOURS[i], study.delta * 1.15**i
+        part, colour, place = study.isel(pair=i), COLOURS[i], study.delta * 1.15**i
         style = {"color": colour, "ms": 5}
-        axes.errorbar(place, here.value, here.error, fmt="s", mfc="none", lw=1, **style)
-        axes.plot(place, here.lower, "^", label=name, **style)
-        axes.plot(place, here.upper, "v", mfc="none", **style)
-        _mark_silent(axes, place[here.lower.isnull().values], colour)
+        axes.errorbar(place, part.value, part.error, fmt="s", mfc="none", lw=1, **style)
+        axes.plot(place, part.lower, "^", label=name, **style)
+        axes.plot(place, part.upper, "v", mfc="none", **style)
+        _mark_silent(axes, place[part.lower.isnull().values], colour)
     marks = {
         "^": "certified",
         "v": "no torus (converse KAM)",
@@ -243,8 +246,8 @@ def _draw_tori(axes, study):
 def _tori(study):
     parts = []
     for i, name in enumerate(study.pair.values):
-        here = study.isel(pair=i)
-        shown, known = _nearest(here, here.lower.notnull()), _nearest(here, here.status == _OK)
+        part = study.isel(pair=i)
+        shown, known = _nearest(part, part.lower.notnull()), _nearest(part, part.status == _OK)
         parts.append(f"{name} down to {shown:.0e} (with a value, {known:.0e})")
     return (
         f"Near a resonance tori are certified for {'; '.join(parts)}; closer to it the status "
@@ -270,4 +273,4 @@ FIGURES = {
     },
     "stability_orbits": {"twist": (_draw_twist, _twist), "tori": (_draw_tori, _tori)},
 }
-"""{name of a figure: {study: (what draws its panel, what says what was found)}}"""
+"""{name of a figure: {study: (function that draws its panel, function that describes it)}}"""

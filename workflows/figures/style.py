@@ -134,8 +134,8 @@ def panels(rows, columns, width, height, stack=True, **settings):
 def key(axes, marks, hollow=""):
     """Add marks to the legend, {format of a line: words}; of these the markers `hollow` are so."""
     for mark, words in marks.items():
-        inside = "none" if mark in hollow else None
-        axes.plot([], [], mark, color="0.4", mfc=inside, lw=1, label=words)
+        face = "none" if mark in hollow else None
+        axes.plot([], [], mark, color="0.4", mfc=face, lw=1, label=words)
 
 
 def name_circles(axes, styles, **more):
@@ -183,8 +183,13 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
     paths = [f"{out}/{name}.{kind}" for kind in kinds]
     for path, kind in zip(paths, kinds, strict=True):
         key, picture = "Subject" if kind == "pdf" else "Description", BytesIO()
-        how = {"format": kind, "dpi": figure.dpi, "bbox_inches": box, "metadata": {key: caption}}
-        figure.savefig(picture, **how)
+        options = {
+            "format": kind,
+            "dpi": figure.dpi,
+            "bbox_inches": box,
+            "metadata": {key: caption},
+        }
+        figure.savefig(picture, **options)
         write(path, picture.getvalue())
     if caption:
         write(f"{out}/{name}.txt", f"{caption}\n")
@@ -322,9 +327,9 @@ def arcs(angle, names):
 def draw_points(axes, x, y, classes, styles, size=3, **more):
     """Draw points (x, y), each as `styles`, of `circle_styles`, has the class of its circle."""
     for text, style in styles.items():
-        here = np.equal(classes, text)
+        selected = np.equal(classes, text)
         dots = style | {"ls": "", "mew": 0.5, "ms": size / 2 if in_column() else size, **more}
-        axes.plot(np.asarray(x)[here], np.asarray(y)[here], **dots)
+        axes.plot(np.asarray(x)[selected], np.asarray(y)[selected], **dots)
 
 
 def mark_gaps(axes, x, silent, label="no answer"):

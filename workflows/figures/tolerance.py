@@ -17,19 +17,21 @@ def draw_tolerance(cube, laws, tried):
 
 def _draw_losses(axes, cube, laws):
     lost = cube.isel(forcing=np.flatnonzero(cube.loss > 0))
-    for period, here in style.of_family(lost, "cosine").groupby("period"):
-        look = {"color": style.colour_of(period - 2), "marker": style.MARKERS[period % 5]}
+    for period, rows in style.of_family(lost, "cosine").groupby("period"):
+        options = {"color": style.colour_of(period - 2), "marker": style.MARKERS[period % 5]}
         label = rf"$P = {period}$: $d^{{\,{float(laws.predicted.sel(period=period)):.2f}}}$"
-        axes.errorbar(here.parameter, here.loss, here.loss_error, lw=1, ms=4, label=label, **look)
-    look = {"ls": "", "ms": 4, "mew": 0.7, "color": "0.3", "marker": "D"}
+        axes.errorbar(
+            rows.parameter, rows.loss, rows.loss_error, lw=1, ms=4, label=label, **options
+        )
+    options = {"ls": "", "ms": 4, "mew": 0.7, "color": "0.3", "marker": "D"}
     for family, fill in (("one kick", "none"), ("square", "0.7")):
-        here = style.of_family(lost, family)
-        if here.sizes["forcing"]:
+        rows = style.of_family(lost, family)
+        if rows.sizes["forcing"]:
             label = f"{family}, $P = 4, 6, 8$"
-            axes.plot(here.parameter, here.loss, label=label, mfc=fill, **look)
+            axes.plot(rows.parameter, rows.loss, label=label, mfc=fill, **options)
     d, exponent = np.array([lost.parameter.min(), 1e-2]), float(laws.predicted.sel(period=2))
-    look = {"color": "0.4", "lw": 1, "ls": "--", "label": rf"$\propto d^{{\,{exponent:.3f}}}$"}
-    axes.plot(d, 0.01 * (d / 1e-3) ** exponent, **look)
+    options = {"color": "0.4", "lw": 1, "ls": "--", "label": rf"$\propto d^{{\,{exponent:.3f}}}$"}
+    axes.plot(d, 0.01 * (d / 1e-3) ** exponent, **options)
     axes.set(xscale="log", yscale="log", title="Cost of a ripple")
     axes.set_xlabel(r"ripple $d$ (rms over mean)")
     axes.set_ylabel(r"relative loss, $1 - s_c\,\mathrm{rms}/\kappa_G$")
@@ -39,21 +41,29 @@ def _draw_losses(axes, cube, laws):
 def _draw_strengths(axes, tried):
     random, ends = (style.of_family(tried, family) for family in ("random", "climb"))
     upper, near = (random.upper / tried.golden).values, random.parameter.values < 0.1
-    # Circles are looked for at 1.001 κ_G at most: one that breaks there breaks at 1 or before.
+    # Circles are searched up to 1.001 κ_G; one that is broken there has `upper` of at most 1.
     escaping = upper <= 1
     kinds = {"ripple below 10%": near & escaping, "larger ripple": ~near & escaping}
     kinds |= {"hatched: upper bounds, by converse KAM": near & ~escaping, "": ~near & ~escaping}
-    look = {"color": 2 * [style.colour_of(3), style.colour_of(0)], "stacked": True, "ec": "white"}
-    look |= {"lw": 0.3, "hatch": ["", "", "////", "////"], "label": [*kinds]}
-    held = np.isinf(upper)
-    axes.hist([np.minimum(upper[kind & ~held], 1) for kind in kinds.values()], _BINS, **look)
-    if held.any():
-        axes.hist(np.full(held.sum(), 1.01), [1, 1.025], color="black", label="a barrier exists")
+    options = {
+        "color": 2 * [style.colour_of(3), style.colour_of(0)],
+        "stacked": True,
+        "ec": "white",
+    }
+    options |= {"lw": 0.3, "hatch": ["", "", "////", "////"], "label": [*kinds]}
+    has_barrier = np.isinf(upper)
+    axes.hist(
+        [np.minimum(upper[kind & ~has_barrier], 1) for kind in kinds.values()], _BINS, **options
+    )
+    if has_barrier.any():
+        axes.hist(
+            np.full(has_barrier.sum(), 1.01), [1, 1.025], color="black", label="a barrier exists"
+        )
     axes.axvline(1, color="black", lw=1, label="constant kicks")
-    look = {"transform": axes.get_xaxis_transform(), "clip_on": False, "ls": "", "ms": 5}
-    look |= {"marker": "|", "color": style.VERMILION, "label": "results of hill climbs"}
+    options = {"transform": axes.get_xaxis_transform(), "clip_on": False, "ls": "", "ms": 5}
+    options |= {"marker": "|", "color": style.VERMILION, "label": "results of hill climbs"}
     upper = np.minimum(ends.upper / tried.golden, 1)
-    axes.plot(upper, np.full(upper.size, -0.02), **look)
+    axes.plot(upper, np.full(upper.size, -0.02), **options)
     axes.set(xlabel=r"rms strength without a barrier, relative to $\kappa_G$", xlim=(0, 1.03))
     axes.set(yscale="log", ylabel="random forcings of 2 to 8 kicks")
     axes.set_title("Random forcings against constant kicks")

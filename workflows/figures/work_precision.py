@@ -31,7 +31,7 @@ def draw_work_precision(data):
     columns = min(3, data.ray.size)
     figure, drawn = panels(-(-data.ray.size // columns), columns, 13, 8.4)
     for axes, i in zip(drawn, range(data.ray.size), strict=False):
-        here = data.isel(ray=i)
+        of_ray = data.isel(ray=i)
         for method, name in enumerate(data.method.values):
             colour = next(c for start, c in _METHOD_COLOURS.items() if name.startswith(start))
             better = any(word in name for word in _BETTER)
@@ -39,12 +39,12 @@ def draw_work_precision(data):
                 continue
             form, inside = ("o-", colour) if better else ("o--", "white")
             style = {"color": colour, "mfc": inside, "ms": 3 if in_column() else 5, "lw": 1.2}
-            error = np.maximum(here.error[method], 1e-16)
-            axes.plot(here.cpu_seconds[method], error, form, label=name, **style)
-        axes.axhspan(1e-16, float(here.judge_error), color="0.9")
+            error = np.maximum(of_ray.error[method], 1e-16)
+            axes.plot(of_ray.cpu_seconds[method], error, form, label=name, **style)
+        axes.axhspan(1e-16, float(of_ray.judge_error), color="0.9")
         axes.set(xscale="log", yscale="log", ylim=(1e-14, 2))
         axes.set(xlabel="CPU time (s)", ylabel="relative error")
-        name = here.ray.item()
+        name = of_ray.ray.item()
         words = rf"$\varphi = {name}°$" if name.isdigit() else "three kicks, (1, 0.7, 0.3)"
         axes.text(0.5, 1.02, words, transform=axes.transAxes, ha="center")
         words = "grey: error of the reference"

@@ -1,11 +1,11 @@
 """How fast may the kicks grow, and how smooth must the forcing be, for a barrier to persist?
 
 While circles exist, the barriers are families of invariant graphs, one before each kick. Converse
-KAM for sequences (`nasm.converse_kam.aperiodic`) excludes them: in a ramp κ_n = κ_G + r·n through
-the breakup, and under forcings of decreasing smoothness, down to random ones. It does not exclude
-curves that fold; orbits that cross do. In slow ramps the exponent is below the predicted one, since
-the area under the golden circle decreases by 0.0073 per unit of κ; with phases that follow it,
-graphs were excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates from 10⁻² to 10⁻⁷).
+KAM for aperiodic forcing (`nasm.converse_kam.aperiodic`) excludes them: in a ramp κ_n = κ_G + r·n
+through the breakup, and under forcings of decreasing smoothness, down to random ones. It does not
+exclude curves that fold; orbits that cross do. In slow ramps the exponent is below the predicted
+one, since the area under the golden circle decreases by 0.0073 per unit of κ; with phases that
+follow it, graphs were excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates from 10⁻² to 10⁻⁷).
 
 Two cubes and a figure in OUT. The defaults take about a CPU minute, --quick ten seconds.
 """
@@ -27,10 +27,10 @@ def main(run, quick):
 
     rates = 10 ** -np.arange(2, 4.01 if quick else 7.01, 0.25)
     ripples, kicks = ([0.1, 0.2, 0.4], 3000) if quick else ([0.02, 0.05, 0.1, 0.2, 0.4], 12_000)
-    ramp, lives = untiled("ramp", quick=quick), untiled("irregular", quick=quick)
+    ramp, irregular = untiled("ramp", quick=quick), untiled("irregular", quick=quick)
     seconds = 5 if quick else 30
-    with run.driving((ramp, seconds), (lives, seconds)):
+    with run.driving((ramp, seconds), (irregular, seconds)):
         ramp = run.kept(ramp, lambda: study.ramps(rates))
-        lives = run.kept(lives, lambda: study.irregular(ripples, kicks))
-        caption = ramp_caption(lives, study.findings(ramp, lives))
-        run.figure("ramp", draw_ramp, ramp, lives, caption=caption)
+        irregular = run.kept(irregular, lambda: study.irregular(ripples, kicks))
+        caption = ramp_caption(irregular, study.findings(ramp, irregular))
+        run.figure("ramp", draw_ramp, ramp, irregular, caption=caption)

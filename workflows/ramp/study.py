@@ -14,12 +14,20 @@ from workflows.shared.tables import dataset
 
 _GOLDEN = float(parse("gamma"))
 EXPONENT = np.log(_GOLDEN) / (np.log(_GOLDEN) - np.log(UNSTABLE_EIGENVALUES[1,]))
-"""Of the kicks ~ r^-0.497: times grow by 1/γ for each factor δ of κ - κ_G, r by δ/γ."""
+"""Predicted exponent 0.497 of the kicks ~ r^-0.497.
+
+Times grow by 1/γ for each factor δ of κ - κ_G, and r by δ/γ.
+"""
 
 ESCAPES = power_law.FLUX / (1 + power_law.FLUX)
-"""Of the kicks ~ r^-0.751 at which the first orbit is through: the flux ~ (rn)^3.01, summed up."""
+"""Predicted exponent 0.751 of the kicks after which the first orbit has crossed.
 
-_PLACES = np.array([0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3])  # of the line, in r^-0.497 kicks
+It follows from the sum of the flux ~ (rn)^3.01.
+"""
+
+_PLACES = np.array(
+    [0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3]
+)  # of the lines, in units of r^-0.497 kicks
 JUMPS = "square", "Fibonacci", "Thue-Morse", "random"
 SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
 
@@ -29,61 +37,61 @@ def ramps(rates):
     critical = critical_scale((1.0,), 1e-4).value
     patience = (6 * rates**-ESCAPES).astype(int)
     crossed = [_escape(critical + r * np.arange(n)) for r, n in zip(rates, patience, strict=True)]
-    words = "kicks from κ_G until one of 64 orbits has crossed all circles"
-    found = np.array([lost(critical, rate) for rate in rates])
+    label = "kicks from κ_G until one of 64 orbits has crossed all circles"
+    excluded = np.array([lost(critical, rate) for rate in rates])
     return dataset(
         "When barriers are excluded in a ramp",
         {"rate": (rates, "growth of κ per kick")},
         {
-            "lost": ("rate", found, "kicks from κ_G until all graphs are excluded"),
-            "escaped": ("rate", np.array(crossed), words),
+            "lost": ("rate", excluded, "kicks from κ_G until all graphs are excluded"),
+            "escaped": ("rate", np.array(crossed), label),
         },
         {"critical_scale": critical, "exponents": [EXPONENT, ESCAPES]},
     )
 
 
 def lost(critical, rate):
-    """Return the kicks after κ_G until all graphs are excluded, on the line where it is first."""
+    """Return the kicks after κ_G until all graphs are excluded, on the line with the fewest."""
     unit = rate**-EXPONENT
     n = np.arange(-int(5 * unit), int(5 * unit) + 1)
 
-    def life(site):
+    def lifetime(site):
         return aperiodic.longest_lived(critical + rate * (n + site), 0.0, n.size // 2)[2]
 
-    return min(site + life(site) for site in np.unique(np.rint(_PLACES * unit).astype(int)))
+    return min(site + lifetime(site) for site in np.unique(np.rint(_PLACES * unit).astype(int)))
 
 
 def _escape(kappa):
-    # Starts have y from 0 to 0.3: an escape is past all circles.
+    # Starts have y from 0 to 0.3, so that an orbit that escapes has crossed all circles.
     return aperiodic.escape_time(kappa, 0.0, *escape.ensemble(64), (-1.0, 1.3)).min()
 
 
 def irregular(ripples, kicks):
-    """Find how long barriers last under κ_n = 0.3·(1 + ripple·f_n): dims (kind, ripple).
+    """Find how long barriers persist under κ_n = 0.3·(1 + ripple·f_n): dims (kind, ripple).
 
     life : the shortest of the lifetimes on eight lines in the middle of the kicks; escapes are
-    looked for in 20 times as many kicks.
+    observed for 20 times as many kicks.
     """
     shapes = _shapes(np.arange(20 * kicks))
     kappas = [[0.3 * (1 + ripple * f) for ripple in ripples] for f in shapes.values()]
 
-    def life(kappa):
+    def lifetime(kappa):
         sites = kicks // 2 + 7 * np.arange(8)
         return min(aperiodic.longest_lived(kappa[:kicks], 0.0, site)[2] for site in sites)
 
-    lives, crossed = ([list(map(found, row)) for row in kappas] for found in (life, _escape))
+    lifetimes, crossed = ([list(map(f, row)) for row in kappas] for f in (lifetime, _escape))
     dims, graphs = (
         ("kind", "ripple"),
         "kicks on either side until all families of graphs are excluded",
     )
-    words = "kicks until one of 64 orbits has crossed all circles; inf if none has"
+    label = "kicks until one of 64 orbits has crossed all circles; inf if none has"
     kind = text("kind", shapes, "forcing, f_n")
     return dataset(
         "Lifetimes of barriers by the smoothness of the forcing",
         {"kind": kind, "ripple": (ripples, "largest deviation, relative")},
         {
-            "life": (dims, np.array(lives), f"{graphs}; inf if they persist"),
-            "escaped": (dims, np.array(crossed), words),
+            "life": (dims, np.array(lifetimes), f"{graphs}; inf if they persist"),
+            "escaped": (dims, np.array(crossed), label),
         },
         {"kicks": kicks},
     )
@@ -104,24 +112,26 @@ def _shapes(n):
     }
 
 
-def findings(ramp, lives):
-    """Judge the predictions; lines of text."""
-    jumps, smooth = (lives.sel(kind=[*kinds]) for kinds in (JUMPS, SMOOTH))
-    gone, through = np.isfinite(jumps.life), np.isfinite(jumps.escaped)
-    lived, crossed = (span(values, ".0f") for values in (jumps.life.values, jumps.escaped.values))
-    kept, kicks = np.isinf(smooth.life) & np.isinf(smooth.escaped), lives.attrs["kicks"]
+def findings(ramp, irregular):
+    """Judge the predictions; return lines of text."""
+    jumps, smooth = (irregular.sel(kind=[*kinds]) for kinds in (JUMPS, SMOOTH))
+    excluded, through = np.isfinite(jumps.life), np.isfinite(jumps.escaped)
+    lifetimes, crossed = (
+        span(values, ".0f") for values in (jumps.life.values, jumps.escaped.values)
+    )
+    persist, kicks = np.isinf(smooth.life) & np.isinf(smooth.escaped), irregular.attrs["kicks"]
     return "\n".join([
         _power("graphs are excluded", ramp.lost, EXPONENT),
         _power("the first of 64 orbits crosses", ramp.escaped, ESCAPES),
         finding(
             "smoothness in the phase decides, not quasiperiodicity",
             "with jumps (square, Fibonacci, Thue-Morse and random kicks) graphs are excluded "
-            f"within {lived} kicks under {int(gone.sum())} of {gone.size} forcings, and orbits "
-            f"cross within {crossed} kicks under {int(through.sum())}; with Fourier coefficients "
-            f"that fall like k^-2 or faster graphs persist for {kicks // 2} kicks and no orbit "
-            f"crosses in {20 * kicks} kicks, under {int(kept.sum())} of {kept.size}",
-            bool(gone.all() and through.all() and kept.all()),
-            float(gone.mean()) > 0.5 and bool(kept.all()),
+            f"within {lifetimes} kicks under {int(excluded.sum())} of {excluded.size} forcings, "
+            f"and orbits cross within {crossed} kicks under {int(through.sum())}; with Fourier "
+            f"coefficients that fall like k^-2 or faster graphs persist for {kicks // 2} kicks and "
+            f"no orbit crosses in {20 * kicks} kicks, under {int(persist.sum())} of {persist.size}",
+            bool(excluded.all() and through.all() and persist.all()),
+            float(excluded.mean()) > 0.5 and bool(persist.all()),
         ),
         "Not tried: decreasing ramps, circles other than the golden one, coloured noise.",
     ])  # fmt: skip

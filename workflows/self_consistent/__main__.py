@@ -38,6 +38,6 @@ def main(run, coupling, **size):
         verdicts = run.kept(verdicts, lambda: study.verdicts(fields))
         settling = run.kept(untiled("asymptotic_circle"), study.settling)
         run.table("self_consistent", verdicts.drop_dims("step"))
-        found = fields, verdicts, settling
-        caption = self_consistent_caption(*found)
-        run.figure("self_consistent", draw_self_consistent, *found, caption=caption)
+        results = fields, verdicts, settling
+        caption = self_consistent_caption(*results)
+        run.figure("self_consistent", draw_self_consistent, *results, caption=caption)

@@ -1,4 +1,4 @@
-"""Fields of the self-consistent map, the barriers in them, and a circle that is asymptotic."""
+"""Fields of the self-consistent map, barriers in them, and an asymptotic circle."""
 
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
@@ -15,13 +15,13 @@ from nasm.numbers import parse
 from nasm.self_consistent import evolve, momentum
 from workflows.shared.tables import columns, dataset
 
-AMPLITUDE, BAND = 1e-4, 0.3 / TWO_PI  # of the wave and of y at the beginning
-_SEGMENT = 1024  # kicks whose spectra are averaged
-_SLOWEST = 1 / 64  # turns per kick: below it the field wanders
+AMPLITUDE, BAND = 1e-4, 0.3 / TWO_PI  # initial amplitude of the wave, initial range of y
+_SEGMENT = 1024  # kicks of a segment; spectra of segments are averaged
+_SLOWEST = 1 / 64  # turns per kick; slower changes are drift
 _LONGEST_PERIOD = 34  # of the fitted forcing
-_SHOWN = 4096  # particles that are kept
-_ORBIT = 2000  # points of an orbit that are kept
-_BEST, _EFFORT = 3, 8  # the lines that eliminate soonest are searched again, with this effort
+_SHOWN = 4096  # particles kept
+_ORBIT = 2000  # points of an orbit kept
+_BEST, _EFFORT = 3, 8  # the best lines are searched again with a larger effort
 
 # The asymptotic circle: κ_n = limit + excess·e^(-n/time), and the circle of the limit.
 LIMIT, EXCESS, TIME, POINTS, ASKED = 0.9, 0.5, 5, 8192, 5
@@ -43,15 +43,15 @@ def fields(couplings, n_particles, n_max):
     """Follow the self-consistent map for each coupling: kappa, theta with dims (coupling, kick).
 
     Also spectrum (coupling, frequency) of the second half of kappa; x, y (coupling, particle) after
-    the last kick, x from the wave's phase; and of each coupling escape, the kick after which the
-    first of these particles has moved by more than 2 in y; inf if none has.
+    the last kick, x relative to the phase of the wave; and escape (coupling), the kick after which
+    the first of these particles has moved by more than 2 in y, inf if none has.
     """
     couplings = np.unique(couplings)
     x, y = escape.ensemble(n_particles)
     y = BAND * (2 * y / 0.3 - 1)
 
     weights, shown = couplings / n_particles, (x[:_SHOWN], y[:_SHOWN], (-2 - BAND, 2 + BAND))
-    with ThreadPoolExecutor(CPU_COUNT) as threads:  # dask's count: of what this job may use
+    with ThreadPoolExecutor(CPU_COUNT) as threads:  # the CPUs that this job may use
         runs = list(threads.map(lambda weight: evolve(x, y, weight, AMPLITUDE, n_max), weights))
     kappa = np.array([run.kappa for run in runs])
     theta = np.unwrap([run.theta for run in runs], period=1)
@@ -88,47 +88,47 @@ def fields(couplings, n_particles, n_max):
 def verdicts(fields):
     """Search for barriers by converse KAM in the recorded field, and in a fitted periodic one.
 
-    Starts are on lines before kicks in the middle of the second half. `kicks` counts the kicks in
-    either direction until all starts on one of these lines are eliminated, inf if they never are.
-    x, y, dims (coupling, step), is the orbit of the longest-lived start in the frame of the wave.
+    Starts are on lines before kicks in the middle of the second half. `kicks` is the number of
+    kicks in either direction until all starts on one of these lines are eliminated, inf if some
+    survive. x, y (coupling, step) is the orbit of the longest-lived start in the frame of the wave.
     """
     half = fields.kick.size // 2
     frequencies = fields.frequency.values
     slow = frequencies < _SLOWEST
     rows, orbits = [], []
     for coupling in fields.coupling.values:
-        here = fields.sel(coupling=coupling)
-        kappa, theta = here.kappa.values[-half:], here.theta.values[-half:]
-        frequency = frequencies[np.where(slow, 0, here.spectrum.values).argmax()]
+        field = fields.sel(coupling=coupling)
+        kappa, theta = field.kappa.values[-half:], field.theta.values[-half:]
+        frequency = frequencies[np.where(slow, 0, field.spectrum.values).argmax()]
         drift = np.polyfit(np.arange(half), theta, 1)[0]
         modulation = np.sqrt(2) * kappa.std()
         rotation = Fraction(frequency).limit_denominator(_LONGEST_PERIOD)
         periodic = rotating_forcing(kappa.mean(), modulation, rotation)
-        # A line on which minimizing orbits are shows nothing: try one for each kick of a period.
+        # A line through minimizing orbits excludes nothing: try a line for each kick of a period.
         sites = half // 2 + np.arange(periodic.size)
-        lives = [aperiodic.longest_lived(kappa, theta, int(site))[2] for site in sites]
-        best = sites[np.argsort(lives, kind="stable")[:_BEST]].tolist()
-        asked = {site: aperiodic.longest_lived(kappa, theta, site, _EFFORT) for site in best}
-        site = min(asked, key=lambda site: asked[site][2])
-        orbit = _orbit(kappa, theta, site, *asked[site], drift)
+        lifetimes = [aperiodic.longest_lived(kappa, theta, int(site))[2] for site in sites]
+        best = sites[np.argsort(lifetimes, kind="stable")[:_BEST]].tolist()
+        searched = {site: aperiodic.longest_lived(kappa, theta, site, _EFFORT) for site in best}
+        site = min(searched, key=lambda site: searched[site][2])
+        orbit = _orbit(kappa, theta, site, *searched[site], drift)
         orbits.append(np.full((2, _ORBIT), np.nan))
         orbits[-1][:, : orbit.shape[1]] = orbit[:, :_ORBIT]
         repeated = periodic[(np.arange(half) - half // 2) % periodic.size]
         fitted = aperiodic.longest_lived(repeated, 0.0, half // 2, _EFFORT)[2]
-        row = kappa.mean(), kappa.std(), drift, float(rotation), modulation, asked[site][2]
-        rows.append([*row, fitted, orbit[1].mean() % 1, float(here.escape)])
+        row = kappa.mean(), kappa.std(), drift, float(rotation), modulation, searched[site][2]
+        rows.append([*row, fitted, orbit[1].mean() % 1, float(field.escape)])
     variables = columns("coupling", _VERDICTS, zip(*rows, strict=True))
     for name, values in zip("xy", np.stack(orbits, axis=1) % 1, strict=True):
         label = f"{name} of the orbit of the longest-lived start, in the frame of the wave"
         variables[name] = ("coupling", "step"), values, label
-    asked = {"asked": half // 2, "horizon": aperiodic.HORIZON}
+    settings = {"asked": half // 2, "horizon": aperiodic.HORIZON}
     coords = {"coupling": fields.coupling}
-    return dataset("Barriers in the recorded field", coords, variables, asked)
+    return dataset("Barriers in the recorded field", coords, variables, settings)
 
 
-def _orbit(kappa, theta, site, x, y, life, drift):
+def _orbit(kappa, theta, site, x, y, lifetime, drift):
     """Return x - θ_n and y - drift of a start before the kick of `site`, up to its elimination."""
-    end = int(min(site + life, kappa.size))
+    end = int(min(site + lifetime, kappa.size))
     points = [(x, y)]
     for strength, phase in zip(kappa[site:end], theta[site:end], strict=True):
         points.append(kick(strength, *points[-1], phase))
@@ -140,7 +140,7 @@ def settling():
     """Pull the golden circle of κ = 0.9 back through κ_n = 0.9 + 0.5 e^(-n/5).
 
     x, y with dims (curve, point): before the first kick, before kick `asked`, and the circle;
-    excluded: whether converse KAM, applied at the first kick, excludes the point.
+    excluded: 1 if converse KAM, applied at the first kick, excludes the point.
     """
     kappa = LIMIT + EXCESS * np.exp(-np.arange(40 * TIME) / TIME)
     angle = np.arange(POINTS) / POINTS
@@ -151,13 +151,13 @@ def settling():
     excluded = np.isfinite(aperiodic.elimination_time(kappa, 0.0, 0, *curves[0]))
     xs, ys = np.stack([*curves, (x, y)], axis=1)
     slopes = 1 + fourier.derivative(xs - angle)
-    dims, life = ("curve", "point"), aperiodic.longest_lived(kappa, 0.0, ASKED)[2]
+    dims, lifetime = ("curve", "point"), aperiodic.longest_lived(kappa, 0.0, ASKED)[2]
     variables = {
         "x": (dims, xs, "x on the lift"),
         "y": (dims, ys, "y"),
         "excluded": ("point", excluded.astype("int8"), "excluded by converse KAM"),
         "area": ("curve", np.mean(ys * slopes, axis=1), "area below the curve"),
-        "kicks": ((), life, f"kicks that eliminate all starts on a line before kick {ASKED}"),
+        "kicks": ((), lifetime, f"kicks that eliminate all starts on a line before kick {ASKED}"),
     }
     coords = {"point": (angle, "angle θ of the circle, in turns")}
     settings = {"limit": LIMIT, "excess": EXCESS, "time": TIME, "asked": ASKED}

@@ -1,9 +1,9 @@
 """Where does each method fail? Seven small studies, in three figures.
 
-Near the cusp at 45°; on either side of the breakup; for irrational numbers close to fractions;
-beyond the end of the twist of a step (converse KAM needs that of single kicks only); in the
-searches of converse KAM and of Newton's method; and for tori near a resonance. The captions state
-the results.
+Near the cusp at 45°; on both sides of the breakup; for irrational numbers close to fractions; where
+a step (one period) is no longer a twist map, although its kicks are, which is all that converse KAM
+needs; in the searches of converse KAM and of Newton's method; and for tori near a resonance. The
+captions state the results.
 
 Seven cubes and three figures in OUT. About four CPU minutes, --quick one.
 """
@@ -39,6 +39,7 @@ def main(run, quick):
         return studies[name](quick)
 
     with run.driving(*((plan, seconds) for plan in plans.values())):
-        found = {name: run.kept(plans[name], partial(compute, name)) for name in studies}
+        results = {name: run.kept(plans[name], partial(compute, name)) for name in studies}
         for name in FIGURES:
-            run.figure(name, draw_stability, name, found, caption=stability_caption(name, found))
+            caption = stability_caption(name, results)
+            run.figure(name, draw_stability, name, results, caption=caption)

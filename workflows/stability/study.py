@@ -1,7 +1,7 @@
-"""Studies of where each method stops being right: each returns a Dataset, smaller if `quick`.
+"""Studies of where each method fails: each returns a Dataset, smaller if `quick`.
 
-At the cusp, past the breakup, at fractions, without twist; what beam searches miss, and what
-Newton's method finds in error; tori next to a resonance, and past the end.
+At the cusp, beyond the breakup, at fractions, without twist; starts that beam searches miss, and
+wrong orbits that Newton's method finds; tori next to a resonance, and beyond their breakup.
 """
 
 import numpy as np
@@ -19,8 +19,8 @@ from workflows.shared.tables import columns, dataset, described, outcomes
 
 _NUMBERS = {"value": "value", "error": "error", "lower": "lower"}  # of a CriticalScale
 _LIVES = {
-    "elimination_time": "steps in which converse KAM eliminates all; inf: not so",
-    "digits": "digits of the weighted Birkhoff average of the longest-lived",
+    "elimination_time": "steps in which converse KAM eliminates all starts; inf: not all",
+    "digits": "digits of the weighted Birkhoff average of the longest-lived start",
     "escape_time": "first escape of 100 orbits, steps; inf: none",
 }
 _GOLDEN = (5**0.5 - 1) / 2
@@ -34,14 +34,14 @@ _PAIRS = {  # at a distance from a resonance
 def near_cusp(quick):
     """1. Compare values and errors next to the cusp at 45° with longer runs.
 
-    `periodic` and `circles.continuation` on the circle of γ, `converse_kam.symmetry_line` and
-    `barriers` on the last circle: by residues of ten times longer orbits, and where these fail, by
-    lives a hundred times longer.
+    The methods are `periodic` and `circles.continuation` for the circle of γ, and
+    `converse_kam.symmetry_line` and `barriers` for the last circle. The reference are residues of
+    orbits ten times longer, and where these fail, lifetimes a hundred times longer.
     """
     gamma, deltas = parse("gamma"), np.geomspace(10, 1e-5, 5 if quick else 13)
     q_max = 15_000 if quick else 60_000
 
-    def found_and_judges(profile):
+    def values_and_references(profile):
         circle = periodic.critical_scale(gamma, profile, q_max)
         last = barriers.critical_scale(profile, 3e-4 if quick else 1e-4)
         if last.status is Status.OK:
@@ -55,16 +55,19 @@ def near_cusp(quick):
             (barriers.critical_scale(profile, 1e-3), last),
         ]
 
-    scales = field_arrays([found_and_judges(ray(45 - delta)) for delta in deltas], _NUMBERS)
-    value, error = scales["value"].T, scales["error"].T  # dims (found or judge, approach, delta)
+    scales = field_arrays([values_and_references(ray(45 - delta)) for delta in deltas], _NUMBERS)
+    value, error = (
+        scales["value"].T,
+        scales["error"].T,
+    )  # dims (value or reference, approach, delta)
     (claimed, uncertain), dims = error / value, ("approach", "delta")
     off = abs(value[0] - value[1]) / value[1]
     approaches = "Greene's residue", "continuation of circles", "converse KAM", "all together"
     distance = deltas, described("distance 45° - φ from the cusp", "degree")
     variables = {
-        "off": (dims, off, "difference to the sharpest value known, relative to it"),
+        "off": (dims, off, "difference from the most accurate value known, relative to it"),
         "error": (dims, claimed, "error that the method claims, relative"),
-        "judge_error": (dims, uncertain, "error that the sharpest method claims"),
+        "judge_error": (dims, uncertain, "error that the most accurate method claims"),
         "status": outcomes(dims, scales["status"].T[0]),
     }
     title = "Distance to the cusp at 45 degrees"
@@ -73,7 +76,7 @@ def near_cusp(quick):
 
 
 def past_boundary(quick):
-    """2. Ask each method at scales s_c(1 + x), on either side of the breakup s_c."""
+    """2. Apply each method at scales s_c(1 + x), on both sides of the breakup s_c."""
     angles = (20.0, 45.0) if quick else (0.0, 20.0, 40.0, 45.0)
     decades = np.geomspace(1e-4, 1e-1, 4 if quick else 10)
     excess = np.concatenate([-decades[::-1], [0.0], decades])
@@ -84,38 +87,38 @@ def past_boundary(quick):
         kappa = breakups[angle].value * (1 + x) * ray(angle)
         circle = circles.invariant_circle(breakups[angle].omega, kappa, n_max=n_modes)
         single = _first_escape(kappa, n_escape, "single")
-        return circle.certified, single, *_lives(kappa, n_cones, 5000, n_escape)
+        return circle.certified, single, *_lifetimes(kappa, n_cones, 5000, n_escape)
 
-    certified, single, *lives = _over(angles, excess, answers)
-    words, dims = "whether a circle of n_modes points is certified", ("angle", "excess")
+    certified, single, *lifetimes = _over(angles, excess, answers)
+    label, dims = "1 if a circle of n_modes points is certified", ("angle", "excess")
     variables = {
-        "certified": (dims, certified.astype("int8"), words),
+        "certified": (dims, certified.astype("int8"), label),
         "escape_time_single": (dims, single, f"{_LIVES['escape_time']}, in single precision"),
-        **columns(dims, _LIVES, lives),
+        **columns(dims, _LIVES, lifetimes),
     }
     efforts = {"n_cones": n_cones, "n_escape": n_escape, "n_modes": n_modes}
-    beyond = excess, "scale over that of the breakup, less 1"
+    beyond = excess, "scale relative to the breakup, minus 1"
     coords = {"angle": angles_of_rays(angles), "excess": beyond}
-    return dataset("Distance past the breakup", coords, variables, efforts)
+    return dataset("Methods around the breakup", coords, variables, efforts)
 
 
 def disguised_fractions(quick):
     """3. Break circles of fractions disguised as irrational, [0;1,…,1,a,(1)], on (0.3, 0.2).
 
-    They are 1/(aq²) from p/q and, for large a, break long before the golden circle, to which their
-    first convergents belong. Judged by residues of longer orbits where these see the tail.
+    They lie at 1/(aq²) from p/q and, for large a, break long before the golden circle, whose first
+    convergents they share. The reference are residues of orbits long enough for the quotient a.
     """
     kappa, large = np.array([0.3, 0.2]), (10, 100, 10**6)
     ones = range(3, 10 if quick else 17)
     q = [list(convergents(RotationNumber((0, *[1] * n))))[-1].denominator for n in ones]
     omegas = [[RotationNumber((0, *[1] * n, a), (1,)) for n in ones] for a in large]
 
-    def found(omega):
+    def scales_of(omega):
         residues = periodic.critical_scale(omega, kappa)
         longer = periodic.critical_scale(omega, kappa, 10_000 if quick else 20_000)
         return residues, continuation.critical_scale(omega, kappa), longer
 
-    scales = field_arrays([[found(omega) for omega in row] for row in omegas], _NUMBERS)
+    scales = field_arrays([[scales_of(omega) for omega in row] for row in omegas], _NUMBERS)
     value, error, lower, status = (scales[name].swapaxes(1, 2) for name in (*_NUMBERS, "status"))
     certified = [[circles.invariant_circle(omega, kappa) for omega in row] for row in omegas]
     status[:, 2] = field_arrays(certified, {})["status"]
@@ -137,7 +140,7 @@ def disguised_fractions(quick):
 
 
 def beyond_the_twist(quick):
-    """4. Try the methods for scales up to 3; the twist ends at |κ2| = 2."""
+    """4. Apply the methods at scales up to 3; the twist ends at |κ2| = 2."""
     angles, scales = (0.0, 20.0, 45.0, 90.0, 135.0), np.linspace(0.25, 3.0, 12 if quick else 23)
     x = np.arange(400) / 400
 
@@ -145,25 +148,25 @@ def beyond_the_twist(quick):
         kappa = scale * ray(angle)
         circle = circles.invariant_circle(parse("gamma"), kappa, 512)
         least = twist(kappa, *np.meshgrid(x, x)).min()
-        return status_code(circle.status), least, *_lives(kappa, 2000, 2000, 2000)
+        return status_code(circle.status), least, *_lifetimes(kappa, 2000, 2000, 2000)
 
-    status, least, *lives = _over(angles, scales, answers)
+    status, least, *lifetimes = _over(angles, scales, answers)
     coords = {"angle": angles_of_rays(angles), "scale": (scales, "scale s of the forcing")}
     variables = {
         "twist": ([*coords], least, "least ∂x'/∂y of a step"),
-        **columns([*coords], _LIVES, lives),
+        **columns([*coords], _LIVES, lifetimes),
         "circle": outcomes([*coords], status),
     }
     return dataset("Near the end of the twist and beyond", coords, variables)
 
 
 def _over(first, second, answers):
-    """Return an array over first × second of each of the numbers that answers(a, b) returns."""
+    """Return, for each number that answers(a, b) returns, an array over first × second."""
     return np.array([[answers(a, b) for b in second] for a in first], float).transpose(2, 0, 1)
 
 
-def _lives(kappa, n_cones, n_average, n_escape):
-    """Return the steps that the longest-lived start lives, and the others of _LIVES."""
+def _lifetimes(kappa, n_cones, n_average, n_escape):
+    """Return the values of _LIVES: elimination time, digits and escape time."""
     y, steps = symmetry_line.longest_lived(kappa, n_cones)
     site, a = dominant_centre(kappa)
     _, digits = orbits.rotation_number(np.roll(kappa, -site), a, y, n_average)
@@ -176,32 +179,36 @@ def _first_escape(kappa, n_max, precision="double"):
 
 
 def missed_survivors(quick):
-    """5. Count how often beam searches of converse KAM miss the longest life that any has found."""
+    """5. Count how often beam searches of converse KAM miss the longest lifetime found by any."""
     kept, n_max = 2 ** np.arange(6), 20_000
     random = np.random.default_rng(6)
     n_rays = 20 if quick else 150
     angles = np.where(random.random(n_rays) < 1 / 3, 45 - random.random(n_rays), 45)
     angles = np.where(angles == 45, 45 * random.random(n_rays), angles)
-    lives = np.empty((kept.size, n_rays))
+    lifetimes = np.empty((kept.size, n_rays))
     for j, (angle, x) in enumerate(zip(angles, 10 ** random.uniform(-4, -2, n_rays), strict=True)):
         kappa = symmetry_line.critical_scale(ray(angle), 3000).value * (1 + x) * ray(angle)
         for i, number in enumerate(kept):
-            lives[i, j] = symmetry_line.longest_lived(kappa, n_max, int(number))[1]
-    best = lives.max(axis=0)
+            lifetimes[i, j] = symmetry_line.longest_lived(kappa, n_max, int(number))[1]
+    best = lifetimes.max(axis=0)
     known = np.isfinite(best)
-    lost = 1 - lives[:, known] / best[known]
+    lost = 1 - lifetimes[:, known] / best[known]
     coords, searches = {"kept": (kept, "starts kept at each level")}, {"searches": int(known.sum())}
     variables = {
-        "missed": ("kept", (lost > 0.01).mean(axis=1), "part that misses 1% of a lifetime"),
-        "worst": ("kept", lost.max(axis=1), "largest part of a lifetime missed"),
+        "missed": (
+            "kept",
+            (lost > 0.01).mean(axis=1),
+            "fraction of searches that miss more than 1% of the lifetime",
+        ),
+        "worst": ("kept", lost.max(axis=1), "largest fraction of a lifetime missed"),
     }
-    return dataset("Lives that the beam search misses", coords, variables, searches)
+    return dataset("Lifetimes that the beam search misses", coords, variables, searches)
 
 
 def disordered_orbits(quick):
-    """6. Start Newton's method for the orbit of 13/21 badly: see what it finds, and accepts.
+    """6. Start Newton's method for the orbit of 13/21 far from it, and classify the results.
 
-    The forcing grows from inside the plane's barriers to far beyond; starts are the rotation with
+    The forcing increases from below the last breakup to far beyond it. Starts are the rotation with
     random deviations of 0.03 and 0.1 turns.
     """
     p, q, noises = 13, 21, (0.03, 0.1)
@@ -223,7 +230,7 @@ def disordered_orbits(quick):
                     outcome = 0
                 elif not action.is_ordered(u, hop, 1 / q):
                     outcome = 2
-                else:  # the right one, at any of its times, has its action
+                else:  # the right orbit, started at any of its points, has the same action
                     same = abs(action.total_action(orbit.kappa, theta, u) - least) < 1e-12
                     outcome = 1 if same else 3
                 counts[outcome, i, j] += 1
@@ -231,28 +238,28 @@ def disordered_orbits(quick):
         "noise": (list(noises), "rms deviation from the rotation, turns"),
         "scale": (scales, "scale s of the forcing s·(1, 0.5)"),
     }
-    words = {
-        "lost": "part of starts without convergence",
-        "right": "part that leads to the orbit",
-        "refused": "part that leads to another orbit, refused",
-        "accepted": "part that leads to another orbit, accepted",
+    labels = {
+        "lost": "fraction of starts without convergence",
+        "right": "fraction that converges to the orbit",
+        "refused": "fraction that converges to another orbit, which is refused",
+        "accepted": "fraction that converges to another orbit, which is accepted",
     }
-    variables = columns([*coords], words, counts / trials)
+    variables = columns([*coords], labels, counts / trials)
     title = "Orbits that Newton's method finds from bad starts"
     return dataset(title, coords, variables, {"trials": trials})
 
 
 def nearly_resonant(quick):
-    """7. Break tori of pairs (ω, Ω) at a distance δ from a resonance, and look past the breakup.
+    """7. Compute breakups of tori of pairs (ω, Ω) at a distance δ from a resonance.
 
-    Judged by converse KAM for tori of that Ω, whatever their ω. Past its bound, tori of the first
-    pair are asked for on grids of up to n points.
+    The reference is converse KAM for all tori of that Ω. Beyond its bound, tori of the first pair
+    are searched on grids of up to n points.
     """
     deltas = np.e * 10.0 ** -np.array([2, 5, 10] if quick else range(2, 13))
     profile, tol, kicks = ray(45), *((0.1, 1000) if quick else (0.03, 8000))
     pairs = list(_PAIRS)[: 2 if quick else None]
     vectors = [[_PAIRS[name](delta) for delta in deltas] for name in pairs]
-    found = [[tori.critical_scale(*vector, *profile, tol) for vector in row] for row in vectors]
+    breakups = [[tori.critical_scale(*vector, *profile, tol) for vector in row] for row in vectors]
     frequencies = {Ω for row in vectors for _, Ω in row}
     known = {Ω: last_torus.upper_scale(Ω, *profile, kicks) for Ω in frequencies}
     upper = np.array([[known[frequency] for _, frequency in row] for row in vectors])
@@ -260,19 +267,19 @@ def nearly_resonant(quick):
     beyond = [(1 + x) * upper[0, 0] * profile for x in excess]
     past = [[tori.invariant_torus(*vectors[0][0], *at, int(n)) for at in beyond] for n in sizes]
     dims = "pair", "delta"
-    numbers = field_arrays(found, _NUMBERS)
+    numbers = field_arrays(breakups, _NUMBERS)
     coords = {
         "pair": text("pair", pairs, "rotation vector"),
         "delta": (deltas, "distance δ from the resonance"),
         "n": (sizes, "most grid points"),
-        "excess": (excess, "scale over upper, less 1"),
+        "excess": (excess, "scale relative to upper, minus 1"),
     }
     variables = {
         "value": (dims, numbers["value"], "breakup on the ray of 45°"),
         "error": (dims, numbers["error"], "error that the method claims for value"),
         "lower": (dims, numbers["lower"], "scale of the last certified torus"),
-        "upper": (dims, upper, "scale at which no torus of that Ω is left"),
+        "upper": (dims, upper, "scale at which no torus of that Ω exists"),
         "status": outcomes(dims, numbers["status"]),
         "past": outcomes(("n", "excess"), field_arrays(past, {})["status"]),
     }
-    return dataset("Tori next to a resonance, and past their breakup", coords, variables)
+    return dataset("Tori next to a resonance, and beyond their breakup", coords, variables)

@@ -1,4 +1,4 @@
-"""How uniform must repeated kicks be? The cost of a ripple, and whether constant kicks are optimal.
+"""How uniform must kicks be? The cost of a ripple, and whether constant kicks are optimal.
 
 κ_n = s(1 + d·f_n) with Σf = 0 and Σf² = P over a period of P kicks: by what fraction is the rms
 strength at the last breakup below κ_G? By renormalisation (see `response`) the loss scales like
@@ -26,17 +26,18 @@ def main(run, n_forcings, n_climbs, quick):
 
     if quick:
         n_forcings, n_climbs = min(n_forcings, 400), min(n_climbs, 40)
-    words, golden = "rms deviation over the mean", study.golden()
-    ripples = last_barriers("tolerance", study.ripples(quick), words, 3e-3)
-    tried, words = study.forcings(n_forcings, n_climbs), f"{words}; the seed of a climb"
-    bounds = against_constant("tolerance_random", tried, words, golden, tries=500)
+    label, golden = "rms deviation over the mean", study.golden()
+    ripples = last_barriers("tolerance", study.ripples(quick), label, 3e-3)
+    forcings, label = study.forcings(n_forcings, n_climbs), f"{label}; the seed of a climb"
+    bounds = against_constant("tolerance_random", forcings, label, golden, tries=500)
     laws = untiled("tolerance_laws", quick=quick)
     with run.sweeping(ripples, bounds, studies=[(laws, 5 if quick else 100)]):
         cube = with_circles(run.sweep(ripples))
-        kept = cube.critical_scale * cube.rms / golden  # of the rms strength, against κ_G
-        cube = cube.assign(loss=1 - kept, loss_error=kept * cube.error / cube.critical_scale)
+        threshold = cube.critical_scale * cube.rms / golden  # rms strength relative to κ_G
+        loss_error = threshold * cube.error / cube.critical_scale
+        cube = cube.assign(loss=1 - threshold, loss_error=loss_error)
         tried, laws = run.sweep(bounds).load(), run.kept(laws, lambda: study.laws(cube))
         for name, table in {"": cube, "_laws": laws, "_random": tried}.items():
             run.table(f"tolerance{name}", table)
-        found = cube, laws, tried
-        run.figure("tolerance", draw_tolerance, *found, caption=study.findings(*found))
+        results = cube, laws, tried
+        run.figure("tolerance", draw_tolerance, *results, caption=study.findings(*results))

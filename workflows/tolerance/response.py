@@ -1,15 +1,16 @@
-"""How critical golden orbits respond to a ripple: the exponent that renormalisation predicts.
+"""The response of critical golden orbits to a ripple, and the exponent that follows from it.
 
 Next to the critical golden circle of constant kicks the distance to κ_G grows by δ = 1.62795 from
-one convergent to the next, and a ripple by some λ, measured here, so that losses go like d^(ln δ/
-ln λ).
+one convergent to the next, and a ripple by a factor λ, which is measured here. So losses scale like
+d^(ln δ/ln λ).
 
-R of a periodic orbit x_n of constant kicks is -det H/4, H the ring of 2 + κ_n cos 2πx_n and -1's,
-and the orbit itself moves with κ_n by H dx = -sin(2πx_n)/(2π)·dκ_n. A ripple of P kicks moves R, to
-first order, only if P divides the orbit's period. Renormalise h times, F_h the first Fibonacci
-number that P divides: kick n is kick F_{h+1}·n then, and the ripple cos 2πkn/P is that of the mode
-±F_{h+1}·k, for some odd P with the other sign, which matters then. Along a cycle of such modes (of
-1 alone but for P = 5 and 8) the response grows by λ in each step.
+For constant kicks the residue of a periodic orbit x_n is R = -det H/4, where H is the cyclic
+tridiagonal matrix of 2 + κ_n cos 2πx_n and -1, and the orbit moves with κ_n by
+H dx = -sin(2πx_n)/(2π)·dκ_n. A ripple of P kicks changes R to first order only if P divides the
+period of the orbit. Renormalise h times, where F_h is the first Fibonacci number that P divides:
+kick n becomes kick F_{h+1}·n, and the ripple cos 2πkn/P becomes that of the mode ±F_{h+1}·k, for
+some odd P with the opposite sign. Along a cycle of such modes (1 alone, except for P = 5 and 8) the
+response grows by λ in each step.
 """
 
 from functools import cache
@@ -25,12 +26,12 @@ from nasm.circles.continuation import UNSTABLE_EIGENVALUES
 from nasm.numbers import moebius, parse
 
 DELTA = UNSTABLE_EIGENVALUES[1,]
-_LONGEST = 25  # n of F_n = 75 025: rounding hides R of longer periods
+_MAX_N = 25  # F_25 = 75 025; rounding hides R of longer periods
 
 
 @cache
 def golden():
-    """Return κ_G, where the golden circle of constant kicks breaks, by residues."""
+    """Return κ_G, at which the golden circle of constant kicks breaks, by residues."""
     return periodic.critical_scale("gamma", (1.0,)).value
 
 
@@ -49,7 +50,7 @@ def response(orbit, f):
     """Return dR/dd of an orbit of constant kicks under κ_G(1 + d·f_n), f of the orbit's period."""
     x = orbit.sites()
     moved = splu(_ring(x, 1.0)).solve(-golden() * f * np.sin(2 * np.pi * x) / (2 * np.pi))
-    step = 1e-30j  # of a derivative by complex numbers
+    step = 1e-30j  # for complex-step differentiation
     pivots = splu(_ring(x + step * moved, 1 + step * f)).U.diagonal()
     return orbit.residue * np.sum(pivots.imag / pivots.real) / step.imag
 
@@ -66,8 +67,7 @@ def steps(period):
 
 
 def finer(circle, period, mode):
-    """Return the circle, its text per period, and the mode of the ripple, that look like the given
-    ones after h renormalisations."""
+    """Return the circle, as text per period, and the mode that h renormalisations map to these."""
     omega, h = parse(circle), steps(period)
     a, b, c = map(fibonacci, (h - 1, h, h + 1))
     sign = 1 if float(omega) > period / 2 else -1  # of ω per kick, or 1 - ω: the one next to γ
@@ -78,19 +78,21 @@ def finer(circle, period, mode):
 
 def modes(period):
     """List the cycle of modes that begins with 1."""
-    found = [1]
-    while (mode := finer("gamma", period, found[-1])[1]) != 1:
-        found.append(mode)
-    return found
+    cycle = [1]
+    while (mode := finer("gamma", period, cycle[-1])[1]) != 1:
+        cycle.append(mode)
+    return cycle
 
 
 def growth(period, mode):
-    """Return by how much ln of the response grows as `finer` is undone, of the longest orbits and
-    of those before, NaN where there are none; and whether ripples of odd P change their sign."""
+    """Return the growth of ln of the response per renormalisation, and if odd ripples change sign.
+
+    The growth is that of the longest orbits, and of the next shorter ones, NaN without these.
+    """
     h, (_, image) = steps(period), finer("gamma", period, mode)
     pairs = [
         (_responses(n, period, image), _responses(n - h, period, mode))
-        for n in range(_LONGEST // h * h, h, -h)[:2]
+        for n in range(_MAX_N // h * h, h, -h)[:2]
     ]
     rates = [np.log(np.linalg.norm(one) / np.linalg.norm(two)) for one, two in pairs]
     turned = np.cos(period * np.angle(pairs[0][0][1] / pairs[0][1][1]))  # 1 or -1
@@ -99,7 +101,7 @@ def growth(period, mode):
 
 @cache
 def _responses(n, period, mode):
-    """Return those of `orbits` to a ripple exp(2πi·mode·n/P), from the first site on."""
+    """Return the responses of `orbits` to a ripple exp(2πi·mode·n/P), from the first site on."""
     phase = 2 * np.pi * mode / period * np.arange(fibonacci(n))
     parts = [[response(orbit, wave(phase)) for wave in (np.cos, np.sin)] for orbit in orbits(n)]
     return np.array(parts) @ [1, 1j]

@@ -8,11 +8,11 @@ from workflows.shared.tables import columns, dataset
 from workflows.tolerance.response import DELTA, finer, golden, growth, modes, steps
 
 PERIODS = range(2, 9)
-_ASKED = {2: (1e-2, 1e-3), 3: (3e-2, 1e-2), 4: (1e-2, 3e-3), 7: (3e-2, 1e-2)}  # P: ripples
+_RIPPLES = {2: (1e-2, 1e-3), 3: (3e-2, 1e-2), 4: (1e-2, 3e-3), 7: (3e-2, 1e-2)}  # P: ripples
 
 
 def ripple(period, shape="cosine"):
-    """Return f of that period and shape, of mean 0 and rms 1."""
+    """Return f of a period and shape, with mean 0 and rms 1."""
     n = np.arange(period)
     wave = np.cos(2 * np.pi * n / period)
     f = {"cosine": wave, "one kick": n == 0, "square": 2 * n < period}[shape]
@@ -21,8 +21,11 @@ def ripple(period, shape="cosine"):
 
 
 def ripples(quick):
-    """List the ripples as (shape, d, profile): of P = 2 down to 10⁻⁵, of others to 0.003, if not
-    `quick`; other shapes than cosines are of 10% and 1% and of 4, 6 and 8 kicks."""
+    """List the ripples as (shape, d, profile).
+
+    Cosines have d down to 10⁻⁵ for P = 2 and to 0.003 for other P, fewer if `quick`. Other shapes
+    have d = 0.1 and 0.01, and P = 4, 6 and 8.
+    """
     sizes = np.array([1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5])
     sizes, periods = (sizes[:5:2], (2, 3)) if quick else (sizes, PERIODS)
     given = [(n, d) for n in periods for d in sizes if n == 2 or d >= 3e-3]
@@ -32,8 +35,10 @@ def ripples(quick):
 
 
 def forcings(n, climbs):
-    """List n random forcings of 2 to 8 kicks, Gaussian deviations of 10⁻³ to 10 of the mean, and
-    the starts of climbs, anywhere."""
+    """List n random forcings of 2 to 8 kicks, and the starts of hill climbs.
+
+    The forcings have Gaussian deviations of 10⁻³ to 10 times the mean; starts are Gaussian.
+    """
     random = np.random.default_rng(0)
     sizes = 10 ** random.uniform(-3, 1, n)
     given = [("random", d, 1 + d * random.standard_normal(2 + i % 7)) for i, d in enumerate(sizes)]
@@ -44,54 +49,56 @@ def forcings(n, climbs):
 def laws(cube):
     """Predict the exponent of the loss by cosine ripples of P = 2 to 8, and measure it.
 
-    predicted: after h renormalisations of each mode of the cycle the loss is δ^h as large, and the
-    ripple as the responses say; its error is what longer orbits changed. measured: by the losses of
-    the last circle under a ripple of the cube, and of the `finer` one; error: of the losses, and
-    the larger of the change from a larger ripple, and of what 2.5 times the first loss would do.
-    orbits: from this period on they tell what becomes of a ripple of 1% from none.
+    predicted : from δ^h, by which the loss grows in the h renormalisations of each mode of the
+    cycle, and from the growth of the ripple by the responses; its error is the change by longer
+    orbits. measured : from the losses of the last circle under a ripple of the cube, and of the
+    `finer` one; its error is that of the losses plus the larger of two terms: the change from a
+    larger ripple, and 2.5 times the first loss. orbits : the period from which on orbits resolve
+    the renormalised ripple of 1%.
 
-    Corrections are large: from 0.3% of P = 4 the law comes to a loss of 0.00173, where residues of
-    the finer circle say 0.00301, to periods of 46 000 alike, and it is certified at 0.0032. There
-    responses of minimax orbits of 8 to 144 kicks grow by e^5.2, of 2584 to 46 368 by e^6.3.
+    Corrections are large: for P = 4 the law extrapolates from 0.3% to a loss of 0.00173, where
+    residues of the finer circle give 0.00301 up to periods of 46 000, and it is certified at
+    0.0032. There the responses of minimax orbits of 8 to 144 kicks grow by e^5.2, of 2584 to 46 368
+    by e^6.3.
     """
-    found = []
+    rows = []
     for period in PERIODS:
         cycle = modes(period)
         *rates, turned = np.sum([growth(period, mode) for mode in cycle], axis=0)
         first, second = steps(period) * len(cycle) * np.log(DELTA) / rates
         smaller = (-1) ** turned * np.exp(-rates[0])
         orbits = periodic.cusp_period(golden() * (1 + smaller * 0.01 * ripple(period)))
-        found.append([first, abs(first - second), *_measured(cube, period, smaller), orbits])
-    words = {
+        rows.append([first, abs(first - second), *_measured(cube, period, smaller), orbits])
+    labels = {
         "predicted": "exponent of the loss that the responses predict",
-        "predicted_error": "what longer orbits changed of it",
+        "predicted_error": "change of it by longer orbits",
         "measured": "exponent of the loss, by residues",
         "measured_error": "its error",
-        "orbits": "period of the orbits that see the next repeat of the law after a ripple of 1%",
+        "orbits": "period of orbits that resolve the next period of the law after a ripple of 1%",
     }
     title, coords = "Exponents of the loss under a ripple", {"period": (PERIODS, "period P")}
-    return dataset(title, coords, columns("period", words, np.transpose(found)))
+    return dataset(title, coords, columns("period", labels, np.transpose(rows)))
 
 
 def _measured(cube, period, smaller):
-    """The exponent under the second ripple asked, and its error; smaller: what becomes of 1."""
+    """Return the exponent for the second ripple and its error; ripples shrink by `smaller`."""
     cosines = cube.isel(forcing=np.flatnonzero((cube.period == period) & (cube.family == "cosine")))
     circles = dict(zip(cosines.parameter.values, cosines.circle.values, strict=True))
-    found, rate = [], -np.log(abs(smaller))
-    for d in _ASKED.get(period, ()):
+    exponents, rate = [], -np.log(abs(smaller))
+    for d in _RIPPLES.get(period, ()):
         if not circles.get(d):
             return np.nan, np.nan
         one, error = _loss(period, circles[d], d)
         two, other = _loss(period, finer(circles[d], period, 1)[0], smaller * d)
-        found.append((np.log(one / two) / rate, (error / one + other / two) / rate, one))
-    if not found:
+        exponents.append((np.log(one / two) / rate, (error / one + other / two) / rate, one))
+    if not exponents:
         return np.nan, np.nan
-    (before, *_), (exponent, error, loss) = found
+    (before, *_), (exponent, error, loss) = exponents
     return exponent, error + max(abs(exponent - before), 2.5 * loss / rate)
 
 
 def _loss(period, circle, d):
-    """The circle's loss by a cosine ripple, and its error."""
+    """Return the loss of a circle by a cosine ripple, and its error."""
     profile = 1 + d * ripple(period)
     q_max = int(np.clip(10 * periodic.cusp_period(golden() * profile), 6000, 23_000))
     scale, unit = periodic.critical_scale(circle, profile, q_max), np.sqrt(np.mean(profile**2))
@@ -102,7 +109,8 @@ def findings(cube, laws, tried):
     """Describe the cost of a ripple and the test of the conjecture, with verdicts."""
     known = cube.loss_error < 0.2 * cube.loss
     percent = 100 * cube.loss[np.isclose(cube.parameter, 0.01)]
-    two, longer = (percent.values[here] for here in (percent.period == 2, percent.period > 2))
+    is_two = percent.period == 2
+    two, longer = percent.values[is_two], percent.values[~is_two]
     return " ".join([
         f"Of {known.size} ripples {int(known.sum())} have a loss with a relative error below 20%. "
         f"A ripple of 1% costs {two.item():.2g}% of the threshold if it alternates, and "
@@ -118,7 +126,7 @@ def _law(laws):
     error = table.measured_error + table.predicted_error
     sharp = error < 0.1 * table.predicted  # False where an error is not known
     fits = bool((abs(table.measured - table.predicted) < error)[sharp].all())
-    said = ", ".join(
+    exponents = ", ".join(
         f"{row.measured:.3f} ± {row.measured_error:.1g} ({row.predicted:.3f} ± "
         f"{row.predicted_error:.1g}) for P = {row.Index}"
         for row in table.dropna(subset=["measured"]).itertuples()
@@ -127,21 +135,21 @@ def _law(laws):
     unsettled = f"For P = {vague} errors above 10% decide nothing. " if vague else ""
     others = table.orbits[table.measured.isnull()]
     long = ", ".join(f"{round(n, -3):.0f} for {period}" for period, n in others.items())
-    words = (
-        f"over one period of the law the loss has the exponents {said}, measured (predicted); the "
-        "errors include those of the losses, their size and larger ripples (shorter orbits). "
+    text = (
+        f"over one period of the law the loss has the exponents {exponents}, measured (predicted); "
+        "the errors include those of the losses, their size and larger ripples (shorter orbits). "
         f"{unsettled}Others are not measured: the next period of the law after 1% needs orbits of "
         f"period about {long} or more"
     )
     claim = "the loss is the power of the ripple that renormalisation predicts for each P"
-    return finding(claim, words, fits and sharp.all(), fits, bool(sharp.any()))
+    return finding(claim, text, fits and sharp.all(), fits, bool(sharp.any()))
 
 
 def _conjecture(tried):
     upper = tried.upper.values / golden()
     random, ends = (upper[tried.family == family] for family in ("random", "climb"))
     beaten, stay = int(np.isinf(upper).sum()), ends > 1
-    words = (
+    text = (
         f"{beaten} of {random.size} random forcings of 2 to 8 kicks and {ends.size} hill climbs "
         "have a barrier at 1.001 times the rms strength of constant kicks. Orbits escape under "
         f"{int((random <= 1).sum())} of the random forcings; converse KAM excludes all circles "
@@ -149,4 +157,4 @@ def _conjecture(tried):
         f"the other climbs orbits escape, at {ends[~stay].max(initial=0):.2f} κ_G or less"
     )
     claim = "constant kicks keep a barrier up to the largest rms strength"
-    return finding(claim, words, beaten == 0, known=ends.size > 0)
+    return finding(claim, text, beaten == 0, known=ends.size > 0)

@@ -1,4 +1,4 @@
-"""Certificates of a store: whether they exist, and whether they prove what the cubes claim."""
+"""Certificates of a store: do they exist, and do they prove what the cubes claim?"""
 
 import sys
 import time
@@ -19,14 +19,14 @@ _CUBES = {
 
 
 def verify_proofs(path, place, longest, repair):
-    """Compare the cubes with their certificates, and check these.
+    """Compare the cubes with their certificates, and check the certificates.
 
-    Returns how many tiles are wrong, and how many of them `repair` makes missing. A cube whose
-    metadata were changed is left out, as sound tiles look wrong by these.
+    Return the number of wrong tiles, and how many of them `repair` can delete. A cube with changed
+    metadata is skipped, as its tiles might seem wrong.
 
-    path : what stands before the names of the cubes.
-    longest : seconds; certificates that would take longer are left out, which is told.
-    repair : whether wrong tiles become missing, where the metadata are known to be right.
+    path : prefix of the names of the cubes.
+    longest : seconds; certificates that would take longer are skipped, and counted.
+    repair : True to delete wrong tiles, if the metadata are known to be right.
     """
     n_bad = n_repairable = 0
     for name in sorted(_CUBES.keys() & set(store.names(place))):
@@ -35,23 +35,23 @@ def verify_proofs(path, place, longest, repair):
         tiles, bad, is_known = {}, {}, store.has_digests(place, name)
         try:
             committed = list(store.tiles_of(place, name))
-        except store.Refused:  # `verify` has said so
+        except store.Refused:  # reported by `verify` already
             continue
         for index, tile in committed:
             try:
                 certificates = proved.unpack_certificates(
                     place.read(store.certificates_key(name, index))
                 )
-                if what := _CUBES[name](tile, certificates):
-                    bad[index] = what
+                if problem := _CUBES[name](tile, certificates):
+                    bad[index] = problem
                 elif certificates:
                     tiles[index] = list(map(proved.seconds_to_check, certificates))
             except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
                 bad[index] = f"its certificates are damaged: {error}"
         costs = [seconds for of_tile in tiles.values() for seconds in of_tile]
         short = [seconds for seconds in costs if seconds <= longest]
-        words = f"{path}{name}: {plural(len(short), 'certificate')} to check"
-        click.echo(f"{words}, about {duration(sum(short))} of CPU time", err=True)
+        summary = f"{path}{name}: {plural(len(short), 'certificate')} to check"
+        click.echo(f"{summary}, about {duration(sum(short))} of CPU time", err=True)
         with Progress(f"{path}{name}: certificates", sys.stderr) as progress:
             progress.add_work(sum(short))
             for index, of_tile in tiles.items():
@@ -62,18 +62,20 @@ def verify_proofs(path, place, longest, repair):
                 for certificate, seconds in zip(certificates, of_tile, strict=True):
                     if seconds <= longest:
                         try:
-                            check(certificate, max_kicks=inf)  # it takes no longer than `longest`
+                            check(certificate, max_kicks=inf)  # `longest` limits the time
                         except Refuted as reason:
                             bad[index] = f"a certificate is refuted: {reason}"
                 predicted = sum(seconds for seconds in of_tile if seconds <= longest)
                 used, wall = time.thread_time() - used, time.monotonic() - wall
                 progress.advance(predicted, used, wall)
-        words = f"checked {len(short)} of {plural(len(costs), 'certificate')}"
+        summary = f"checked {len(short)} of {plural(len(costs), 'certificate')}"
         if len(short) < len(costs):
-            words += f"; the others take {duration(sum(costs) - sum(short))}, see --max-cpu-seconds"
-        click.echo(f"{path}{name}: {words}; wrong: {plural(len(bad), 'tile')}")
-        for index, what in bad.items():
-            click.echo(store.printable(f"  tile {index}: {what}"))
+            summary += (
+                f"; the others take {duration(sum(costs) - sum(short))}, see --max-cpu-seconds"
+            )
+        click.echo(f"{path}{name}: {summary}; wrong: {plural(len(bad), 'tile')}")
+        for index, problem in bad.items():
+            click.echo(store.printable(f"  tile {index}: {problem}"))
             if repair and is_known:
                 store.free(place, name, index)
         n_bad, n_repairable = n_bad + len(bad), n_repairable + len(bad) * is_known

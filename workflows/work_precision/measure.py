@@ -15,7 +15,7 @@ ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
 
 
 def timed(run, *arguments):
-    """Return the result, and the median CPU seconds of up to five runs, in 0.2 s or one run."""
+    """Return the result, and the median CPU time of up to five runs within 0.2 s."""
     seconds = []
     while len(seconds) < 5 and sum(seconds) < 0.2:
         start = thread_time()
@@ -27,45 +27,45 @@ def timed(run, *arguments):
 def measure(rays, names, quick, show):
     """Measure all numbers on rays: dims (ray, method, level).
 
-    show : function of words, called with what is being measured.
+    show : function called with a text that describes the current measurement.
     """
     efforts = {name: METHODS[name].efforts[: -1 if quick else None] for name in names}
     answers = [(name, answer) for name in names for answer in METHODS[name].answers]
     ray = text("ray", rays, "degrees, or the forcing")
-    method = text("method", (answer for _, answer in answers), "method, and what it answers")
+    method = text("method", (answer for _, answer in answers), "method, and its result")
     level = coordinate("level", range(max(map(len, efforts.values()))), "level of effort")
     coords = {"ray": ray, "method": method, "level": level}
     effort = [METHODS[name].effort for name, _ in answers]
-    words = "effort: steps N or n, period q, points, tolerance tol, or distance ε"
+    label = "effort: steps N or n, period q, points, tolerance tol, or distance ε"
     variables = {
-        "effort": blank({"method": method, "level": level}, words),
+        "effort": blank({"method": method, "level": level}, label),
         "effort_is": text("method", effort, "what the effort is"),
         "cpu_seconds": blank(coords, "CPU time of one run, median", units="s"),
         "error": blank(coords, "relative error"),
         "estimated_error": blank(coords, "relative error that the method estimates"),
         "warm_up_seconds": blank({"method": method}, "CPU time of a first run", units="s"),
-        "value": blank({"ray": ray}, "scale of the breakup that all are judged by"),
+        "value": blank({"ray": ray}, "reference scale of the breakup"),
         "judge_error": blank({"ray": ray}, "estimated relative error of value"),
     }
     labels = {"title": "Speed against accuracy of all methods", "judge_q_max": JUDGE}
     data = xr.Dataset(variables, coords, labels).compute().copy(deep=True)  # blanks share memory
     rows = {name: [i for i, (of, _) in enumerate(answers) if of == name] for name in names}
-    for name, here in rows.items():  # kernels that methods share are compiled by the first of them
-        data.effort[here, : len(efforts[name])] = efforts[name]
+    for name, indices in rows.items():  # the first method that uses a kernel compiles it
+        data.effort[indices, : len(efforts[name])] = efforts[name]
         start = thread_time()
         METHODS[name].run(Ray(PROFILES["0"], parse("gamma"), 0.48, nan), METHODS[name].efforts[0])
-        data.warm_up_seconds[here] = thread_time() - start
+        data.warm_up_seconds[indices] = thread_time() - start
     for i, on in enumerate(rays):
         ray = judged(on)
         data.value[i], data.judge_error[i] = ray.value, ray.error / ray.value
-        for name, here in rows.items():
+        for name, indices in rows.items():
             for level, effort in enumerate(efforts[name]):
                 show(f"{on}: {name}, {METHODS[name].effort} = {effort:g}")
-                found, seconds = timed(METHODS[name].run, ray, effort)
-                data.cpu_seconds[i, here, level] = seconds
-                scale, error = np.transpose(found)
-                data.error[i, here, level] = np.abs(scale / ray.value - 1)
-                data.estimated_error[i, here, level] = error / ray.value
+                answer_values, seconds = timed(METHODS[name].run, ray, effort)
+                data.cpu_seconds[i, indices, level] = seconds
+                scale, error = np.transpose(answer_values)
+                data.error[i, indices, level] = np.abs(scale / ray.value - 1)
+                data.estimated_error[i, indices, level] = error / ray.value
     return data
 
 
@@ -73,10 +73,13 @@ def order(data, method):
     """Fit the slope of log error against log effort: median over the rays, NaN without a ray."""
     slopes = []
     for ray in range(data.ray.size):
-        here = data.isel(ray=ray, method=method)
-        seen = (here.error > 10 * here.judge_error).values
-        if seen.sum() > 2:
-            points = np.log(here.effort.values[seen]), np.log(here.error.values[seen])
+        levels = data.isel(ray=ray, method=method)
+        is_resolved = (levels.error > 10 * levels.judge_error).values
+        if is_resolved.sum() > 2:
+            points = (
+                np.log(levels.effort.values[is_resolved]),
+                np.log(levels.error.values[is_resolved]),
+            )
             slopes.append(np.polyfit(*points, 1)[0])
     return float(np.median(slopes)) if slopes else nan
 
@@ -84,8 +87,8 @@ def order(data, method):
 def seconds_for(data, accuracy):
     """Find the CPU seconds by method for the last circle's breakup to an accuracy on every ray.
 
-    The effort is the least from which on all errors are that small; the slowest ray counts. NaN
-    where a ray is never that accurate. Rays on which a method has no answer at all do not count.
+    It is the least effort from which on all errors are that small, on the slowest ray; NaN if the
+    accuracy is not reached on a ray. Rays on which a method has no answer are skipped.
     """
     failed = (data.error > accuracy) | data.error.isnull() & data.effort.notnull()
     from_here = ~failed.values[..., ::-1].cumsum(axis=-1)[..., ::-1].astype(bool)
@@ -114,7 +117,7 @@ def fastest(data):
 
 
 def table(data):
-    """Write a Markdown table: which method for which accuracy, and its first run."""
+    """Write a Markdown table: CPU time of each method for each accuracy, and of its first run."""
     columns = [seconds_for(data, accuracy) for accuracy in ACCURACIES]
     columns.append(data.warm_up_seconds.values)
     heads = [f"{accuracy:.0e}".replace("e-0", "e-") for accuracy in ACCURACIES]

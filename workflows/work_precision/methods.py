@@ -1,6 +1,6 @@
 """The methods that `work_precision` compares, each as a function of its effort.
 
-What a method answers may be several scales, e.g. a bound and a better value, at one price.
+A method may return several scales from one computation, e.g. a bound and a better value.
 """
 
 from collections.abc import Callable
@@ -35,16 +35,16 @@ class Ray:
 
 @dataclass
 class Method:
-    """One method, and how much it is to compute."""
+    """A method, and the efforts at which it is measured."""
 
-    answers: tuple[str, ...]  # names of what it answers
-    effort: str  # letter or name of its measure of effort
+    answers: tuple[str, ...]  # names of its results
+    effort: str  # letter or name of its effort
     efforts: list  # values to measure, the last one in full runs only
     run: Callable  # (ray, effort) → (scale, estimated error) for each of `answers`
 
 
 def judged(name):
-    """Return the Ray of that name, by all that residues can give."""
+    """Return the Ray of that name, with the reference by residues."""
     profile = PROFILES[name]
     omega = barriers.critical_scale(profile, 1e-2).omega
     judge = periodic.critical_scale(omega, profile, JUDGE)
@@ -52,41 +52,41 @@ def judged(name):
 
 
 def direct(n_orbits, reach, precision="double"):
-    """Make direct iteration; transport is |y_n - y_0| > reach for all starts 0 ≤ y_0 ≤ 0.3."""
+    """Return the method of direct iteration; |y_n - y_0| > reach counts as transport."""
 
     def run(ray, n_max):
-        how = n_orbits, (-reach, 0.3 + reach), precision
-        return _bound_and_value(escape.critical_scale(ray.profile, n_max, *how))
+        settings = n_orbits, (-reach, 0.3 + reach), precision
+        return _bound_and_value(escape.critical_scale(ray.profile, n_max, *settings))
 
     return run
 
 
 def converse_kam(ray, n_max):
-    """Answer by converse KAM where no start survives n_max steps, and extrapolated."""
+    """Return the scale at which converse KAM eliminates all starts, and an extrapolated value."""
     if symmetry_line.has_dominant_line(np.array(ray.profile)):
         return _bound_and_value(symmetry_line.critical_scale(ray.profile, n_max))
-    upper, found = transversal.upper_scale(ray.profile, n_max)
-    excess = np.array(transversal.EXCESS_BOUNDS[::-1]) * len(ray.profile) / found.kicks
+    upper, longest = transversal.upper_scale(ray.profile, n_max)
+    excess = np.array(transversal.EXCESS_BOUNDS[::-1]) * len(ray.profile) / longest.kicks
     least, most = upper * (1 - excess)
     return (upper, upper - least), ((least + most) / 2, (most - least) / 2)
 
 
-def _bound_and_value(found):
-    return (found.upper, found.upper - found.value + found.error), (found.value, found.error)
+def _bound_and_value(scale):
+    return (scale.upper, scale.upper - scale.value + scale.error), (scale.value, scale.error)
 
 
 def crossing(ray, q_max):
-    """Answer where the last two convergents have the same residue; the last change is the error."""
+    """Return the scale at which two convergents have equal residues, with its last change."""
     _, scales = periodic.crossings(ray.omega, ray.profile, q_max)
     return ((scales[-1], abs(scales[-1] - scales[-2])) if scales.size else (nan, nan),)
 
 
 def of_circle(critical_scale):
-    """Make a method of a function of ω, a ray and an effort."""
+    """Convert a function of ω, a ray and an effort to a method."""
 
     def run(ray, effort):
-        found = critical_scale(ray.omega, ray.profile, effort)
-        return ((found.value, found.error),)
+        scale = critical_scale(ray.omega, ray.profile, effort)
+        return ((scale.value, scale.error),)
 
     return run
 
@@ -109,10 +109,10 @@ def last_circle(ray, n_points):
 def birkhoff(ray, n):
     """Find the last scale at which converse KAM's longest-lived orbit looks quasiperiodic.
 
-    It does if its rotation number has five digits and is not a fraction up to q = 200, as islands
-    have. That does not show a circle: longer islands and what is left of circles look so too. The
-    search stays within a tenth of what converse KAM says, because regular orbits lie beyond. NaN
-    without a symmetry line.
+    It does if its rotation number has five digits and is not a fraction with q ≤ 200, as in
+    islands. That does not show a circle: longer islands and cantori look the same. The search stays
+    within 10% of the value by converse KAM, as there are regular orbits beyond. NaN without a
+    symmetry line.
     """
     profile = np.array(ray.profile)
     if not symmetry_line.has_dominant_line(profile):
@@ -131,7 +131,7 @@ def birkhoff(ray, n):
 
 
 def _last(holds, low, high, precision):
-    """Bisect for the scale up to which something holds, to a relative precision."""
+    """Bisect for the scale up to which `holds` is true, to a relative precision."""
     while high - low > precision * high:
         middle = (low + high) / 2
         low, high = (middle, high) if holds(middle) else (low, middle)
@@ -139,24 +139,24 @@ def _last(holds, low, high, precision):
 
 
 def barrier(ray, tol):
-    """Answer the further end of the bracket, with its width; and the value in it."""
-    found = barriers.critical_scale(ray.profile, tol)
-    return (found.lower, found.upper - found.lower), (found.value, found.error)
+    """Return the lower end of the bracket with its width, and the value with its error."""
+    scale = barriers.critical_scale(ray.profile, tol)
+    return (scale.lower, scale.upper - scale.lower), (scale.value, scale.error)
 
 
 def transport_proof(ray, excess):
-    """Prove that transport is global that far beyond the breakup, in parts of it."""
+    """Prove that transport is global at a relative excess beyond the breakup."""
     scale = (1 + excess) * ray.value
     proof = proofs.transport.prove(scale * np.array(ray.profile), 1000.0)
     return ((scale if proof.proved else nan, excess * ray.value),)
 
 
 def barrier_proof(ray, distance):
-    """Prove that the circle exists that far below its breakup."""
+    """Prove that the circle exists at a relative distance below its breakup."""
     _, near = norms.certified_circle(ray.omega, ray.profile, ray.value, distance)
     scale = (1 - distance) * ray.value
-    how = {"start": near, "budget": 1000.0}
-    proof = proofs.barrier.prove(ray.omega, scale * np.array(ray.profile), **how)
+    options = {"start": near, "budget": 1000.0}
+    proof = proofs.barrier.prove(ray.omega, scale * np.array(ray.profile), **options)
     return ((scale if proof.proved else nan, distance * ray.value),)
 
 
