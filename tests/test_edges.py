@@ -32,7 +32,7 @@ from nasm.converse_kam import transversal
 
 # They take what others of nasm have made, and trust it.
 TRUSTING = ("arithmetic", "action", "checks", "circles.fourier", "circles.parameterization")
-TRUSTING += ("proofs.cells", "proofs.certificate_checker", "proofs.certificates", "proofs.fan")
+TRUSTING += ("proofs.cells", "proofs.certificate_checker", "proofs.certificates", "proofs.patches")
 TRUSTING += ("manifolds", "sources", "tables", "texts")
 INNER = {barriers.last_circle, continuation.fineness, critical.no_answer}
 INNER |= {transversal.longest_period}

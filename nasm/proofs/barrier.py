@@ -102,7 +102,7 @@ class BarrierProof(Result):
     --------
     >>> from nasm.proofs.barrier import prove
     >>> prove("gamma", (0.3, 0.2))
-    <BarrierProof: the circle [0;(1)] exists under (0.3, 0.2); proved on 64 points>
+    <BarrierProof: the circle [0;(1)] exists under (0.3, 0.2); proved on ... points>
     """
 
     proved: bool
@@ -227,8 +227,8 @@ def prove(
     >>> from nasm.proofs.barrier import prove
     >>> prove("gamma", (0.9,)).proved
     True
-    >>> prove("gamma", (1.1,)).reason
-    "not proved: no circle was found: ..."
+    >>> prove("3/5", (0.2,)).reason
+    'not proved: omega is rational, so its circles are not barriers'
     """
     omega = as_rotation_number(omega)
     kappa = forcing(kappa)
@@ -240,7 +240,7 @@ def prove(
     about: dict[str, Any] = {"omega": omega, "kappa": tuple(kappa.tolist())}
     about |= {"short_omega": short_omega, "short_kappa": tuple(short.tolist())}
     if omega.is_rational:
-        reason = "not proved: omega is rational, so its circles are no barriers"
+        reason = "not proved: omega is rational, so its circles are not barriers"
         return BarrierProof(False, reason, **about)
     until = time.thread_time() + budget
     if start is None:

@@ -46,7 +46,7 @@ def distance(rays: Sequence[Sequence[float]], kappa1: ArrayLike, kappa2: ArrayLi
     Examples
     --------
     >>> from nasm.proofs.cells import distance
-    >>> distance([(0.0, 0.5), (45.0, 1.4)], 0.25, 0.0)
+    >>> float(distance([(0.0, 0.5), (45.0, 1.4)], 0.25, 0.0))
     0.5
     """
     angle = np.rad2deg(np.arctan2(np.minimum(kappa1, kappa2), np.maximum(kappa1, kappa2)))

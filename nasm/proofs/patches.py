@@ -123,10 +123,10 @@ def proved_below(
     --------
     >>> from nasm.proofs import proved_below
     >>> scale, proofs = proved_below("gamma", (1.0,), 0.971635, budget=0.3)
-    >>> 0.5 < scale < 0.971635
+    >>> 0.4 < scale < 0.971635
     True
     >>> proofs[0]
-    <BarrierProof: the circle [0;(1)] exists under s·(1.0,), 0 ≤ s ≤ 0.485818; proved on ... points>
+    <BarrierProof: the circle [0;(1)] exists under s·(1.0,), 0 ≤ s ≤ 0.4858...; proved on ... points>
     """
     omega, profile = as_rotation_number(omega), direction(profile)
     value = real("value", value, MIN_SIZE, MAX_STRENGTH / MIN_SIZE)
