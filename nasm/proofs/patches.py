@@ -126,7 +126,8 @@ def proved_below(
     >>> 0.4 < scale < 0.971635
     True
     >>> proofs[0]
-    <BarrierProof: the circle [0;(1)] exists under s·(1.0,), 0 ≤ s ≤ 0.4858...; proved on ... points>
+    <BarrierProof: the circle [0;(1)] exists under s·(1.0,), 0 ≤ s ≤ 0.4858...; proved on ...
+    points>
     """
     omega, profile = as_rotation_number(omega), direction(profile)
     value = real("value", value, MIN_SIZE, MAX_STRENGTH / MIN_SIZE)
