@@ -1,4 +1,4 @@
-"""An aperiodic forcing, a finite sequence of kicks: may a barrier persist? For `workflows.ask`."""
+"""A finite sequence of kicks (aperiodic forcing): may a barrier persist? For `workflows.ask`."""
 
 import numpy as np
 
@@ -10,25 +10,25 @@ _ORBITS, _STARTS = 256, 2000
 
 
 def answer_aperiodic(kappa):
-    """Return the results of converse KAM and of orbits in words, and a function that draws them."""
+    """Return the results of converse KAM and of orbits as text, and a function that draws them."""
     survivor = aperiodic.last_survivor(kappa)
     lo, hi = escape.PAPER_WINDOW
     first = aperiodic.escape_time(kappa, 0.0, *escape.ensemble(_ORBITS), (lo, hi)).min()
     y = (np.arange(_STARTS) + 0.5) / _STARTS
     x = np.full(_STARTS, survivor.x)
-    lives = aperiodic.elimination_time(kappa, 0.0, survivor.site, x, y)
+    lifetimes = aperiodic.elimination_time(kappa, 0.0, survivor.site, x, y)
 
     def draw():
-        from workflows.figures.ask import draw_once  # loading it takes longer than the answer
+        from workflows.figures.ask import draw_once  # the import takes longer than the answer
 
-        return draw_once(kappa, survivor, y, lives)
+        return draw_once(kappa, survivor, y, lifetimes)
 
     return "\n".join(_sentences(kappa, survivor, first)), draw
 
 
 def _sentences(kappa, survivor, first):
     size, kick = kappa.size, survivor.site + 1
-    lives = f"{plural(survivor.kicks, 'kick', 'g')} in either direction"
+    lifetime = f"{plural(survivor.kicks, 'kick', 'g')} in either direction"
     strengths = f"of strengths from {kappa.min():.6g} to {kappa.max():.6g}"
     kicks = f"these {plural(size, 'kick')}, {strengths}"
     place = f"(x, y) = ({survivor.x:.6g}, {survivor.y:.9g}) before kick {kick}"
@@ -39,7 +39,7 @@ def _sentences(kappa, survivor, first):
             "Lipschitz function through all of them."
         )
         yield (
-            f"The longest-lived start, {place}, is eliminated by {lives}, kicks {ends[0]} to "
+            f"The longest-lived start, {place}, is eliminated by {lifetime}, kicks {ends[0]} to "
             f"{ends[1]}."
         )
         yield (
@@ -49,8 +49,8 @@ def _sentences(kappa, survivor, first):
     elif survivor.kicks < np.inf:
         yield (
             f"UNDECIDED for {kicks}: all starts found are eliminated, the last, {place}, "
-            f"by {lives}. Beyond {aperiodic.HORIZON} kicks a search may miss starts that live "
-            "longer."
+            f"by {lifetime}. Beyond {aperiodic.HORIZON} kicks a search may miss starts with "
+            "longer lifetimes."
         )
     else:
         yield (

@@ -106,17 +106,17 @@ def tips_caption(residues, circles):
 
 def draw_circles(axes, breakdown, **more):
     """Draw the curves of each ω around the plane, where they are known to 2%."""
-    (x, y), whole = planes.outline(style.known(breakdown)), planes.whole_of(breakdown)
+    (x, y), reflection = planes.outline(style.known(breakdown)), planes.whole_of(breakdown)
     circles = breakdown.circle.values
-    for i, (text, look) in enumerate(zip(circles, _looks(circles, whole), strict=True)):
-        how = look | {"marker": "", "lw": 1.3} | more
-        axes.plot(x[i], y[i], label=style.omega_label(text), **how)
+    for i, (text, look) in enumerate(zip(circles, _looks(circles, reflection), strict=True)):
+        options = look | {"marker": "", "lw": 1.3} | more
+        axes.plot(x[i], y[i], label=style.omega_label(text), **options)
 
 
-def _looks(circles, whole):
+def _looks(circles, reflection):
     """Return the style of each circle: that of its class, unless two are of one, as images."""
-    classes = [style.circle_class(text, whole) for text in circles]
+    classes = [style.circle_class(text, reflection) for text in circles]
     if len({*classes}) < len(classes):
-        whole, classes = 0, [style.circle_class(text, 0) for text in circles]
-    styles = style.circle_styles(classes, whole)
+        reflection, classes = 0, [style.circle_class(text, 0) for text in circles]
+    styles = style.circle_styles(classes, reflection)
     return [styles[text] for text in classes]

@@ -16,10 +16,10 @@ def draw_convergence(bias, fits):
     for i, (angle, (eta, error)) in enumerate(fits.items()):
         here, label = bias.sel(angle=angle), rf"$\varphi = {angle:g}°$"
         label += rf": $\eta = {eta:.2f} \pm {error:.2f}$" if np.isfinite(eta) else ""
-        look = {"color": colour_of(i), "marker": MARKERS[i % len(MARKERS)], "ms": 3.5}
-        direct.plot(n, here[-1], ls="", label=label, **look)
+        options = {"color": colour_of(i), "marker": MARKERS[i % len(MARKERS)], "ms": 3.5}
+        direct.plot(n, here[-1], ls="", label=label, **options)
         ratio = (here / here.isel(ensemble=-1)).mean("n")
-        orbits.plot(bias.ensemble, ratio, **look)
+        orbits.plot(bias.ensemble, ratio, **options)
     middle = float(bias[-1].median())
     for slope, style in ((2.681, ":"), (3.012, "-"), (3.322, "--")):
         guide = middle * (n / np.sqrt(n[0] * n[-1])) ** (-1 / slope)
@@ -67,9 +67,10 @@ def draw_diagonal(diagonal):
     axes.plot(diagonal.n, diagonal.distance, "ko", ms=4, mfc="none")
     etas = _etas(diagonal)
     for half, words in enumerate(diagonal.half.values):
-        here = diagonal.isel(n=np.flatnonzero(diagonal.upper_half.values == half))
+        half_range = diagonal.isel(n=np.flatnonzero(diagonal.upper_half.values == half))
         label = rf"{words.replace('N', '$N$')}: $\eta$ = {etas[half]}"
-        axes.plot(here.n, here.fit, "-" if half else "--", color=colour_of(half), label=label)
+        line = "-" if half else "--"
+        axes.plot(half_range.n, half_range.fit, line, color=colour_of(half), label=label)
     mark_gaps(axes, diagonal.n.values, diagonal.distance.isnull().values)
     axes.set(xscale="log", yscale="log", xlabel="steps $N$", ylabel=r"$\kappa_N - \kappa_G$")
     _plain(axes.yaxis)

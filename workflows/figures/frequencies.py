@@ -33,7 +33,7 @@ def draw_frequencies(cube):
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
     outer_legend(figure, 2)
     _draw_convergents(near, limits, fractions)
-    # The axis ends above all brackets; how far phases above its end go is written there.
+    # The axis ends above all brackets; a label there gives the value of phases beyond its end.
     top = _BEYOND * np.fmax(limits.upper.max(), fractions.upper.max())
     for Ω, most in fractions.most[fractions.most > top].items():
         side, x = ("left", 5) if np.mean(wide.get_xlim()) > Ω else ("right", -5)

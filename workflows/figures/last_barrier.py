@@ -1,4 +1,4 @@
-"""CB_gt in the colours of the last circle, a colour for each class under the symmetry."""
+"""CB_gt in the colours of the last circles, one colour for each class under the symmetry."""
 
 import numpy as np
 
@@ -8,20 +8,21 @@ from workflows.figures import planes, style
 def draw_last_barrier(barrier):
     """Draw CB_gt, the last circles by angle, and the cusp of two kicks, or the bracket."""
     figure, plane, strip, cusp = _canvas(around=barrier.angle[-1] > 180)
-    whole = planes.whole_of(barrier)
-    styles = style.circle_styles(barrier.circle.values, whole)
-    classes = np.array([style.circle_class(text, whole) for text in barrier.circle.values])
+    reflection = planes.whole_of(barrier)
+    styles = style.circle_styles(barrier.circle.values, reflection)
+    classes = np.array([style.circle_class(text, reflection) for text in barrier.circle.values])
     planes.fill_inside(plane, barrier)
     _draw_arcs(plane, barrier, classes, styles)
     planes.label_plane(plane, barrier)
     plane.set_title("Where the last barrier breaks")
-    _draw_circle_strip(strip, barrier, classes, styles, whole)
+    _draw_circle_strip(strip, barrier, classes, styles, reflection)
     if planes.of_two_kicks(barrier):
         _draw_cusp(cusp, barrier, classes, styles)
     else:
         _draw_bracket(cusp, barrier)
     handles, labels = strip.get_legend_handles_labels()
-    title = r"$\omega$ of the last circle" + (rf", or ${whole} - \omega$" if whole else "")
+    title = r"$\omega$ of the last circle"
+    title += rf", or ${reflection} - \omega$" if reflection else ""
     style.outer_legend(figure, 6, 2, handles=handles, labels=labels, title=title)
     return figure
 
@@ -40,7 +41,7 @@ def _canvas(around):
 
 
 def _draw_arcs(axes, barrier, classes, styles):
-    """Draw CB_gt as a line and points, each as its last circle's class is drawn."""
+    """Draw CB_gt as a line and points, in the style of the class of the last circle."""
     axes.plot(*planes.in_plane(barrier), color="0.4", lw=0.8, zorder=2)
     style.draw_points(axes, *planes.in_plane(barrier), classes, styles, 3.5, zorder=3)
 
@@ -55,8 +56,8 @@ def _draw_bracket(axes, barrier):
     last = int(barrier.angle[-1])
     axes.set(xlim=(0, last), xticks=[0, last // 2, last])
     axes.margins(y=0.25)
-    for place, side, words in ((0.98, "top", "no circle"), (0.02, "bottom", "certified circle")):
-        axes.text(0.5, place, words, transform=axes.transAxes, ha="center", va=side)
+    for place, side, claim in ((0.98, "top", "no circle"), (0.02, "bottom", "certified circle")):
+        axes.text(0.5, place, claim, transform=axes.transAxes, ha="center", va=side)
     axes.set(xlabel=r"$\varphi$ (degrees)", ylabel=r"$s/s_c - 1$ ($10^{-5}$)")
     axes.set_title("The bracket")
 
@@ -83,14 +84,14 @@ def _draw_cusp(axes, barrier, classes, styles):
         style.legend_below(axes)
 
 
-def _draw_circle_strip(axes, barrier, classes, styles, whole):
-    """Draw which circle is the last, by angle: of ω and its image `whole` - ω the larger."""
+def _draw_circle_strip(axes, barrier, classes, styles, reflection):
+    """Draw the last circle by angle: the larger of ω and its image `reflection` - ω."""
     angle, omega = barrier.angle.values, barrier.omega.values
-    omega = np.maximum(omega, whole - omega) if whole else omega
+    omega = np.maximum(omega, reflection - omega) if reflection else omega
     style.draw_points(axes, angle, omega, classes, styles, 4)
-    style.name_circles(axes, {text: look for text, look in styles.items() if text})
+    style.name_circles(axes, {text: options for text, options in styles.items() if text})
     style.mark_gaps(axes, angle, barrier.critical_scale.isnull().values)
     axes.set(xlabel=r"angle $\varphi$ of the ray (degrees)", xticks=np.arange(0, angle[-1] + 1, 45))
-    image = rf", or ${whole} - \omega$" if whole else ""
+    image = rf", or ${reflection} - \omega$" if reflection else ""
     axes.set(ylabel=rf"$\omega$ of the last circle{image}", title="The last circle")
     axes.grid(lw=0.3)

@@ -33,10 +33,10 @@ def _draw_pairs(axes, pairs, golden):
     axes.plot(line, np.sqrt(golden / line), color="0.4", lw=1, label=limit)
     kinds = [2 if f.numerator > 1 else f.denominator % 2 for f in fractions]
     for kind, label in enumerate(("1/P$, $P$ even", "1/P$, $P$ odd", "p/P$")):
-        here, colour = np.equal(kinds, kind), style.colour_of((0, 4, 2)[kind])
-        look = {"color": colour, "ms": 4.5, "label": rf"$\varepsilon = {label}"}
-        if here.any():
-            axes.plot(ε[here], K[here], "osD"[kind], **look)
+        of_kind, colour = np.equal(kinds, kind), style.colour_of((0, 4, 2)[kind])
+        options = {"color": colour, "ms": 4.5, "label": rf"$\varepsilon = {label}"}
+        if of_kind.any():
+            axes.plot(ε[of_kind], K[of_kind], "osD"[kind], **options)
     axes.set(xscale="log", yscale="log", xlim=(1 / 80, 0.62), title="Pairs of kicks")
     axes.set(xlabel=r"spacing $\varepsilon$ of a pair (periods)", ylabel=r"$K_c$")
     axes.margins(y=0.08)
@@ -47,11 +47,12 @@ def _draw_pairs(axes, pairs, golden):
 def _draw_others(axes, cube):
     bursts = style.of_family(cube, BURSTS).sortby("period")
     kicked = bursts.groupby((bursts.parameter * bursts.period).round().astype(int).rename("n"))
-    words = {SIGNS: "one sign of $P$ flipped", FLIPS: "flipped every $M = P/2$ kicks"}
-    lines = [(words[family], style.of_family(cube, family)) for family in words]
-    for i, (label, here) in enumerate([*lines, *((f"bursts of {n} kicks", x) for n, x in kicked)]):
-        look = {"marker": "os^vD*P"[i % 7], "ms": 5, "lw": 1, **style.line_of(i)}
-        axes.plot(here.period, here.middle, label=label, **look)
+    labels = {SIGNS: "one sign of $P$ flipped", FLIPS: "flipped every $M = P/2$ kicks"}
+    lines = [(labels[family], style.of_family(cube, family)) for family in labels]
+    lines += [(f"bursts of {n} kicks", bursts_of_n) for n, bursts_of_n in kicked]
+    for i, (label, family_cube) in enumerate(lines):
+        options = {"marker": "os^vD*P"[i % 7], "ms": 5, "lw": 1, **style.line_of(i)}
+        axes.plot(family_cube.period, family_cube.middle, label=label, **options)
     axes.set(yscale="log", xlabel="slots for kicks per period, $P$")
     axes.set_ylabel(r"$\kappa_c$")
     _ticks(axes.yaxis, [0.1, 0.2, 0.5, 1])

@@ -15,8 +15,8 @@ _SYMBOLS = {
 
 
 def symbols(axes, plain=False):
-    """Return the symbols of the axes of a plane, {name: words}; words that have no symbol stay."""
-    return [_SYMBOLS.get(words, (words, words))[plain] for words in axes.values()]
+    """Return the symbols of the axes of a plane, {name: description}; or the description itself."""
+    return [_SYMBOLS.get(text, (text, text))[plain] for text in axes.values()]
 
 
 def of_two_kicks(dataset):

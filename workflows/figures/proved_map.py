@@ -35,7 +35,7 @@ def draw_proved_map(cube, triangles, barrier):
             axes.fill(*(signs * one[:, sides]).T, color=COLOURS[0], lw=0, aa=False)
         axes.plot(*(signs * line).T, color="black", lw=0.8)
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
-    patches = [Patch(color=colour, label=words) for words, colour in _LEGEND.items()]
+    patches = [Patch(color=colour, label=label) for label, colour in _LEGEND.items()]
     patches.append(Line2D([], [], color="black", lw=0.8, label=r"$\mathit{CB}_{gt}$ by residues"))
     outer_legend(figure, 2, 1, "upper", handles=patches, frameon=False, fontsize=None)
     return figure

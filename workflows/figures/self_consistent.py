@@ -14,13 +14,13 @@ def draw_self_consistent(fields, verdicts, settling):
     count = fields.coupling.size
     chosen = sorted({count // 4, count // 2, count - 1})
     for i, coupling in enumerate(fields.coupling.values[chosen]):
-        here, row = fields.sel(coupling=coupling), verdicts.sel(coupling=coupling)
-        look = {"lw": 0.8, "label": rf"$\Gamma = {coupling:g}$", **line_of(i)}
-        field.plot(here.kick[:_BEGINNING], here.kappa[:_BEGINNING], **look)
+        run, row = fields.sel(coupling=coupling), verdicts.sel(coupling=coupling)
+        options = {"lw": 0.8, "label": rf"$\Gamma = {coupling:g}$", **line_of(i)}
+        field.plot(run.kick[:_BEGINNING], run.kappa[:_BEGINNING], **options)
         settled = slice(fields.kick.size // 2, None)
-        wandered = (here.theta - row.drift * here.kick)[settled]
-        phase.plot(here.kick[settled], wandered - wandered.mean(), **look)
-        spectrum.semilogy(here.frequency[1:], here.spectrum[1:], **look)
+        deviation = (run.theta - row.drift * run.kick)[settled]
+        phase.plot(run.kick[settled], deviation - deviation.mean(), **options)
+        spectrum.semilogy(run.frequency[1:], run.spectrum[1:], **options)
     field.set(xlabel="kick $n$", ylabel=r"$\kappa_n$", title="Strength: transient")
     phase.set(xlabel="kick $n$", ylabel=r"$\theta_n - n\,v$ (turns)")
     phase.set_title("Phase minus its drift $v$: second half")
@@ -30,8 +30,8 @@ def draw_self_consistent(fields, verdicts, settling):
         legend_below(axes, 3, 3)
 
     asked, row = verdicts.attrs["asked"], _strongest(verdicts)
-    here, lives = fields.sel(coupling=row.coupling), _lifetime(row, asked)
-    particles.plot(here.x, here.y - row.drift, label="particles", **dots("0.4", 1.5))
+    run, lives = fields.sel(coupling=row.coupling), _lifetime(row, asked)
+    particles.plot(run.x, run.y - row.drift, label="particles", **dots("0.4", 1.5))
     for cell in (-1, 0):
         label = f"orbit with a lifetime of {lives} kicks" if cell else None
         particles.plot(row.x, row.y + cell, label=label, **dots(VERMILION, 3))
@@ -43,9 +43,9 @@ def draw_self_consistent(fields, verdicts, settling):
         ("kicks_fitted", "fitted periodic forcing", "s", _GREEN),
         ("kicks", "recorded field", "o", _BLUE),
     ):
-        kicks, held = verdicts[name].clip(max=asked), np.isinf(verdicts[name])
+        kicks, survives = verdicts[name].clip(max=asked), np.isinf(verdicts[name])
         barriers.plot(verdicts.coupling, kicks, f"{marker}-", c=colour, mfc="white", label=words)
-        barriers.plot(verdicts.coupling[held], kicks[held], marker, c=colour)
+        barriers.plot(verdicts.coupling[survives], kicks[survives], marker, c=colour)
     if np.isfinite(verdicts.escape).any():
         barriers.plot(verdicts.coupling, verdicts.escape, "k^", label="first particle to escape")
     barriers.axhline(asked, color="0.6", lw=0.6, ls=":")

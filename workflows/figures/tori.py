@@ -4,24 +4,26 @@ import numpy as np
 
 from workflows.figures.style import colour_of, in_column, key, line_of, outer_legend, panels
 
-_CURVE = 12  # rays of a quarter plane, from which on the points are joined
+_CURVE = 12  # rays of a quarter plane from which on points are connected
 
 
 def draw_breakups(breakups):
-    """Draw where tori break in the quarter plane of κ̄ and Δκ, with the certified scales as dots."""
+    """Draw breakups of tori in the quarter plane of κ̄ and Δκ, with certified scales as dots."""
     figure, (axes,) = panels(1, 1, 6.5, 6)
     radians, few = np.deg2rad(breakups.angle), breakups.angle.size < _CURVE
     direction = np.array([np.cos(radians), np.sin(radians)])
     for i in range(breakups.vector.size):
-        here, colour = breakups.isel(vector=i), colour_of(i)
-        label = rf"$(\omega, \Omega) = ({float(here.omega):.6g}, {float(here.frequency):.6g})$"
-        look = line_of(i) | ({"ls": "", "marker": "s", "mfc": "none"} if few else {})
-        axes.plot(here.kappa_mean, here.kappa_amplitude, label=label, **look)
-        axes.plot(*(here.lower.values * direction), ".", color=colour, ms=4)
-        axes.plot(*(here.upper.values * direction), "v" if few else ":", color=colour, lw=1, ms=4)
+        of_vector, colour = breakups.isel(vector=i), colour_of(i)
+        vector = f"{float(of_vector.omega):.6g}, {float(of_vector.frequency):.6g}"
+        label = rf"$(\omega, \Omega) = ({vector})$"
+        options = line_of(i) | ({"ls": "", "marker": "s", "mfc": "none"} if few else {})
+        axes.plot(of_vector.kappa_mean, of_vector.kappa_amplitude, label=label, **options)
+        axes.plot(*(of_vector.lower.values * direction), ".", color=colour, ms=4)
+        mark = "v" if few else ":"
+        axes.plot(*(of_vector.upper.values * direction), mark, color=colour, lw=1, ms=4)
     marks = "s" if few else "-", ".", "v" if few else ":"
-    words = "breakup", "last certified torus", r"no torus of that $\Omega$ beyond"
-    key(axes, dict(zip(marks, words, strict=True)), "s")
+    labels = "breakup", "last certified torus", r"no torus of that $\Omega$ beyond"
+    key(axes, dict(zip(marks, labels, strict=True)), "s")
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     axes.set(xlim=(0, None), ylim=(0, None), title="Breakup of two-dimensional tori")
     outer_legend(figure, 2)
@@ -45,13 +47,13 @@ def breakups_caption(breakups):
 
 
 def draw_pictures(torus):
-    """Draw h - θ over (θ, φ) on the way to the breakup."""
+    """Draw h - θ over (θ, φ) at scales that approach the breakup."""
     height = 7 if in_column() else 4
     figure, drawn = panels(1, torus.scale.size, 11, height, stack=False, sharey=True)
     reach = float(abs(torus.deviation).max())
     style = {"origin": "lower", "extent": (0, 1, 0, 1), "aspect": "auto", "cmap": "cividis"}
-    for axes, (scale, here) in zip(drawn, torus.groupby("scale"), strict=True):
-        picture = axes.imshow(here.squeeze().deviation, vmin=-reach, vmax=reach, **style)
+    for axes, (scale, of_scale) in zip(drawn, torus.groupby("scale"), strict=True):
+        picture = axes.imshow(of_scale.squeeze().deviation, vmin=-reach, vmax=reach, **style)
         axes.set(xlabel=r"$\theta$ (turns)", title=f"$s = {scale:.5f}$", xticks=(0, 0.5, 1))
     drawn[0].set_ylabel(r"$\varphi$ (turns)")
     where = {"location": "bottom", "aspect": 40} if in_column() else {}

@@ -89,12 +89,12 @@ class _Command(streams.Prepared, click.Command):
 
     def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
         """Parse the options; suggest others for a mistyped one."""
-        words = [*args]
+        arguments = [*args]
         try:
             return super().parse_args(context, args)
         except click.NoSuchOption as error:  # of "-out" click reports "-o" alone
             typed = error.option_name
-            word = next((word for word in words if word.startswith(typed)), typed)
+            word = next((word for word in arguments if word.startswith(typed)), typed)
             raise no_such_option(context, word) from None
 
 

@@ -143,12 +143,12 @@ def periodic_orbits(
 
     Returns
     -------
-    found : list of (p/q, family, x, y, residue)
+    located : list of (p/q, family, x, y, residue)
         The family is "minimizing" or "minimax".
     missing : list of str
         A sentence for each fraction whose orbits are missing: why.
     """
-    found, missing = [], []
+    located, missing = [], []
     for fraction in fractions:
         try:
             both = ordered_orbits(kappa, fraction.numerator, fraction.denominator)
@@ -156,5 +156,5 @@ def periodic_orbits(
             missing.append(f"Not drawn: {lost}.")
             continue
         for family, orbit in zip(("minimizing", "minimax"), both, strict=True):
-            found.append((fraction, family, *orbit.points(), orbit.refined_residue()))
-    return found, missing
+            located.append((fraction, family, *orbit.points(), orbit.refined_residue()))
+    return located, missing
