@@ -1,4 +1,4 @@
-"""Circles in all of a fan: constants that bound every forcing of it, and what they reach."""
+"""Circles in all of a patch: constants that bound every forcing, and scales that are reached."""
 
 import json
 from functools import cache
@@ -46,13 +46,13 @@ def test_a_barrier_is_proved_in_all_of_a_triangle(nearest, least):
 
 
 def reached(omega, profile, value, seconds, tilt, least, nearest=1e-4):
-    below, fans = proofs.proved_below(omega, profile, value, seconds, tilt, nearest)
+    below, patches = proofs.proved_below(omega, profile, value, seconds, tilt, nearest)
     assert least < below / value < 1
-    scales = [proof.scales for proof in fans]
+    scales = [proof.scales for proof in patches]
     assert scales[0][0] == 0
     assert all(one[1] == other[0] for one, other in pairwise(scales))
     assert below == scales[-1][1] == proofs.covered_up_to(scales)
-    for proof, (low, high) in zip(fans[:2], scales, strict=False):
+    for proof, (low, high) in zip(patches[:2], scales, strict=False):
         certificate = json.loads(json.dumps(proof.certificate()))
         assert f" from {low} to {high} times (" in check(certificate)
 
@@ -63,7 +63,7 @@ def breakup(profile, tilt):
     return min(periodic.critical_scale(GAMMA, kappa).value for kappa in across)
 
 
-def test_intervals_are_joined_without_a_gap():
+def test_intervals_cover_up_to_the_first_gap():
     assert proofs.covered_up_to([(0.2, 0.3), (0.0, 0.2)]) == 0.3
     assert proofs.covered_up_to([(0.0, 0.2), (np.nextafter(0.2, 1), 0.3)]) == 0.2
     assert proofs.covered_up_to([(1e-300, 0.2)]) == proofs.covered_up_to([]) == 0
@@ -81,8 +81,8 @@ def test_an_interval_that_fails_is_tried_again_before_the_next(failure, monkeypa
         )
 
     monkeypatch.setattr(module, "_proved_between", proof_of)
-    below, fans = module.proved_below(GAMMA, (1.0,), 0.97, np.inf, nearest=0.01)
-    scales = [proof.scales for proof in fans]
+    below, patches = module.proved_below(GAMMA, (1.0,), 0.97, np.inf, nearest=0.01)
+    scales = [proof.scales for proof in patches]
     assert len(tried) == len(scales) + 1
     assert scales[0][0] == 0
     assert all(one[1] == other[0] for one, other in pairwise(scales))
@@ -95,30 +95,30 @@ def test_the_scale_is_that_up_to_which_the_proofs_leave_no_gap(monkeypatch):
         return barrier.BarrierProof(True, "", **about, scales=scales)
 
     monkeypatch.setattr(module, "_proved_between", with_a_gap)
-    below, fans = module.proved_below(GAMMA, (1.0,), 0.97, np.inf, nearest=0.01)
-    assert below == proofs.covered_up_to(proof.scales for proof in fans) < fans[-1].scales[1]
+    below, patches = module.proved_below(GAMMA, (1.0,), 0.97, np.inf, nearest=0.01)
+    assert below == proofs.covered_up_to(proof.scales for proof in patches) < patches[-1].scales[1]
 
 
 @pytest.mark.parametrize("profile", [(1e-300, 0.0), (1e-200, 1e-210, 0.0)])
 def test_kicks_that_move_no_circle_are_proved_and_checked(profile):
-    below, fans = module.proved_below(GAMMA, profile, 0.9, 0.3)
+    below, patches = module.proved_below(GAMMA, profile, 0.9, 0.3)
     assert 0.4 < below < 0.9
-    check(json.loads(json.dumps(fans[0].certificate())))
+    check(json.loads(json.dumps(patches[0].certificate())))
 
 
 @pytest.mark.parametrize("beyond", [1e-3, pytest.param(0.1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("profile", [(1.0,), (0.94, 0.34), (1.0, 0.5, 0.7)])
 def test_across_the_breakup_nothing_is_proved(profile, beyond):
     found = barriers.critical_scale(profile)
-    for low, told in ((0.9, 1.2), (0.97, 1.02 + beyond)):  # with the breakup told too far out
-        scales = np.array([low, 1 + beyond, told + beyond]) * found.value
+    for low, value in ((0.9, 1.2), (0.97, 1.02 + beyond)):  # with `value` too large
+        scales = np.array([low, 1 + beyond, value + beyond]) * found.value
         assert not tried(found.omega, profile, np.zeros(len(profile)), scales).proved
     below, _ = proofs.proved_below(found.omega, profile, 1.2 * found.value, 0.3)
     assert below < found.value
 
 
 def tried(omega, profile, tilt, scales):
-    """A fan from one scale to another, with the breakup told at a third."""
+    """A patch from one scale to another, with `value` at a third."""
     about = {"omega": omega, "kappa": tuple(profile), "tilt": tuple(tilt)}
     about |= {"short_omega": omega, "short_kappa": tuple(profile)}
     return module._proved_between(*map(float, scales), about)
@@ -126,7 +126,7 @@ def tried(omega, profile, tilt, scales):
 
 @pytest.mark.parametrize("beyond", thirds([0.3, 0.02, 1e-3]))
 @pytest.mark.parametrize("end", [1, pytest.param(-1, marks=pytest.mark.slow)])
-def test_across_the_breakup_at_a_side_of_the_fan_nothing_is_proved(beyond, end):
+def test_across_the_breakup_at_a_side_of_the_patch_nothing_is_proved(beyond, end):
     # At t = 0 the far side is 10% before the breakup, at t = end it is beyond it.
     inner, outer = (barriers.critical_scale(k, 1e-4).value * k for k in (ray(20), ray(25)))
     inner, tilt = 0.9 * inner, end * ((1 + beyond) * outer - 0.9 * inner)
@@ -135,10 +135,10 @@ def test_across_the_breakup_at_a_side_of_the_fan_nothing_is_proved(beyond, end):
     assert below < 1 / (1 + beyond)
 
 
-# --- each constant bounds what it should, for all σ and t -----------------------------------------
+# --- each constant is a bound for all σ and t -----------------------------------------
 
 
-def fan(profile, tilt, low, high, shape, module=module):
+def patch(profile, tilt, low, high, shape, module=module):
     with ctx.workprec(128):
         return module._Patch(GAMMA, list(profile), list(tilt), low, high, N, *shape)
 
@@ -149,7 +149,7 @@ def nodes(n):
 
 def circles_at_points(profile, tilt, high, shape):
     """Circles at Q·R points: their residuals are small there, and not between."""
-    found, kappa = fan(profile, tilt, 0.0, high, shape), np.array(profile)
+    found, kappa = patch(profile, tilt, 0.0, high, shape), np.array(profile)
     starts = [
         proofs.barrier.circles.invariant_circle(GAMMA, high / 2 * (1 + s) * (kappa + t * b)).u
         for s, t, b in product(*map(nodes, shape), [np.array(tilt)])
@@ -161,7 +161,7 @@ def circles_at_points(profile, tilt, high, shape):
 def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.0)):
     """Functions strength·sin 2πφ times polynomials in σ and t with these values at their points."""
     shape = len(values), len(others)
-    found = fan(profile, tilt, 0.0, 1.0, shape)
+    found = patch(profile, tilt, 0.0, 1.0, shape)
     with ctx.workprec(128):
         rows = [
             [[arb(0), arb(strength * x * y / 2)]] * len(profile) for x, y in product(values, others)
@@ -203,7 +203,7 @@ made_case = cache(lambda case: CASES[case]())
 def proved_constants(case, module=module):
     """ρ and the constants of a proof."""
     profile, tilt, high, shape, moves = made_case(case)
-    found = fan(profile, tilt, 0.0, high, shape, module)
+    found = patch(profile, tilt, 0.0, high, shape, module)
     with ctx.workprec(128):
         found = found.verified(moves, UNIT.get(case, -80))
     return found["rho"], found["constants"]
@@ -226,7 +226,7 @@ NAMES = "n", "p", "k", "error", "kappa"
 
 @cache
 def truth(case, rho):
-    """The largest n, p, k, ‖E‖ and |κ| at many σ and t, in floats, of each."""
+    """The largest n, p, k, ‖E‖ and |κ| at many σ and t, in floats."""
     profile, tilt, high, (Q, R), moves = made_case(case)
     P, k = len(profile), np.fft.fftfreq(N, 1 / N)
     weight, alpha = np.exp(2 * np.pi * rho * np.abs(k)) * (np.abs(k) < 100), float(GAMMA) / P
@@ -265,7 +265,7 @@ def too_small(case, rho, bounds):
 
 
 def too_large(case, rho, bounds):
-    """NaN too. What interpolation of circles misses is bounded less well than what they are."""
+    """Constants that are too large, or NaN. Bounds of interpolation errors may be larger."""
     largest, of_circles = truth(case, rho), case in ("between", "between in t", "single")
     most = dict.fromkeys(largest, 2.5) | {"error": 60 if of_circles else 8}
     return [key for key in largest if not bounds[key] < most[key] * largest[key]]
@@ -273,19 +273,19 @@ def too_large(case, rho, bounds):
 
 @pytest.mark.parametrize("case", thirds([*CASES]))
 @pytest.mark.parametrize("program", [proved_constants, checked_constants])
-def test_constants_bound_those_of_all_forcings_of_a_fan(program, case):
+def test_constants_bound_those_of_all_forcings_of_a_patch(program, case):
     found = program(case)
     assert too_small(case, *found) == too_large(case, *found) == []
 
 
 @pytest.mark.parametrize("case", ["between", "between in t", "single"])
-def test_both_programs_allow_as_much_for_what_the_same_points_miss(case):
+def test_both_programs_allow_the_same_error_of_interpolation(case):
     """The checker takes one more point than there are degrees; so does the other with zeros."""
     profile, tilt, high, (Q, R), moves = made_case(case)
     across, nothing = R + (R > 1), [[[[], []]] * len(profile)]
     rows = [moves[i : i + R] + nothing * (across - R) for i in range(0, Q * R, R)]
     with ctx.workprec(128):
-        finer = fan(profile, tilt, 0.0, high, (Q + 1, across))
+        finer = patch(profile, tilt, 0.0, high, (Q + 1, across))
         found = finer.verified([*chain(*rows), *nothing * across], -80)
     _, checked = checked_constants(case, rho=found["rho"])
     assert 0.95 < checked["error"] / found["constants"]["error"] < 1.01
@@ -314,7 +314,7 @@ WRONG = {  # a changed line: the case in which a constant is then too small
 
 
 @pytest.mark.parametrize("changes", thirds([*WRONG]))
-def test_a_constant_that_leaves_something_out_is_noticed(changes):
+def test_a_constant_that_omits_something_is_noticed(changes):
     case = WRONG[changes]
     right, wrong = (text.replace("'", '"') for text in changes)
     try:
@@ -349,7 +349,7 @@ WRONG_CHECKS = {
 
 
 @pytest.mark.parametrize("changes", thirds([*WRONG_CHECKS]))
-def test_a_check_of_a_fan_that_leaves_something_out_is_noticed(changes):
+def test_a_check_of_a_patch_that_omits_something_is_noticed(changes):
     case = WRONG_CHECKS[changes]
     assert too_small(case, *checked_constants(case, mutant(checker, changes)))
 
@@ -364,15 +364,15 @@ def test_a_check_of_a_fan_that_leaves_something_out_is_noticed(changes):
         ((0.0, 0.1), 0, 1, (8, 1)),
     ],
 )
-def test_what_is_no_fan_is_refused(tilt, low, high, shape):
+def test_a_patch_without_forcings_is_refused(tilt, low, high, shape):
     with pytest.raises(ValueError, match="out of range"):
-        fan((1.0, 0.5), tilt, low, high, shape)
+        patch((1.0, 0.5), tilt, low, high, shape)
 
 
 @pytest.mark.parametrize("row", [[[], [1]], [[1], []]])
 def test_modes_that_are_not_real_or_not_odd_are_refused(row):
     with pytest.raises(ValueError, match="real function"):
-        fan((1.0, 0.5), NONE, 0, 0.1, (2, 1)).verified([[row] * 2] * 2, -9)
+        patch((1.0, 0.5), NONE, 0, 0.1, (2, 1)).verified([[row] * 2] * 2, -9)
 
 
 def test_the_constant_of_interpolation_is_above_lebesgues():
@@ -388,11 +388,11 @@ def test_the_constant_of_interpolation_is_above_lebesgues():
         assert 0.9 < largest / (1 + 2 / np.pi * np.log(n)) < 1
 
 
-def test_what_interpolation_misses_is_bounded_on_the_best_ellipse():
+def test_the_error_of_interpolation_is_bounded_on_the_best_ellipse():
     (Q, R), rho, r = (6, 4), 0.01, np.geomspace(1.2, 40, 5000)[:, None]
     m, k = np.array([*product(range(Q), range(R))]).T
     norms = 0.05 * 0.7 ** (m + k)
-    found = fan((0.3, 0.5), (0.1, 0.2), 0.2, 1.0, (Q, R))
+    found = patch((0.3, 0.5), (0.1, 0.2), 0.2, 1.0, (Q, R))
     with ctx.workprec(128):
         bound = float(found._between(arb(0), arb(rho), [arb(x) for x in norms], 1))
 
@@ -417,7 +417,7 @@ def test_the_checkers_constants_of_interpolation_are_lebesgues():
             assert 0.999 < on_a_grid / float(checker.lebesgue(n)) < 1 + 1e-12
 
 
-def test_what_is_as_small_as_rounding_is_left_out():
+def test_coefficients_as_small_as_rounding_are_omitted():
     """Whole numbers that fall with the sum of the degrees, and rounding that does not."""
     rng, (Q, R) = np.random.default_rng(2), (12, 16)
     largest = [4.0 ** (20 - m - n) for m, n in product(range(Q), range(R))]
@@ -434,11 +434,11 @@ def test_circles_at_the_points_have_one_phase():
         barrier.circles.invariant_circle(GAMMA, (1 + s) / 2 * kappa).u for s in nodes(shape[0])
     ]
     with ctx.workprec(128):
-        for modes in fan(kappa, (0.0,) * 3, 0.0, 1.0, shape).circles(starts):
+        for modes in patch(kappa, (0.0,) * 3, 0.0, 1.0, shape).circles(starts):
             assert abs(modes[0][0]) < 1e-28
 
 
-def test_a_fan_whose_certificate_might_not_be_confirmed_is_left(monkeypatch):
+def test_a_patch_whose_certificate_might_not_be_confirmed_is_not_proved(monkeypatch):
     scales = np.array([0.0, 0.5, 1.0]) * breakup(*TRIANGLE)
     found = tried(GAMMA, *TRIANGLE, scales)
     assert found.proved
