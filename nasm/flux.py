@@ -75,7 +75,7 @@ class Flux(Result):
     --------
     >>> from nasm.flux import flux
     >>> flux("gamma", (1.1,))
-    Flux(3.73...e-05 ± ... per step, orbits of period ..., circle [0;(1)], OK)
+    Flux(3.726...e-05 ± ... per step, orbits of period ..., circle [0;(1)], OK)
     """
 
     value: float

@@ -309,15 +309,15 @@ def test_where_all_candidates_are_wrong_the_tree_answers(wrong, monkeypatch):
     assert rounds
 
 
-@pytest.mark.parametrize("questions", [1, 2])
-def test_with_too_few_questions_there_is_no_value_but_a_true_bound(questions):
-    exact = critical_scale(GENERIC, 1e-3).value
-    found = critical_scale(GENERIC, 1e-3, effort=barriers.Effort(max_questions=questions))
+@pytest.mark.parametrize(("profile", "questions"), [(GENERIC, 1), ((1, 0.8, 1), 8)])
+def test_with_too_few_questions_there_is_no_value_but_a_true_bound(profile, questions):
+    exact = critical_scale(profile, 1e-3)
+    found = critical_scale(profile, 1e-3, effort=barriers.Effort(max_questions=questions))
     assert found.status is Status.NOT_CONVERGED
     assert np.isnan([found.value, found.error]).all()
     assert found.omega is None
-    assert not found.lower > exact
-    assert exact < found.upper
+    assert not found.lower > exact.upper
+    assert exact.lower < found.upper
 
 
 def test_a_circle_that_breaks_just_after_the_named_one_is_the_last():

@@ -399,7 +399,7 @@ def test_a_link_holds_all_that_a_tab_looks_at():
     again = State(state.plane)
     again.go(dict(parse_qsl(state.address())))
     parts = {name for name in vars(state) if not name.startswith("_")}
-    parts -= {"verdict", "seen", "drawn", "plays"}
+    parts -= {"verdict", "datasets", "drawn", "plays"}
     assert parts > {"point", "a", "y", "orbits", "show"}
     for name in parts:
         assert getattr(again, name) == getattr(state, name)

@@ -372,7 +372,7 @@ def test_a_polygon_begins_and_ends_where_its_images_continue_it():
 
 def test_lifetimes_beyond_the_allowance_for_rounding_prove_nothing(monkeypatch):
     monkeypatch.setattr(proofs.transport, "_MAX_LIFETIME", 5)
-    with pytest.raises(RuntimeError, match="lives for 5 kicks"):
+    with pytest.raises(RuntimeError, match="a lifetime of 5 kicks"):
         prove(beyond(20, 0.1))
 
 

@@ -116,7 +116,7 @@ def check(certificate: Certificate, max_kicks: float = MAX_TOTAL_KICKS) -> str:
     >>> from nasm.proofs.certificate_checker import check
     >>> certificate = barrier.prove("gamma", (0.3,)).certificate()
     >>> check(certificate)
-    'a rotational invariant circle of [0;(1)] exists under the forcing (0.3,)'
+    'a rotational invariant circle of [0;(1)] exists under the forcing (0.3)'
     >>> check(certificate | {"omega": "[0;(2)]"})
     Traceback (most recent call last):
     nasm.proofs.certificate_checker.Refuted: the seal is broken

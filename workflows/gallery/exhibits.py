@@ -69,7 +69,7 @@ def make_release(directory, workers, quick, quiet):
     for exhibit in RELEASE:
         run(exhibit, directory, workers, quick, quiet)
     folder = Path(directory)
-    files.write(folder / "README.md", _readme(quick))
+    files.write(folder / "README.md", _readme(folder, quick))
     paths = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     paths = [path for path in paths if path.name not in (SUMS, ".lock")]
     paths = [path for path in paths if path.suffix != files.BESIDE]  # of a run that was killed
@@ -79,19 +79,22 @@ def make_release(directory, workers, quick, quiet):
     return sum(path.stat().st_size for path in paths)
 
 
-def _readme(quick):
-    from nasm import __version__
-    from pipeline.store import COMPUTED_BY
+def _readme(folder, quick):
+    import xarray as xr
 
-    parts = "".join(
-        f"## {exhibit.name}\n\n{exhibit.title}.\n\n    {command_of(exhibit, quick)}\n\n"
-        for exhibit in RELEASE
-    )
+    from nasm import __version__
+
+    parts = ""
+    for exhibit in RELEASE:
+        parts += f"## {exhibit.name}\n\n{exhibit.title}.\n\n    {command_of(exhibit, quick)}\n\n"
+        for path in sorted((folder / exhibit.name).glob("*.zarr")):
+            computed_by = xr.open_zarr(path, chunks=None).attrs["computed_by"]
+            parts += f"`{path.name}`: {computed_by}.\n\n"
     return f"""# Where the last barrier of the nonautonomous standard map breaks
 
-The map of arXiv:1606.04824, computed by nasm {__version__} ({COMPUTED_BY}). Each cube, a folder
-NAME.zarr, is opened by `xarray.open_zarr(path)`; its attributes describe its numbers and how they
-were computed. The tables (CSV) have the same numbers.
+The map of arXiv:1606.04824, computed by nasm {__version__}. Each cube, a folder NAME.zarr, is
+opened by `xarray.open_zarr(path)`; its attributes describe its numbers and how they were computed.
+The tables (CSV) have the same numbers.
 
 {parts}`sha256sum -c {SUMS}` checks all files. With nasm installed, `python -m workflows.verify
 --out FOLDER` checks the cubes of a folder, and `--proofs` the certificates as well.
