@@ -52,6 +52,8 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # docstrings have the types
 napoleon_google_docstring = False
 napoleon_use_rtype = False
+# Letters in the shapes of arrays, "(n,)", are also names of attributes; a link to any will do.
+suppress_warnings = ["ref.python"]
 
 
 def escape_marks(app, what, name, thing, options, lines):
