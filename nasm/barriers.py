@@ -113,6 +113,9 @@ _WIDE = 2
 _CONTRADICTION = 0.01
 """Relative distance of `upper` from the value that contradicts it, if it is larger than tol."""
 
+_SIMPLER = 2e-4
+"""Distance from the circle excluded last within which residues are asked about a simpler one."""
+
 _NEAR = 2e-5
 """Distance of candidates, relative to the measured rotation number."""
 
@@ -327,6 +330,7 @@ def _last_breakup(segment, tol, seconds, effort):
     value, error = _value(segment, tol, bracket)
     lower = _certified_below(tree, tol, bracket)
     cusp = periodic.cusp_period(segment.at(value))
+    is_contradicted = upper > value + max(error, tol * value, _CONTRADICTION * value)
     if upper > bracket.outside or cusp > effort.blurred_period:
         error = max(error, upper - value)
     status = Status.OK if upper - lower <= _WIDE * tol * value else Status.WIDE
@@ -334,7 +338,7 @@ def _last_breakup(segment, tol, seconds, effort):
         status = Status.NEAR_CUSP
     elif bracket.outside - bracket.inside > segment.length(value, tol):
         status = Status.NOT_CONVERGED
-    elif upper - value > max(_CONTRADICTION, tol) * value:
+    elif is_contradicted:
         status = Status.UNDECIDED
     if status in (Status.OK, Status.WIDE):
         return CriticalScale(value, error, lower, upper, bracket.omega, status, periodic.METHOD)
@@ -382,7 +386,8 @@ def _search_by_tree(tree, tol, inside, outside, omega=None):
             scale = (inside + outside) / 2
         breakup = None
         if unasked or period >= 2 * asked_period:
-            breakup = _breakup(tree, tol, unasked or nobles[0], inside, outside)
+            named = unasked or _simplest_near(nobles[0], segment.at(outside))
+            breakup = _breakup(tree, tol, named, inside, outside)
             unasked, asked_period = None, period
         if breakup:
             above = breakup.value + segment.length(outside, effort.share_above * tol)
@@ -393,8 +398,14 @@ def _search_by_tree(tree, tol, inside, outside, omega=None):
             continue
         outside, nobles, period = scale, nobles_there, period_there
         if breakup:
-            return _with_rivals(tree, tol, breakup, outside, nobles)
+            return _with_rivals(tree, tol, breakup, inside, outside, nobles)
     return _Bracket(inside, outside, omega)
+
+
+def _simplest_near(omega, kappa):
+    """Return the noble with the shortest prefix near another one."""
+    near = float(omega), _SIMPLER, 1
+    return [*half_shift_nobles(kappa, *near), *nobles_near(*near)][0]
 
 
 def _breakup(tree, tol, omega, inside, outside):
@@ -412,14 +423,14 @@ def _breakup(tree, tol, omega, inside, outside):
     return found if exists and between[0] < found.value < outside else None
 
 
-def _with_rivals(tree, tol, breakup, outside, nobles):
+def _with_rivals(tree, tol, breakup, inside, outside, nobles):
     """Return the _Bracket of a breakup, or of another noble that breaks later, below `outside`."""
     segment = tree.segment
     for omega in nobles:
         just_above = breakup.value + segment.length(outside, tree.effort.rival_distance)
         if omega != breakup.omega and circle_exists(omega, segment.at(just_above)):
-            later = _breakup(tree, tol, omega, breakup.value, outside)
-            if later is None:  # it breaks somewhere in between
+            later = _breakup(tree, tol, omega, inside, outside)
+            if later is None or later.value < breakup.value:  # it breaks somewhere in between
                 return _Bracket(just_above, outside, omega)
             breakup = later
     near = segment.length(outside, tree.effort.share_above * tol)
