@@ -3,8 +3,8 @@
 The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
 With three kicks or more circles may break and come back in bands of scales, next to the boundary in
 bands as narrow as one likes. The search resolves bands of a relative width of about tol: where it
-met any, error is at least tol, and upper at least value + error. From another start than zero the
-first breakup is meant.
+met any, error is at least tol or 10⁻³, and upper at least value + error. From another start than
+zero the first breakup is meant.
 
 The search goes from outside to inside.
 
@@ -98,14 +98,17 @@ where the circle that the tree excludes last is mostly the last one."""
 _CLIMB = 0.01
 """Relative distance between scales that are tried if a circle exists where it begins."""
 
-_BELOW = 0, 0.3, 0.6, 1.5, 3, 9, 29
+_BELOW = 0, 0.3, 0.6, 1, 1.5, 2, 2.5, 3, 9, 29
 """Distances below a bracket, over tol, at which a circle is certified if not nearer to it."""
 
-_TRIED = 3
+_TRIED = 6
 """Circles that are tried at each of them."""
 
 _HULL_PERIOD, _HULL_POINTS, _MOST_POINTS = 20_000, 16_384, 65_536
 """Period of the orbits, and points, first and at most, of circles certified from their hulls."""
+
+_BANDS = 1e-3
+"""Relative error, unless tol is smaller, where circles break and come back."""
 
 _WIDE = 2
 """Width of a bracket, over tol, that a caller must be told of."""
@@ -159,7 +162,7 @@ class Effort:
     Status.OK
     """
 
-    share_above: float = 0.3
+    share_above: float = 0.2
     max_questions: int = 120
     step: float = 0.25
     tree_depth: int = 1000
@@ -350,7 +353,7 @@ def _value(segment, tol, bracket):
     if bracket.breakup is not None:
         return bracket.breakup.value, bracket.breakup.error
     half = (bracket.outside - bracket.inside) / 2
-    return bracket.inside + half, max(half, segment.length(bracket.outside, tol))
+    return bracket.inside + half, max(half, segment.length(bracket.outside, min(tol, _BANDS)))
 
 
 def _outermost(tree):
