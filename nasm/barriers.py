@@ -3,8 +3,8 @@
 The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
 With three kicks or more circles may break and come back in bands of scales, next to the boundary in
 bands as narrow as one likes. The search resolves bands of a relative width of about tol: where it
-met any, error is at least tol or 10⁻³, and upper at least value + error. From another start than
-zero the first breakup is meant.
+met any, error is at least the smaller of tol and 10⁻³, and upper at least value + error. From
+another start than zero the first breakup is meant.
 
 The search goes from outside to inside.
 
@@ -150,7 +150,8 @@ class Effort:
     rival_distance : float
         Relative distance above the value at which no other circle exists by its residues.
     cusp_period : int
-        The same next to a cusp that periods up to `blurred_period` do not resolve.
+        Longest period of these residues next to a cusp that periods up to `blurred_period` do not
+        resolve.
     blurred_period : int
         Period by which a cusp is to be resolved, or the value may be too large.
 
@@ -290,8 +291,14 @@ class _Tree:
         return self.ask(scale)[0] is not None
 
     def lowest_excluded(self, above):
-        """Return the lowest scale above another one at which no circle was named."""
-        return min(s for s, (omega, *_) in self.answers.items() if omega is None and s > above)
+        """Return the lowest scale above another one at which no circle was named; if there is none
+        yet, climb to one."""
+        excluded = (s for s, (omega, *_) in self.answers.items() if omega is None and s > above)
+        scale = min(excluded, default=None)
+        while scale is None:
+            above += self.segment.length(above, _CLIMB)
+            scale = above if self.has_spent(_SEARCH_SHARE) or not self.exists(above) else None
+        return scale
 
     def has_spent(self, share):
         """Return True if that share of the CPU time is spent, or the number of questions."""
@@ -455,7 +462,7 @@ def _search_by_survivors(segment, tol, effort):
         return None
     # Lives end there at 1.2 to 1.5 times _LOCATE steps.
     beyond = segment.at(located.value * (1 + 0.5 / _LOCATE))
-    names, n_steps = candidates(beyond, longest_lived(beyond, 2 * _LOCATE)), 0
+    names = candidates(beyond, longest_lived(beyond, 2 * _LOCATE))
     last, seen = None, set()
     while new := [omega for omega in names if omega not in seen]:
         seen.update(new)

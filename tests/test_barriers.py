@@ -320,6 +320,15 @@ def test_with_too_few_questions_there_is_no_value_but_a_true_bound(profile, ques
     assert exact.lower < found.upper
 
 
+def test_above_a_survivor_the_search_climbs_to_a_scale_without_circles():
+    segment = barriers._Segment(np.zeros(3), np.array(GENERIC))
+    tree = barriers._Tree(segment, np.inf, barriers.Effort())
+    exact, scale = critical_scale(GENERIC, 1e-2).value, tree.lowest_excluded(1.75)
+    assert exact < scale < 1.02 * exact
+    assert tree.lowest_excluded(1.75) == scale
+    assert not tree.exists(scale)
+
+
 def test_a_circle_that_breaks_just_after_the_named_one_is_the_last():
     """[0;4,3,(1)], which the tree excludes last, breaks 9e-5 earlier than [0;4,3,2,(1)]."""
     profile = (-0.663821954890323, 0.9944856278202228, -0.4426921491035081)
