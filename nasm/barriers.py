@@ -300,10 +300,14 @@ class _Tree:
             scale = above if self.has_spent(_SEARCH_SHARE) or not self.exists(above) else None
         return scale
 
+    def end(self, share):
+        """Return the `time.thread_time` at which that share of the CPU time is spent."""
+        return self.began + share * self.seconds
+
     def has_spent(self, share):
         """Return True if that share of the CPU time is spent, or the number of questions."""
         too_many = len(self.answers) >= self.effort.max_questions
-        return too_many or thread_time() - self.began > share * self.seconds
+        return too_many or thread_time() > self.end(share)
 
 
 @dataclass(frozen=True)
@@ -333,14 +337,22 @@ def _last_breakup(segment, tol, seconds, effort):
             return no_answer(None, ends, "Farey tree")
         bracket = _search_by_tree(tree, tol, *ends)
     upper, survivor = _eliminated_above(tree, tol, bracket)
-    while survivor is not None and not tree.has_spent(_SEARCH_SHARE):
-        outside = tree.lowest_excluded(upper)
-        bracket = _search_by_tree(tree, tol, upper, outside, survivor)
+    while not tree.has_spent(_SEARCH_SHARE):
+        if survivor is not None:
+            outside = tree.lowest_excluded(upper)
+            higher = _search_by_tree(tree, tol, upper, outside, survivor)
+        elif _contradicts(upper, *_value(segment, tol, bracket), tol):  # a leap may miss a band
+            higher = _search_by_tree(tree, tol, bracket.outside, upper, leaps=False)
+        else:
+            break
+        if higher.omega is None:
+            break
+        bracket = higher
         upper, survivor = _eliminated_above(tree, tol, bracket)
     value, error = _value(segment, tol, bracket)
     lower = _certified_below(tree, tol, bracket)
     cusp = periodic.cusp_period(segment.at(value))
-    is_contradicted = upper > value + max(error, tol * value, _CONTRADICTION * value)
+    is_contradicted = _contradicts(upper, value, error, tol)
     if upper > bracket.outside or cusp > effort.blurred_period:
         error = max(error, upper - value)
     status = Status.OK if upper - lower <= _WIDE * tol * value else Status.WIDE
@@ -353,6 +365,11 @@ def _last_breakup(segment, tol, seconds, effort):
     if status in (Status.OK, Status.WIDE):
         return CriticalScale(value, error, lower, upper, bracket.omega, status, periodic.METHOD)
     return CriticalScale(nan, nan, lower, upper, None, status, "converse KAM")
+
+
+def _contradicts(upper, value, error, tol):
+    """Whether survivors show that a circle may exist far above the value."""
+    return upper > value + max(error, tol * value, _CONTRADICTION * value)
 
 
 def _value(segment, tol, bracket):
@@ -373,20 +390,25 @@ def _outermost(tree):
         return 0.0, outside
     n_sites = 8 if segment.start.any() else 2  # any scale without circles will do on a ray
     inside = 0.0
-    outside, _ = transversal.upper_scale(segment.profile, _LOCATE_ANYWHERE, segment.start, n_sites)
+    outside, _ = transversal.upper_scale(
+        segment.profile, _LOCATE_ANYWHERE, segment.start, n_sites, tree.end(_SEARCH_SHARE)
+    )
     if not 0 < outside < inf:
         return Status.NO_BREAKUP if outside else Status.OUTSIDE
-    while tree.exists(outside) and not tree.has_spent(_SEARCH_SHARE):  # no start on it survives
+    while not tree.has_spent(_SEARCH_SHARE) and tree.exists(outside):  # no start on it survives
         inside, outside = outside, outside + segment.length(outside, _CLIMB)
     return inside, outside
 
 
-def _search_by_tree(tree, tol, inside, outside, omega=None):
+def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
     """Return the _Bracket of the last breakup between two scales, wider if the budget is spent.
 
-    omega : a circle that exists at `inside`, if one is known.
+    omega : a circle that exists at `inside`, if one is known. leaps : False to go down by steps
+    until a circle is met.
     """
     segment, effort = tree.segment, tree.effort
+    if tree.has_spent(_SEARCH_SHARE):
+        return _Bracket(inside, outside, omega)
     _, nobles, period = tree.ask(outside)
     unasked, asked_period = omega, 0  # of residues
     while outside - inside > segment.length(outside, tol / 2) and not tree.has_spent(_SEARCH_SHARE):
@@ -395,7 +417,7 @@ def _search_by_tree(tree, tol, inside, outside, omega=None):
         if scale <= inside:
             scale = (inside + outside) / 2
         breakup = None
-        if unasked or period >= 2 * asked_period:
+        if unasked or (leaps and period >= 2 * asked_period):
             named = unasked or _simplest_near(nobles[0], segment.at(outside))
             breakup = _breakup(tree, tol, named, inside, outside)
             unasked, asked_period = None, period
@@ -477,7 +499,7 @@ def _search_by_survivors(segment, tol, effort):
         longest = longest_lived(segment.at(outside), n_steps)
         if longest.kicks < inf:
             inside, period = last.value - near, effort.cusp_period
-            is_there = circle_exists(last.omega, segment.at(inside))
+            is_there = circle_exists(last.omega, segment.at(inside), period)
             return _Bracket(inside, outside, last.omega, last, period, True) if is_there else None
         names = candidates(segment.at(outside), longest, n_steps)
     return None
@@ -519,7 +541,7 @@ def _eliminated_above(tree, tol, bracket):
     near = segment.length(value, effort.share_above * tol)
     n_steps = _steps_to_eliminate(segment, near, value)
     scale = max(bracket.outside, min(value + error, tree.eliminated))
-    until = tree.began + _WITNESS_SHARE * tree.seconds
+    until = tree.end(_WITNESS_SHARE)
     while scale < tree.eliminated and not (bracket.is_eliminated or tree.has_spent(_WITNESS_SHARE)):
         longest = longest_lived(segment.at(scale), n_steps, until)
         if longest.kicks < inf:
@@ -539,7 +561,7 @@ def _certified_below(tree, tol, bracket):
     if bracket.breakup is not None and not tree.has_spent(1):
         share = 0.95 * (1 - tree.effort.share_above)
         lower, _ = continuation.certified_circle(
-            bracket.omega, segment.profile, value, share * tol, segment.start
+            bracket.omega, segment.profile, value, share * tol, segment.start, tree.end(1)
         )
         begin = value - segment.length(value, tol)
         if lower >= begin:
@@ -588,7 +610,7 @@ def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLi
     n_max : int
         Most steps (periods of the forcing).
     until : float
-        The `time.thread_time` from which on transversals are left as they are.
+        The `time.thread_time` from which on a start on a transversal is called a survivor.
 
     Returns
     -------

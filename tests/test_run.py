@@ -82,6 +82,15 @@ def test_a_study_is_computed_again_by_other_code(tmp_path, study, monkeypatch, b
     assert study.count == 2
 
 
+def test_a_study_of_a_swept_cube_bears_its_own_code_and_time(tmp_path, study):
+    swept = {"computed_by": "the code of a job", "created": "earlier"}
+    with driven(tmp_path) as one:
+        found = one.kept(untiled("toy"), lambda: study().assign_attrs(swept))
+        assert one.holds(untiled("toy"))
+    assert found.attrs["computed_by"] == run._CODE["computed_by"]
+    assert found.attrs["created"] != "earlier"
+
+
 def test_a_study_is_computed_again_where_it_is_damaged(tmp_path, study):
     chunk = tmp_path / "toy.zarr/square/c/0"
     for damage in (lambda: chunk.write_bytes(b"\0" + chunk.read_bytes()[1:]), chunk.unlink):

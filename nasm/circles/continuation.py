@@ -20,6 +20,7 @@ That the blow-up marks the breakup is Calleja & de la Llave's criterion (Nonline
 
 from itertools import chain, islice, pairwise
 from math import ceil, exp, inf, log, nan, sqrt
+from time import thread_time
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -158,6 +159,7 @@ def certified_circle(
     breakup: float,
     distance: float,
     start: ArrayLike | None = None,
+    until: float = inf,
 ) -> tuple[float, FloatArray | None]:
     """Compute a certified circle of ω near a known breakup.
 
@@ -178,6 +180,8 @@ def certified_circle(
         Relative distance, 10⁻⁶ to 1/2.
     start : array_like, shape (P,), optional
         Start of the segment; default 0.
+    until : float
+        The `time.thread_time` after which no circle nearer to the breakup is tried.
 
     Returns
     -------
@@ -200,6 +204,7 @@ def certified_circle(
     """
     start, profile = segment(start, profile)
     breakup, distance = real("breakup", breakup), real("distance", distance, 1e-6, 0.5)
+    until = real("until", until)
     distances = geometric(0.5, distance, 1 + max(1, ceil(log(2 * distance) / log(0.3))))
     path = _first_circle(omega, start)
 
@@ -209,14 +214,16 @@ def certified_circle(
         return u if newton.polish(omega, start + scale * profile, u) else None
 
     for d in distances[:-1] if path else []:
-        u = circle_at(d, _MODES_ON_THE_WAY / d)
+        u = circle_at(d, _MODES_ON_THE_WAY / d) if thread_time() < until else None
         if u is None:
             break
         path.append((breakup * (1 - d), u))
     # Fewer modes at first: they let less rounding in, and no other circle starts from this one.
     tries = [(distance, factor) for factor in (0.4, 0.7, 1.0)] + [(min(1.4 * distance, 0.5), 0.7)]
     nearest = (
-        (breakup * (1 - d), circle_at(d, factor * _MODES / d)) for d, factor in tries if path
+        (breakup * (1 - d), circle_at(d, factor * _MODES / d))
+        for d, factor in tries
+        if path and thread_time() < until
     )
     for scale, u in chain(nearest, reversed(path[1:])):
         if u is not None and newton.polished_is_circle(omega, start + scale * profile, u):

@@ -113,8 +113,8 @@ def longest_lived(kappa: ArrayLike, n_max: int, until: float = math.inf) -> Long
     n_max : int
         Steps (periods of the forcing) in either direction, 1 to 10⁶.
     until : float
-        The `time.thread_time` from which on transversals are not bent any further: then a start
-        may be called a survivor that a better curve would not meet.
+        The `time.thread_time` from which on nothing is computed any more: then a start is called a
+        survivor that may not be one.
 
     Returns
     -------
@@ -225,7 +225,11 @@ def eliminated_transversals(
 
 
 def upper_scale(
-    profile: ArrayLike, n_max: int, start: ArrayLike | None = None, n_sites: int = _MAX_SITES
+    profile: ArrayLike,
+    n_max: int,
+    start: ArrayLike | None = None,
+    n_sites: int = _MAX_SITES,
+    until: float = math.inf,
 ) -> tuple[float, LongestLived | None]:
     """Find a scale just above the last breakup on κ = start + s·profile.
 
@@ -245,6 +249,8 @@ def upper_scale(
     n_sites : int
         Number of sites, 1 to 8, on whose transversals survivors are sought. With two it takes half
         the time, and the scale may be some per cent higher.
+    until : float
+        The `time.thread_time` after which the scale is left as high as it is then.
 
     Returns
     -------
@@ -252,7 +258,8 @@ def upper_scale(
         No start was found to survive n_max steps there. From another start 0 if no start survives
         at s = 0, inf if one does up to 40 steps.
     longest : LongestLived or None
-        The longest-lived start there; T is its lifetime in steps. None if scale is 0 or inf.
+        The longest-lived start there; T is its lifetime in steps. None if scale is 0 or inf, or the
+        time is over.
 
     Raises
     ------
@@ -270,12 +277,13 @@ def upper_scale(
     start, profile = segment(start, profile)
     n_max = count("n_max", n_max, 30, MAX_STEPS)
     sites = _by_strength(profile)[: count("n_sites", n_sites, 1, _MAX_SITES)]
+    until = real("until", until)
     size = np.abs(profile).max()
     # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
     upper, longest, step_ratio = 2 / size, None, 0.15
 
     def longest_at(scale, n_steps):
-        return _longest_lived(start + scale * profile, n_steps, sites)
+        return _longest_lived(start + scale * profile, n_steps, sites, until)
 
     if start.any():
         scales = (_SCAN_STEP * n / size for n in range(_SCAN_STEPS + 1))
@@ -286,6 +294,8 @@ def upper_scale(
     for level in range(int(log(n_max / 30, 4)), -1, -1):
         n_steps, survived = n_max // 4**level, None
         while survived is None or upper - survived > _BRACKET_WIDTH / n_steps * unit:
+            if time.thread_time() > until:
+                return upper, None
             scale = (
                 max(upper - step_ratio * unit, 0) if survived is None else (upper + survived) / 2
             )
@@ -355,7 +365,7 @@ def _transversals(kappa, sites, min_gap):
 
 
 def _bend_while_surviving(transversal, n_steps, grids, width, until=math.inf):
-    """Bend a transversal as long as a start survives, and time remains.
+    """Bend a transversal as long as a start survives, and time remains. Then all starts do.
 
     Returns (x, y) of the longest-lived start on it, and its lifetime in kicks.
     """
@@ -368,6 +378,8 @@ def _bend_while_surviving(transversal, n_steps, grids, width, until=math.inf):
             return [np.interp(place, at, axis) for axis in corners.T]
 
         def lifetimes(place, points_at=points_at):
+            if time.thread_time() > until:
+                return np.full(place.size, np.inf)
             return elimination(kappa, *points_at(place), n_steps * kappa.size, True)[0]
 
         # A few starts usually find a survivor, if one exists.

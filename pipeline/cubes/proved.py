@@ -31,6 +31,7 @@ from pipeline.cubes.cube import (
     blank,
     coordinate,
 )
+from pipeline.cubes.kernels import load_orbits
 
 Certificate: TypeAlias = dict[str, Any]
 """A JSON object, see nasm/proofs/README.md; `nasm.proofs.certificate_checker` checks it."""
@@ -224,8 +225,13 @@ def proved_triangles(
     template = xr.Dataset(variables, axes, {"title": title})
     settings = {"triangles": triangles, "nearest": nearest}
     cube = Cube("proved_triangles", template, {"triangle": 1}, settings)
-    warm_up = partial(proofs.proved_below, "gamma", (0.5, 0.1), 1.0, 1e-3, (0.0, 0.1))
-    return Job(cube, _compute_triangle, lambda *_: 2 * _seconds(nearest), warm_up)
+    return Job(cube, _compute_triangle, lambda *_: 2 * _seconds(nearest), _load_triangles)
+
+
+def _load_triangles() -> None:
+    """Compile the kernels of `_compute_triangle`."""
+    load_orbits()
+    proofs.proved_below("gamma", (0.5, 0.1), 1.0, 1e-3, (0.0, 0.1))
 
 
 def _seconds(nearest: float) -> float:

@@ -107,13 +107,16 @@ def replace(place: Place, cube: "Cube", computed_by: str) -> None:
     deleted first and written last: until then, also after a crash, the cube does not exist.
     Parameters are those of `check`, and so is the error for other settings.
     """
-    cube = dataclasses.replace(cube, template=cube.template.compute())
+    template, by = cube.template.compute(), _provenance(computed_by)
+    # Of a cube that the template was made from; this one is made here and now.
+    template.attrs = {key: value for key, value in template.attrs.items() if key not in by}
+    cube = dataclasses.replace(cube, template=template)
     attributes = _check_settings(place, cube)
     is_same_code = attributes.get("computed_by") == computed_by
     if is_same_code and not _differing(place, _files(cube, attributes)):
         return
     place.delete(_key(cube.name))
-    files = _files(cube, _provenance(computed_by))
+    files = _files(cube, by)
     for key in sorted(files, key=_key(cube.name).__eq__):
         place.write(key, files[key])
 
