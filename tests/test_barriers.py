@@ -351,11 +351,11 @@ def compiled():
 @pytest.mark.parametrize("seconds", [2, 6])
 @pytest.mark.parametrize("period", [9, 24, 64])
 def test_a_search_ends_within_its_seconds(period, seconds, compiled):
-    """Or a fifth later, and a question that takes long under 64 kicks."""
+    """Or when the question is answered that was asked last."""
     profile = np.random.default_rng(64).normal(size=period)
     begun = time.thread_time()
     found = critical_scale(profile, 1e-4, seconds=seconds)
-    assert time.thread_time() - begun < 1.2 * seconds + period / 64
+    assert time.thread_time() - begun < 1.5 * seconds + 1
     assert not found.lower > found.upper
 
 
