@@ -85,8 +85,17 @@ def copy_notebooks():
         shutil.copy(path, there)
 
 
+def copy_gallery(app, error):
+    """Copy what `python -m workflows.gallery` has made, without its cubes, beside the pages."""
+    if not error and app.builder.name == "html" and tables.GALLERY.is_dir():
+        there = Path(app.outdir) / "gallery"
+        shutil.rmtree(there, ignore_errors=True)
+        shutil.copytree(tables.GALLERY, there, ignore=shutil.ignore_patterns("*.zarr"))
+
+
 def setup(app):
     copy_notebooks()
     tables.write(HERE / "reference" / "generated")
     app.connect("autodoc-process-docstring", escape_marks, priority=400)
+    app.connect("build-finished", copy_gallery)
     app.connect("build-finished", refuse_what_is_elsewhere)

@@ -1,4 +1,4 @@
-"""The parts of the site that the program writes: tables of cubes, statuses and trust, modules."""
+"""The parts of the site that the program writes: tables, modules, the gallery."""
 
 import csv
 import sys
@@ -16,11 +16,11 @@ from nasm.planes import two_kicks
 from pipeline.cubes import barrier, beyond, breakdown, escape, forcings, proved
 from pipeline.cubes.cube import Job
 from pipeline.sweep.grid import Axis
+from workflows.gallery.exhibits import command_of, listed
 from workflows.shared.cli import commands
 
 ROOT = Path(__file__).parents[1]
-MEASURED = ROOT / "out" / "trust.csv"
-HOW_TO_MEASURE = "python .docs/measure_trust.py"
+GALLERY = ROOT / "out" / "gallery"
 
 
 def markdown(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -73,12 +73,24 @@ def statuses() -> str:
 
 
 def trust() -> str:
-    """Return the table of kept promises, as far as it has been measured."""
-    if not MEASURED.exists():
-        return f"*Not measured in this copy of the site; `{HOW_TO_MEASURE}` does it.*\n"
+    """Return the table that `measure_trust.py` left, and whether the code has changed since."""
+    from measure_trust import HEAD, MEASURED, METHODS
+
+    current = {method.name: method.code for method in METHODS}
     with MEASURED.open(encoding="utf-8", newline="") as file:
-        head, *rows = csv.reader(file)
-    return f"Measured by `{HOW_TO_MEASURE}`.\n\n" + markdown(head, rows)
+        lines = list(csv.DictReader(file))
+    outdated = [f"`{line['method']}`" for line in lines if line["code"] != current[line["method"]]]
+    for line in lines:
+        line["method"] = f"`{line['method']}`".replace("nasm.", "", 1)
+        line["CPU s"] = f"{line['CPU s, median']} ({line['CPU s, largest']})"
+        line["asked"] = f"{line['asked']} of {line['forcings']}"
+    hidden = "call", "forcings", "CPU s, median", "CPU s, largest", "date", "code"
+    shown = [*(name for name in HEAD if name not in hidden), "CPU s"]
+    dates = " and ".join(sorted({line["date"] for line in lines}))
+    changed = f"; this code has changed since: {', '.join(outdated)}" if outdated else ""
+    calls = ", ".join(f"`{line['call'].removeprefix('nasm.')}`" for line in lines)
+    table = markdown(shown, [[line[name] for name in shown] for line in lines])
+    return f"{table}\nMeasured on {dates}{changed}. The calls are {calls}.\n"
 
 
 def sample() -> str:
@@ -110,6 +122,27 @@ def command_options() -> str:
     return "".join(parts)
 
 
+def gallery() -> str:
+    """Return the exhibits of the gallery: their commands, and what has been drawn of them.
+
+    Pictures and links are those of `out/gallery`, which `conf.py` copies beside the site.
+    """
+    parts = []
+    if (GALLERY / "index.html").exists():
+        link = '<a href="gallery/index.html">All figures, tables and claims on one page</a>'
+        parts.append(f"{link}, with the lines of Python that draw each of them.\n\n")
+    else:
+        parts.append("*This copy of the site was built without the figures.*\n\n")
+    for exhibit in listed("exhibits.toml"):
+        parts.append(f"## {exhibit.title}\n\n`{command_of(exhibit, quick=True)}`\n\n")
+        for picture in sorted((GALLERY / exhibit.name).glob("*.png"))[:1]:
+            caption = picture.with_suffix(".txt").read_text(encoding="utf-8").strip()
+            place = f"../out/gallery/{exhibit.name}/{picture.name}"
+            options = f":alt: {exhibit.title}\n:width: 100%\n"
+            parts.append(f"```{{figure}} {place}\n{options}\n{caption}\n```\n\n")
+    return "".join(parts)
+
+
 def write_modules(folder: Path) -> str:
     """Write a page for each module of `nasm` and `pipeline`; return the table that lists them."""
     folder.mkdir(exist_ok=True)
@@ -130,5 +163,5 @@ def write(folder: Path) -> None:
     """Write all tables into a folder, as files that pages include."""
     folder.mkdir(exist_ok=True)
     (folder / "modules.md").write_text(write_modules(folder / "api"), encoding="utf-8")
-    for table in command_options, cubes, statuses, trust, sample:
+    for table in command_options, cubes, statuses, trust, sample, gallery:
         (folder / f"{table.__name__}.md").write_text(table(), encoding="utf-8")
