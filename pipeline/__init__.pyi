@@ -8,6 +8,7 @@ from .jobs import breakdown as breakdown
 from .jobs import diffusion as diffusion
 from .jobs import escape as escape
 from .jobs import flux as flux
+from .jobs import frequency_map as frequency_map
 from .jobs import last_barrier as last_barrier
 from .jobs import last_barriers as last_barriers
 from .jobs import over_plane as over_plane

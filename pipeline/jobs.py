@@ -27,6 +27,7 @@ from pipeline.cubes import beyond, own_function, proved, rotating_maps
 from pipeline.cubes import breakdown as breakdowns
 from pipeline.cubes import escape as escapes
 from pipeline.cubes import forcings as lists
+from pipeline.cubes import frequency_map as frequency_maps
 from pipeline.cubes.cube import Job
 from pipeline.cubes.escape import SECONDS_PER_KICK
 from pipeline.sweep.grid import Axis, join_tiles, parse_axis
@@ -138,6 +139,39 @@ def over_plane(
     return join_tiles(
         own_function.over_plane(name, function, variables, plane, coords, tile, seconds)
     )
+
+
+def frequency_map(
+    kappa: ArrayLike,
+    x: Axis | str = "0:1:256",
+    y: Axis | str = "-0.25:0.75:256",
+    n_max: int = 3000,
+    tile: int = 16,
+) -> Job:
+    """Return the Job of the rotation number over phase space: the cube `frequency_map`.
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        Strengths of the kicks, first kick first.
+    x, y : Axis or str
+        Cells "LO:HI:N" in whose centres orbits start, in turns, and turns a kick.
+    n_max : int
+        Steps (periods of the forcing) to average over, 4 to 10⁹.
+    tile : int
+        Cells along each side of a tile, at least.
+
+    Examples
+    --------
+    >>> import pipeline
+    >>> job = pipeline.frequency_map((0.3, 0.2), "0:1:8", "0:0.5:4")
+    >>> dict(job.cube.template.digits.sizes)
+    {'y': 4, 'x': 8}
+    """
+    strengths, axes = forcing(kappa), [_axis(x), _axis(y)]
+    n_max = count("n_max", n_max, 4, 10**9)
+    tile = count("tile", tile, 1, 4096)
+    return join_tiles(frequency_maps.frequency_map(strengths.tolist(), axes, n_max, tile))
 
 
 def last_barrier(angles: ArrayLike, tol: float = 2e-5, plane: Plane | str = "two-kicks") -> Job:

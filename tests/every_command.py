@@ -29,6 +29,7 @@ SMALLEST = {
     "escape_plane": PLANE,
     "flux": "--angle 0 --least-excess 0.1 --q-max 100",
     "frequencies": "--max-denominator 2 --n-phases 2 --frequency 1/3 --frequency 0.4142135623731",
+    "frequency_map": "0.3 0.2 --position 0:1:8 --momentum 0:1:8 --n-max 100",
     "gallery": "--exhibit period_one",
     "last_barrier": f"{RAYS} --tol 0.1",
     "patterns": "--quick --tol 0.1",

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 import nasm
 from nasm.planes import parse
 from workflows.__main__ import main as overview
-from workflows.ask.__main__ import numbers_in
+from workflows.ask.files import numbers_in
 from workflows.figures import style
 from workflows.shared.cli import commands, main_of
 from workflows.shared.rays import ray_angles
@@ -205,7 +205,7 @@ def test_numbers_of_the_command_line_may_be_negative():
         ("frequencies", "--frequency 3/5", "must be a frequency from 0 to 1/2"),
         ("frequencies", "--frequency 20/99", "must have a denominator up to 64"),
         ("frequencies", "--frequency 0.4", "is too close to the fraction 2/5"),
-        ("ask", "", "give one to 64 strengths, e.g. ask 0.3 0.5"),
+        ("ask", "", "give the strengths of one period, e.g. ask 0.3 0.5"),
         ("ask", "0,3 0,5", "'0,3' is not a number; write one like 0.3 or -1e-2"),
         ("ask", "0.3 --out=", "it is empty"),
         ("ask", "0.3 --out=~nobody-here/x", "no such home directory; write"),

@@ -6,7 +6,14 @@ from cases import thirds
 from numpy.testing import assert_allclose
 
 from nasm.maps import kick
-from nasm.orbits import REGULAR_DIGITS, orbit, passages, portrait, rotation_number
+from nasm.orbits import (
+    REGULAR_DIGITS,
+    orbit,
+    passages,
+    portrait,
+    rotation_number,
+    rotation_number_of,
+)
 
 # Robust circles: ω about 0.62 and 0.76 of the paper's map, far below their breakup.
 KAPPA = (0.3, 0.2)
@@ -43,6 +50,40 @@ def test_a_rigid_rotation_stays_on_the_lift_and_has_omega_P_y(P):
     omega, digits = rotation_number(np.zeros(P), 0.4, y, 1000)
     assert_allclose(omega, P * y, rtol=0, atol=1e-13)
     assert (digits > 13).all()
+
+
+def test_the_rotation_number_of_a_series_is_that_of_its_orbit():
+    xs, _ = orbit(KAPPA, X[:, None], np.linspace(0.28, 0.4, 9), 3000)
+    omega, digits = rotation_number_of(xs)
+    expected, sure = rotation_number(KAPPA, X[:, None], np.linspace(0.28, 0.4, 9), 3000)
+    assert omega.shape == digits.shape == (2, 9)
+    regular = sure > 11
+    assert regular.sum() > 9
+    errors = 10.0**-digits + 10.0**-sure  # on a long lift the orbit itself loses digits
+    assert (np.abs(omega - expected) < errors)[regular].all()
+    assert (digits > 9)[regular].all()
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-9, 1e-5])
+@pytest.mark.parametrize("offset", [0.0, 1e8])
+def test_digits_of_a_known_series_with_noise_hold(noise, offset):
+    random, n = np.random.default_rng(5), 2000
+    rotations = random.uniform(-3, 3, 600)
+    phase = np.outer(np.arange(n + 1), rotations)
+    exact = phase + 0.1 * np.sin(2 * np.pi * phase) + 0.02 * np.cos(6 * np.pi * phase)
+    omega, digits = rotation_number_of(offset + exact + noise * random.normal(size=exact.shape))
+    known = np.isfinite(omega)  # but for ω close to a fraction
+    assert known.mean() > 0.97
+    assert np.mean((np.abs(omega - rotations) > 10.0**-digits)[known]) < 0.02
+    # Errors of the positions change an average by less than 5.3/n of the largest.
+    largest = max(1e-13, 2.7e-3 * max(5 * noise, offset * np.finfo(float).eps))
+    assert np.median(digits) > -np.log10(2 * largest)
+
+
+def test_a_series_is_refused_that_is_short_or_has_gaps():
+    for series in (0.5, np.arange(4.0), [0.1, 0.2, np.nan, 0.4, 0.5], np.zeros((3, 9))):
+        with pytest.raises(ValueError, match="at least five finite positions"):
+            rotation_number_of(series)
 
 
 def test_digits_seldom_promise_too_much():

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from nasm import checks, numbers, planes, texts
 from pipeline.sweep.grid import parse_axis
-from workflows.ask.__main__ import numbers_in
+from workflows.ask.files import numbers_in
 from workflows.circle_boundaries import parse_omega
 from workflows.explore.rays import named_by
 from workflows.explore.state import State, orbits_of

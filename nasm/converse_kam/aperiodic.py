@@ -48,7 +48,14 @@ from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import MAX_STRENGTH, direction, forcing, kick, unkick
 from nasm.types import FloatArray
 
-__all__ = ["asymptotic", "critical_scale", "elimination_time", "escape_time", "last_survivor"]
+__all__ = [
+    "around_strongest",
+    "asymptotic",
+    "critical_scale",
+    "elimination_time",
+    "escape_time",
+    "last_survivor",
+]
 
 _METHOD = "converse KAM"
 HORIZON = 200
@@ -230,6 +237,27 @@ def last_survivor(kappa: ArrayLike, theta: ArrayLike = 0.0, effort: int = 8) -> 
             return longest
         survivors.append(longest)
     return survivors[0]
+
+
+def around_strongest(kappa: ArrayLike) -> FloatArray:
+    """Repeat a periodic forcing, and return the 1601 kicks around its strongest one.
+
+    No circle of the forcing exists if no family of graphs persists through these.
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        The forcing, first kick first.
+
+    Examples
+    --------
+    >>> from nasm.converse_kam.aperiodic import around_strongest
+    >>> around_strongest((0.1, 0.3, 0.2))[799:802]
+    array([0.1, 0.3, 0.2])
+    """
+    kappa = forcing(kappa)
+    reach = 4 * HORIZON
+    return np.roll(kappa, -np.abs(kappa).argmax())[np.arange(-reach, reach + 1) % kappa.size]
 
 
 def _sites_of_lines(size, from_middle):

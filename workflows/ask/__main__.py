@@ -4,13 +4,15 @@ The verdict of `nasm.verdict` in sentences, and a phase portrait with its eviden
 circle, or an escaping orbit. An aperiodic forcing (--once) has no invariant circles; converse KAM
 then tests whether a family of invariant graphs may persist.
 
-KAPPA ... is one period of the forcing, up to 64 kicks: 0.3 0.2 0.25, or those of a file, $(cat
-FILE). Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. Within a relative
-distance of a few 10⁻⁵ from the boundary the answer is UNDECIDED; the exit code is 0 for all three
-answers. One or two kicks take about two CPU seconds; the first run on a machine compiles the
-kernels, twenty seconds more. The portrait is in OUT.
+KAPPA ... is one period of the forcing, first kick first: 0.3 0.2 0.25, or a text file of them.
+Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. A file with a forcing in
+each line is answered line by line, in a table. Beyond 64 kicks no circle is sought, only transport.
+Within a relative distance of a few 10⁻⁵ from the boundary the answer is UNDECIDED; the exit code is
+0 for all three answers. One or two kicks take about two CPU seconds; the first run on a machine
+compiles the kernels, twenty seconds more. The portrait, or the table, is in OUT.
 """
 
+import json
 import os
 import re
 from pathlib import Path
@@ -18,21 +20,19 @@ from zlib import crc32
 
 import click
 
-from nasm.texts import abbreviate, parse_float
 from workflows.shared import cli
 
 
-def numbers_in(content):
-    """Return the numbers of a text file, with spaces, lines, or commas and spaces between them."""
-    try:
-        text = content.decode("utf-8-sig")  # with the mark of Windows' editors, or without
-    except UnicodeDecodeError:
-        raise ValueError("not a text in UTF-8, e.g. one in UTF-16; save it as UTF-8") from None
-    for word in text.split():
-        if re.search(r"\d,\d", word):
-            cure = "may be one number or two; write one like 0.3, and two like 0 3"
-            raise ValueError(f"{abbreviate(word)} {cure}")
-    return [parse_float(word) for word in text.replace(",", " ").split()]
+class StrengthOrFile(cli.Strength):
+    """A number, or the path of a text file of numbers."""
+
+    def convert(self, value, parameter, context):
+        """Return a float or a Path."""
+        if os.path.isfile(value):
+            return Path(value)
+        if os.path.splitext(str(value))[1][1:].isalpha():
+            self.fail(f"{value}: no such file", parameter, context)
+        return super().convert(value, parameter, context)
 
 
 def parse_forcing(strengths, plane, once):
@@ -43,6 +43,7 @@ def parse_forcing(strengths, plane, once):
     """
     from nasm import planes  # does not load kernels
     from nasm.maps import forcing
+    from workflows.ask.files import numbers_in
 
     if once:
         if strengths or plane:
@@ -53,7 +54,7 @@ def parse_forcing(strengths, plane, once):
             raise ValueError(f"--once {once}: {error}") from None
     if plane is None:
         if not strengths:
-            raise ValueError("KAPPA is missing: give one to 64 strengths, e.g. ask 0.3 0.5")
+            raise ValueError("KAPPA is missing: give the strengths of one period, e.g. ask 0.3 0.5")
         kappa = forcing(strengths)
         return kappa, (planes.two_kicks(), strengths) if kappa.size == 2 else None
     if len(strengths) != 2:
@@ -62,25 +63,46 @@ def parse_forcing(strengths, plane, once):
     return forcing(plane.forcing(*strengths)), (plane, strengths)
 
 
-@cli.command(ignore_unknown_options=True)
-@click.argument("kappa", type=cli.Strength(), nargs=-1)
-@cli.point_option
-@click.option("--once", type=cli.FILE, help="Text file with the kicks of an aperiodic forcing.")
-@cli.flag("--prove", "Try to prove the answer, within 20 CPU seconds.")
-@cli.column_option
-@cli.quiet_option
-@cli.directory("Directory of the figure.")
-def main(kappa, plane, once, prove, column, quiet, out):
+def read_file(kappa, plane, once):
+    """Return the forcings of the file that KAPPA is, and whether they are a table; None without.
+
+    ValueError for a file beside other arguments, or with anything but numbers.
+    """
+    from workflows.ask.files import forcings_in
+
+    paths = [word for word in kappa if isinstance(word, Path)]
+    if not paths:
+        return None
+    if len(kappa) > 1 or plane or once:
+        raise ValueError(
+            f"{paths[0]} is a whole forcing; leave other KAPPA, --plane and --once out"
+        )
     try:
-        strengths, point = parse_forcing(kappa, plane, once)
-        if once and prove:
-            raise ValueError("--prove needs a periodic forcing; nothing can be proved with --once")
-        os.makedirs(out, exist_ok=True)
-    except ValueError as error:
-        raise click.UsageError(str(error)) from None
-    except OSError as error:
-        raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
-    cli.announce_kernels(quiet)
+        return forcings_in(paths[0].read_bytes())
+    except (ValueError, OSError) as error:
+        raise ValueError(f"{paths[0]}: {error}") from None
+
+
+def _answer_as_data(forcings, is_table, prove, as_json, quiet, out):
+    """Print the verdicts as JSON, or write them as OUT/ask.csv, each as soon as it is known."""
+    from workflows.ask import records
+    from workflows.figures import files
+
+    answers, path = [], f"{out}/ask.csv"
+    for n, strengths in enumerate(forcings, 1):
+        answers.append(records.answered(strengths, prove))
+        if is_table and not quiet:
+            click.echo(f"{n} of {len(forcings)}: {records.line(answers[-1])}", err=as_json)
+        if not as_json:
+            files.write(path, records.csv_of(answers))
+    if as_json:
+        click.echo(json.dumps(answers if is_table else answers[0], ensure_ascii=False))
+    else:
+        click.echo(f"tables:  {path}")
+
+
+def _answer(strengths, point, kappa, plane, once, prove, column, out):
+    """Print the answer to one forcing, and draw its figure."""
     from workflows.ask.once import answer_aperiodic
     from workflows.ask.period import answer_periodic
     from workflows.shared.verdict_words import MAX_LISTED
@@ -102,3 +124,34 @@ def main(kappa, plane, once, prove, column, quiet, out):
     if reason:
         raise click.ClickException(reason)
     click.echo(f"figures: {', '.join(paths)}")
+
+
+@cli.command(ignore_unknown_options=True)
+@click.argument("kappa", type=StrengthOrFile(), nargs=-1)
+@cli.point_option
+@click.option("--once", type=cli.FILE, help="Text file with the kicks of an aperiodic forcing.")
+@cli.flag("--prove", "Try to prove the answer, within 20 CPU seconds.")
+@cli.flag("--json", "Print the answer, or a list of them, as JSON, and draw nothing.")
+@cli.column_option
+@cli.quiet_option
+@cli.directory("Directory of the figure, or of the table.")
+def main(kappa, plane, once, prove, json, column, quiet, out):
+    try:
+        found = read_file(kappa, plane, once)
+        forcings, is_table = found or ([], False)
+        if found and not is_table:
+            kappa = tuple(forcings[0].tolist())
+        strengths, point = (None, None) if is_table else parse_forcing(kappa, plane, once)
+        if once and (prove or json):
+            option = "--prove" if prove else "--json"
+            raise ValueError(f"{option} needs a periodic forcing; leave it or --once out")
+        if not json:
+            os.makedirs(out, exist_ok=True)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from None
+    except OSError as error:
+        raise click.UsageError(f"--out={out}: {error.strerror}; choose another directory") from None
+    cli.announce_kernels(quiet)
+    if is_table or json:
+        return _answer_as_data(forcings or [strengths], is_table, prove, json, quiet, out)
+    return _answer(strengths, point, kappa, plane, once, prove, column, out)

@@ -1,0 +1,88 @@
+"""Frequency maps: the rotation number of every start in a part of phase space, and its digits.
+
+    ω(x, y) = Σ_t w(t/n) (x_{t+1} - x_t) / Σ_t w(t/n)                  (`nasm.orbits`)
+
+Where averages over the whole orbit and over its halves share many digits, motion is regular; where
+they share few, it is chaotic (J. Laskar, Physica D 67 (1993) 257).
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from nasm import orbits
+from pipeline.cubes.cube import Arrays, Coords, Cube, Job, Settings, blank, coordinate
+
+if TYPE_CHECKING:
+    from pipeline.sweep.grid import Axis
+
+_SECONDS_PER_KICK = 2e-8
+"""CPU seconds of one kick of one orbit."""
+
+_PLACES = {"x": "position of the start, in turns", "y": "momentum of the start, in turns a kick"}
+
+
+def frequency_map(kappa: Sequence[float], axes: Sequence["Axis"], n_max: int, tile: int) -> Job:
+    """Return the Job of the rotation number over phase space; dims (y, x).
+
+    Parameters
+    ----------
+    kappa : sequence of float
+        Strengths of the kicks, first kick first.
+    axes : sequence of two Axis
+        Cells along x and y; orbits start in their centres.
+    n_max : int
+        Steps (periods of the forcing) to average over.
+    tile : int
+        Cells along each side of a tile.
+
+    Examples
+    --------
+    >>> from pipeline.cubes.frequency_map import frequency_map
+    >>> from pipeline.sweep.grid import Axis
+    >>> job = frequency_map((0.3, 0.2), [Axis(0, 1, 8), Axis(0, 0.5, 4)], 1000, 4)
+    >>> dict(job.cube.template.omega.sizes), job.cube.tile_counts
+    ({'y': 4, 'x': 8}, (1, 2))
+    """
+    coords = {}
+    for name, axis in [*zip(_PLACES, axes, strict=True)][::-1]:
+        ends = f"{name}_bounds"
+        coords[name] = coordinate(name, axis.centres, _PLACES[name], bounds=ends)
+        coords[ends] = coordinate((name, "bound"), axis.bounds, "ends of the cells")
+    kicks = f"steps of {len(kappa)} kicks"
+    chaotic = f"NaN where fewer than {orbits.REGULAR_DIGITS} digits are shared"
+    shared = "by the averages over the whole orbit and over its halves; few in chaos"
+    variables = {
+        "omega": blank(coords, "rotation number, in turns a step", comment=f"{kicks}; {chaotic}"),
+        "digits": blank(coords, "digits of omega", comment=f"those shared {shared}"),
+    }
+    source = "arXiv:1606.04824, Eq. (23)"
+    labels = {"title": "Rotation number over phase space", "source": source}
+    template = xr.Dataset(variables, coords, labels)
+    settings = {
+        "kappa": [float(strength) for strength in kappa],
+        "n_max": n_max,
+        "regular_digits": orbits.REGULAR_DIGITS,
+    }
+    cube = Cube("frequency_map", template, {"y": tile, "x": tile}, settings)
+    return Job(cube, _compute, _predict, _load)
+
+
+def _compute(coords: Coords, settings: Settings) -> Arrays:
+    """Compute a tile."""
+    x, y = np.meshgrid(coords["x"], coords["y"])
+    omega, digits = orbits.rotation_number(settings["kappa"], x, y, settings["n_max"])
+    return {"omega": omega, "digits": digits}
+
+
+def _predict(coords: Coords, settings: Settings) -> float:
+    """Predict CPU seconds by the number of kicks."""
+    n_kicks = settings["n_max"] * len(settings["kappa"])
+    return _SECONDS_PER_KICK * n_kicks * coords["x"].size * coords["y"].size
+
+
+def _load() -> None:
+    """Compile the kernel of `_compute`."""
+    orbits.rotation_number((0.1,), 0.0, 0.0, 4)

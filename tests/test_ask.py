@@ -1,0 +1,141 @@
+"""Forcings in files, many at once, as JSON, and of more kicks than circles are sought under."""
+
+import json
+
+import numpy as np
+import pytest
+from commands import invoke, table
+
+from nasm import escape
+from nasm.barriers import critical_scale
+from nasm.converse_kam import aperiodic
+from nasm.critical import Status
+from nasm.verdicts import Answer, Evidence, verdict
+from workflows.ask import records
+from workflows.ask.files import forcings_in
+
+SHORT = np.array([0.3, 0.2, 0.25])
+
+
+def lengthened(kicks):
+    """The kicks 23 times over, one of them different by less than matters."""
+    kappa = np.tile(kicks, 23)
+    kappa[-1] += 1e-9
+    return kappa
+
+
+@pytest.mark.parametrize(
+    ("text", "forcings"),
+    [
+        ("0.3\n-0.2\n", [[0.3, -0.2]]),
+        ("0.3, 0.2; 0.1", [[0.3, 0.2, 0.1]]),
+        ("\ufeff0.3\r\n# a remark\r\n0.2 # another\r\n", [[0.3, 0.2]]),
+        ("kappa1,kappa2\n0.3,0.2\n", [[0.3, 0.2]]),
+        ("0.3 0.2\n0.5\n\n1,2,3\n", [[0.3, 0.2], [0.5], [1, 2, 3]]),
+    ],
+)
+def test_a_file_is_one_forcing_or_one_in_each_line(text, forcings):
+    found, is_table = forcings_in(text.encode())
+    assert [forcing.tolist() for forcing in found] == forcings
+    assert is_table == (len(forcings) > 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("0.3 0.2\n0.5 x\n", "line 2: 'x' is not a number"),
+        ("0.3 0.2\n1e7 0\n", "line 2: .*too large"),
+        ("", "line 1"),
+        ("0.3 nan\n1 2", "line 1"),
+    ],
+)
+def test_a_file_of_anything_else_is_refused_by_the_line(text, reason):
+    with pytest.raises(ValueError, match=reason):
+        forcings_in(text.encode())
+
+
+def test_json_is_the_verdict(tmp_path):
+    kicks = tmp_path / "kicks.txt"
+    kicks.write_text("0.3\n0.2\n")
+    expected = verdict((0.3, 0.2))
+    for words in ("0.3", "0.2"), (str(kicks),):
+        result = invoke("ask", tmp_path / "out", *words, "--json", "--quiet")
+        found = json.loads(result.stdout)
+        assert (found["answer"], found["kappa"]) == (expected.answer.value, [0.3, 0.2])
+        assert (found["value"], found["omega"]) == (
+            expected.boundary.value,
+            str(expected.boundary.omega),
+        )
+        assert found["steps"] is None
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_table_is_answered_line_by_line_and_keeps_what_was_answered(tmp_path, monkeypatch):
+    (tmp_path / "many.csv").write_text("a,b\n0.3,0.2\n1.2,0.9\n0,0\n")
+    result = invoke("ask", tmp_path / "out", str(tmp_path / "many.csv"))
+    assert result.exit_code == 0, result.output
+    rows = table(tmp_path / "out/ask.csv")
+    assert [row["answer"] for row in rows] == ["barrier", "transport", "barrier"]
+    assert [row["status"] for row in rows] == ["ok", "ok", "no_breakup"]
+
+    def answered(strengths, prove, known=records.answered):
+        if strengths[0] == 1.2:
+            raise KeyboardInterrupt
+        return known(strengths, prove)
+
+    monkeypatch.setattr(records, "answered", answered)
+    invoke("ask", tmp_path / "again", str(tmp_path / "many.csv"))
+    rows = table(tmp_path / "again/ask.csv")
+    assert [row["answer"] for row in rows] == ["barrier"]
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("many.csv", "0.3"), "leave other KAPPA"),
+        (("many.csv", "--once", "many.csv"), "leave other KAPPA"),
+        (("--once", "kicks.txt", "--json"), "--json needs a periodic forcing"),
+        (("missing.csv",), "no such file"),
+    ],
+)
+def test_a_file_beside_other_arguments_is_refused(words, reason, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "many.csv").write_text("0.3,0.2\n1.2,0.9\n")
+    (tmp_path / "kicks.txt").write_text("0.3\n0.2\n")
+    result = invoke("ask", tmp_path / "out", *words)
+    assert (result.exit_code, reason in " ".join(result.output.split())) == (2, True), result.output
+
+
+def test_upper_of_a_long_period_is_just_above_that_of_the_short_one():
+    short, long = critical_scale(SHORT, 1e-3), critical_scale(lengthened(SHORT), 1e-3)
+    assert long.status is Status.TOO_LONG
+    assert np.isnan([long.value, long.error, long.lower]).all()
+    assert long.omega is None
+    assert short.value < long.upper < 1.12 * short.value
+
+
+def test_under_a_long_period_transport_is_shown_and_barriers_are_not():
+    barrier, beyond = verdict(lengthened(SHORT)), verdict(lengthened(2 * SHORT))
+    assert (barrier.answer, barrier.evidence) == (Answer.UNDECIDED, Evidence.NONE)
+    assert (beyond.answer, beyond.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
+    assert beyond.boundary.upper <= 1
+    with pytest.raises(ValueError, match="P=69 kicks is too long for a proof"):
+        verdict(lengthened(SHORT), prove=True)
+
+
+def test_an_escape_shows_transport_where_a_search_finds_survivors(monkeypatch):
+    survivor = aperiodic.last_survivor(aperiodic.around_strongest(SHORT))
+    assert survivor.kicks == np.inf
+    monkeypatch.setattr(aperiodic, "last_survivor", lambda _: survivor)
+    monkeypatch.setattr(aperiodic, "critical_scale", lambda *_: critical_scale(SHORT, 1e-2))
+    found = verdict(lengthened(4 * SHORT))
+    assert (found.answer, found.evidence) == (Answer.TRANSPORT, Evidence.ESCAPE)
+    (x, y), n = escape.ensemble(64), 10_000
+    assert escape.first_escape(np.tile(4 * SHORT, 23), x, y, [64], n)[0] < n
+
+
+def test_a_waveform_of_4096_kicks_has_an_upper_bound():
+    phase = 2 * np.pi * np.arange(4096) / 4096
+    profile = 1 + 1e-6 * np.cos(phase)  # next to the standard map
+    found = critical_scale(profile, 1e-2)
+    assert 0.971635 < found.upper * profile.max() < 1.03 * 0.971635

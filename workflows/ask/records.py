@@ -1,0 +1,49 @@
+"""Verdicts as records, for --json and for tables of many forcings. For `workflows.ask`."""
+
+import csv
+from io import StringIO
+from math import isfinite
+
+from nasm.verdicts import verdict
+
+_COLUMNS = ("forcing", "kicks", "answer", "evidence", "omega", "rotation_number", "value")
+_COLUMNS += ("error", "lower", "upper", "status", "steps")
+
+
+def answered(strengths, prove):
+    """Return the verdict on one period of kicks as a dict of texts and numbers.
+
+    value, error, lower and upper are multiples of the strengths; steps are periods. None where a
+    number is not known.
+    """
+    result = verdict(strengths, prove)
+    boundary, omega = result.boundary, result.boundary.omega
+    names = "value", "error", "lower", "upper"
+    numbers = {name: getattr(boundary, name) for name in names} | {"steps": result.steps}
+    return {
+        "kappa": strengths.tolist(),
+        "kicks": strengths.size,
+        "answer": result.answer.value,
+        "evidence": result.evidence.name.lower(),
+        "omega": None if omega is None else str(omega),
+        "rotation_number": None if omega is None else float(omega),
+        **{name: float(x) if isfinite(x) else None for name, x in numbers.items()},
+        "status": boundary.status.name.lower(),
+    }
+
+
+def line(record):
+    """Return the answer and the scale of the breakup on one line."""
+    value, upper = record["value"], record["upper"]
+    if value is not None:
+        return f"{record['answer']}; the last circle breaks at {value:.7g} times these strengths"
+    return f"{record['answer']}" + (f"; no circle at {upper:.7g} times these" if upper else "")
+
+
+def csv_of(records):
+    """Return records as the text of a CSV table, an empty cell for None."""
+    text = StringIO()
+    table = csv.DictWriter(text, _COLUMNS, extrasaction="ignore", lineterminator="\n")
+    table.writeheader()
+    table.writerows({"forcing": n, **record} for n, record in enumerate(records, 1))
+    return text.getvalue()

@@ -1,0 +1,36 @@
+"""Which orbits of this forcing are regular, and at which rotation number? Its frequency map.
+
+Each start in a part of phase space is iterated, and ω is averaged over the whole orbit and over its
+halves (arXiv:1606.04824, Eq. (23)). The digits that these share tell regular orbits, on circles and
+in islands, from chaotic ones; islands show as areas of one ω. `nasm.orbits.rotation_number_of` does
+the same for a series of your own.
+
+KAPPA ... is one period of the forcing, first kick first: 0.3 0.2. The cube `frequency_map` and a
+figure in OUT, in a few CPU seconds.
+"""
+
+import click
+
+from workflows.shared.cli import Strength, axis, command, sweeps, whole
+
+
+@command(ignore_unknown_options=True)
+@click.argument("kappa", type=Strength(), nargs=-1)
+@axis("--position", "0:1:256", "Starts along x, in turns: lower end, upper end, cells.")
+@axis("--momentum", "-0.25:0.75:256", "Starts along y, in turns a kick: the same.")
+@whole("--n-max", 3000, 4, 10**9, "Steps (periods of the forcing) of each orbit.")
+@sweeps
+def main(run, kappa, position, momentum, n_max):
+    from pipeline import jobs
+    from workflows.figures import frequency_map as figures
+
+    if not kappa:
+        raise click.UsageError("KAPPA is missing: give the kicks of one period, e.g. 0.3 0.2")
+    try:
+        job = jobs.frequency_map(kappa, position, momentum, n_max)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from None
+    with run.sweeping(job):
+        cube = run.sweep(job).load()
+        caption = figures.frequency_map_caption(cube)
+        run.figure("frequency_map", figures.draw_frequency_map, cube, caption=caption)
