@@ -7,9 +7,11 @@ Planes are texts as for --plane, like "rotating:1/3" (`nasm.planes.parse`), or P
 directions of rays in them, in degrees.
 """
 
+import functools
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, ParamSpec
 
 import numpy as np
 import xarray as xr
@@ -21,6 +23,7 @@ from nasm.escape import MAX_SINGLE_STEPS
 from nasm.maps import direction, forcing
 from nasm.numbers import RotationNumber, parse
 from nasm.planes import Plane, plane_of, two_kicks
+from nasm.texts import short_repr
 from nasm.types import FloatArray, OmegaLike
 from pipeline.cubes import barrier as barriers
 from pipeline.cubes import beyond, own_function, proved, rotating_maps
@@ -32,7 +35,33 @@ from pipeline.cubes.cube import Job
 from pipeline.cubes.escape import SECONDS_PER_KICK
 from pipeline.sweep.grid import Axis, join_tiles, parse_axis
 
+P = ParamSpec("P")
 
+
+def _recorded(maker: Callable[P, Job]) -> Callable[P, Job]:
+    """Return the maker whose jobs have the text of their call, for the `history` of the cube."""
+
+    @functools.wraps(maker)
+    def record(*args: P.args, **options: P.kwargs) -> Job:
+        texts = [_text(value) for value in args]
+        texts += [f"{name}={_text(value)}" for name, value in options.items()]
+        return replace(
+            maker(*args, **options), call=f"pipeline.{maker.__name__}({', '.join(texts)})"
+        )
+
+    return record
+
+
+def _text(argument: object) -> str:
+    """Return an argument as a short text: a list or number itself, else its name or kind."""
+    if isinstance(argument, np.ndarray | np.generic):
+        argument = argument.tolist()
+    if argument is None or isinstance(argument, str | float | int | list | tuple | range | dict):
+        return short_repr(argument)
+    return getattr(argument, "__qualname__", f"<{type(argument).__name__}>")
+
+
+@_recorded
 def escape(
     plane: Plane | str = "two-kicks",
     first: Axis | str = "-1.1:1.1:256",
@@ -83,6 +112,7 @@ def escape(
     return join_tiles(escapes.over_plane("escape", plane, axes, sizes, *settings))
 
 
+@_recorded
 def over_plane(
     function: Callable[[FloatArray], Any],
     plane: Plane | str = "two-kicks",
@@ -141,6 +171,7 @@ def over_plane(
     )
 
 
+@_recorded
 def frequency_map(
     kappa: ArrayLike,
     x: Axis | str = "0:1:256",
@@ -174,6 +205,7 @@ def frequency_map(
     return join_tiles(frequency_maps.frequency_map(strengths.tolist(), axes, n_max, tile))
 
 
+@_recorded
 def last_barrier(angles: ArrayLike, tol: float = 2e-5, plane: Plane | str = "two-kicks") -> Job:
     """Return the Job of the last barrier on rays, from both sides: the cube `barrier`.
 
@@ -198,6 +230,7 @@ def last_barrier(angles: ArrayLike, tol: float = 2e-5, plane: Plane | str = "two
     return barriers.last_barrier(_plane(plane), _angles(angles), real("tol", tol, 1e-5, 0.1))
 
 
+@_recorded
 def last_barriers(profiles: Iterable[ArrayLike], tol: float = 1e-3) -> Job:
     """Return the Job of the last barriers of single forcings of any periods: the cube `forcings`.
 
@@ -222,6 +255,7 @@ def last_barriers(profiles: Iterable[ArrayLike], tol: float = 1e-3) -> Job:
     return lists.last_barriers("forcings", rows, "place in the list", tol)  # type: ignore[arg-type]
 
 
+@_recorded
 def breakdown(
     omegas: OmegaLike | Iterable[OmegaLike],
     angles: ArrayLike,
@@ -260,6 +294,7 @@ def breakdown(
     return breakdowns.by_continuation(plane, circles, rays, real("tol", tol, 1e-7, 0.1), q_max)
 
 
+@_recorded
 def transport(
     angles: ArrayLike, n_max: int = 10_000, n_orbits: int = 100, plane: Plane | str = "two-kicks"
 ) -> Job:
@@ -286,6 +321,7 @@ def transport(
     return breakdowns.by_escape(_plane(plane), _angles(angles).tolist(), n_max, n_orbits)
 
 
+@_recorded
 def flux(barrier: xr.Dataset, excesses: ArrayLike, q_max: int = 30_000) -> Job:
     """Return the Job of the flux through the last circle once it is broken: the cube `flux`.
 
@@ -312,6 +348,7 @@ def flux(barrier: xr.Dataset, excesses: ArrayLike, q_max: int = 30_000) -> Job:
     return beyond.flux(plane, scales, circles, _excesses(excesses), q_max)
 
 
+@_recorded
 def diffusion(
     barrier: xr.Dataset, excesses: ArrayLike, n_orbits: int = 256, n_max: int = 2**24
 ) -> Job:
@@ -345,6 +382,7 @@ def diffusion(
     return beyond.diffusion(scales, _excesses(excesses), n_orbits, n_max)
 
 
+@_recorded
 def tori(vectors: Iterable[tuple[float, float]], angles: ArrayLike, tol: float = 1e-3) -> Job:
     """Return the Job of the breakup of tori of rotating maps of irrational frequency: cube `tori`.
 
@@ -371,6 +409,7 @@ def tori(vectors: Iterable[tuple[float, float]], angles: ArrayLike, tol: float =
     return rotating_maps.breakups(pairs, _angles(angles).tolist(), tol)
 
 
+@_recorded
 def proved_barrier(
     angles: ArrayLike, seconds: float = 8.0, plane: Plane | str = "two-kicks"
 ) -> Job:

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 import xarray as xr
 from oracles import KAPPA_G
+from scipy.io import netcdf_file
 
 from nasm import barriers, numbers, proofs
 from nasm.critical import Status
 from nasm.numbers import moebius
 from nasm.planes import Plane, rotating, three_kicks, two_kicks
 from nasm.symmetries import ray
+from pipeline import store
 from pipeline.cubes import (
     barrier,
     beyond,
@@ -65,7 +67,8 @@ def test_a_tile_has_the_variables_of_its_cube_with_names_and_units(name):
     for variable in cube.template.variables.values():
         assert variable.attrs["long_name"]
         assert variable.dtype.kind == "U" or variable.attrs["units"] in ("1", "degree")
-    assert {"title", "source", "Conventions", "references", "map"} <= cube.template.attrs.keys()
+    assert {"title", "Conventions", "references", "map"} <= cube.template.attrs.keys()
+    assert "source" not in cube.template.attrs  # the program, which the store adds
     job.warm_up()
     ((_, coords),) = tile_coords(cube, np.zeros((1, len(cube.tile)), dtype=int))
     arrays = job.compute(coords, cube.settings)
@@ -91,6 +94,51 @@ def test_a_code_of_status_is_read_by_the_words_beside_it():
     meaning = dict(zip(words["flag_values"], words["flag_meanings"].split(), strict=True))
     assert meaning[NOT_COMPUTED] == "not_computed"
     assert all(meaning[status_code(status)] == status.name.lower() for status in Status)
+
+
+def test_flags_have_the_type_of_their_variable_in_a_cube_and_in_netcdf(tmp_path):
+    place = store.place_of(tmp_path)
+    cells = proved.proved_map([(0.0, 1.0), (45.0, 1.2)], cells=64, seconds=1.0)
+    for plan in (JOBS["flux"].cube, JOBS["continuation"].cube, cells.cube):
+        store.create(place, plan, "tests")
+        cube = store.read(place, plan.name)
+        cube.to_netcdf(tmp_path / "cube.nc")
+        with netcdf_file(tmp_path / "cube.nc", mmap=False) as file:
+            flagged = {k: v for k, v in file.variables.items() if hasattr(v, "flag_values")}
+            assert flagged.keys() == {k for k, v in cube.items() if "flag_meanings" in v.attrs}
+            for key, variable in flagged.items():
+                assert variable.flag_values.dtype == variable.data.dtype == cube[key].dtype
+                assert cube[key].flag_values.dtype == cube[key].dtype
+                assert variable.flag_values.tolist() == cube[key].flag_values.tolist()
+                assert len(variable.flag_values) == len(cube[key].flag_meanings.split())
+        assert flagged
+
+
+@pytest.mark.parametrize(
+    ("name", "main", "names"),
+    [
+        ("barrier", "critical_scale", "error lower upper status"),
+        ("continuation", "critical_scale", "error lower upper status method"),
+        ("flux", "flux", "error period status"),
+        ("forcings", "critical_scale", "error lower upper status"),
+    ],
+)
+def test_a_value_names_its_error_and_its_status(name, main, names):
+    template = JOBS[name].cube.template
+    links = {key: variable.attrs.get("ancillary_variables") for key, variable in template.items()}
+    linked = {key: link for key, link in links.items() if link}
+    assert linked == {main: names}
+    assert {*names.split()} <= {*template.data_vars}
+    # A cube that is made of this one names only what it has itself.
+    less = dataclasses.replace(JOBS[name].cube, template=template.drop_vars(["error", "status"]))
+    remaining = " ".join(key for key in names.split() if key not in ("error", "status"))
+    assert less.template[main].attrs.get("ancillary_variables", "") == remaining
+
+
+def test_levels_are_linked_to_the_escape_times_that_they_describe():
+    levels = escape.composed(plan(), 2, [100]).template
+    assert levels.escape_time.ancillary_variables == "level"
+    assert "ancillary_variables" not in plan().template.escape_time.attrs
 
 
 def test_the_hash_is_that_of_what_decides_the_numbers():

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+import zarr
 
 import nasm
 import pipeline
@@ -84,6 +85,41 @@ def test_the_first_page_fills_a_cube(run, tmp_path):
     run(page("From Python"))
     cube = xr.open_zarr(tmp_path / "out/rays/barrier.zarr")
     assert cube.critical_scale[0] == pytest.approx(0.485817703, rel=1e-6)
+
+
+def test_the_page_of_a_cube_selects_by_status(run, tmp_path, monkeypatch):
+    run(page("From Python"))
+    path = tmp_path / "out/rays/barrier.zarr"
+    history = xr.open_zarr(path).attrs["history"]
+    call = "pipeline.fill(pipeline.last_barrier([0, 15, 30, 45], tol=0.001), 'out/rays')"
+    assert history == f"{xr.open_zarr(path).attrs['created']} {call}"
+    monkeypatch.chdir(tmp_path)
+    code = zarr.open_array(path / "status", mode="r+")
+    code[1] = 11  # undecided; a chunk of this cube is a tile
+    names = {}
+    with redirect_stdout(StringIO()) as told:
+        exec(page("Reading a cube"), names)
+    assert names["barrier"].status.values.tolist() == [1, 11, 1, 1]
+    assert names["answers"].angle.values.tolist() == [0, 30, 45]
+    assert names["answers"].status.dtype == "int8"
+    assert names["scales"].isnull().values.tolist() == [False, True, False, False]
+    seconds = xr.open_zarr(path, group="tiles").commit[0].values
+    assert names["seconds"].values.tolist() == seconds.tolist()
+    assert (seconds > 0).all()
+    assert told.getvalue()
+
+
+def test_a_maker_notes_its_call():
+    job = pipeline.escape("two-kicks", "0:1:8", second="0:1:6", n_max=100, n_orbits=(8, 16))
+    assert job.call == (
+        "pipeline.escape('two-kicks', '0:1:8', second='0:1:6', n_max=100, n_orbits=(8, 16))"
+    )
+    rays = pipeline.transport(np.arange(90.0), plane=nasm.planes.two_kicks())
+    assert re.fullmatch(
+        r"pipeline\.transport\(\[0\.0, 1\.0, .*… \(\d+ characters\), plane=<Plane>\)", rays.call
+    )
+    length = pipeline.over_plane(overlap_of, "two-kicks", "0:1:8", "0:1:6", {"n": "a number"})
+    assert length.call.startswith("pipeline.over_plane(overlap_of, 'two-kicks', ")
 
 
 def test_the_table_lists_all_makers():

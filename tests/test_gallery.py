@@ -81,7 +81,10 @@ def test_the_lines_below_figures_run_as_a_script_and_as_a_notebook(page):
         script = out / "recipes" / f"{exhibit.name}.py"
         assert f"<pre><code>{script.read_text(encoding='utf-8')}</code></pre>" in text
         said = follow(script, out)
-        cells = json.loads(script.with_suffix(".ipynb").read_text(encoding="utf-8"))["cells"]
+        notebook = json.loads(script.with_suffix(".ipynb").read_text(encoding="utf-8"))
+        cells = notebook["cells"]
+        assert (notebook["nbformat"], notebook["nbformat_minor"]) == (4, 5)
+        assert [cell["id"] for cell in cells] == ["text", "code"]
         assert [cell["cell_type"] for cell in cells] == ["markdown", "code"]
         script.with_name("cell.py").write_text(cells[1]["source"])
         assert follow(script.with_name("cell.py"), out) == said

@@ -219,6 +219,8 @@ def notebook(finished, monkeypatch, capsys):
 
     def run(name):
         written = json.loads((EXAMPLES / f"{name}.ipynb").read_text(encoding="utf-8"))
+        assert (written["nbformat"], written["nbformat_minor"]) == (4, 5)
+        assert len({cell["id"] for cell in written["cells"]}) == len(written["cells"])
         cells = [cell for cell in written["cells"] if cell["cell_type"] == "code"]
         outputs = [output for cell in cells for output in cell["outputs"]]
         assert any("image/png" in output.get("data", {}) for output in outputs)

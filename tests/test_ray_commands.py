@@ -1,5 +1,7 @@
 """Commands on rays and over planes keep labelled cubes whose numbers are those of `nasm`."""
 
+import shlex
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -19,6 +21,8 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
     options = [*rays, "--omega", "gamma", "--omega", "2gamma"]
     succeed("circle_boundaries", tmp_path / "out", *options, *workers)
     cube = xr.open_zarr(tmp_path / "out/breakdown_residue.zarr")
+    line = ["python", "-m", "workflows.circle_boundaries", "--out", str(tmp_path / "out")]
+    assert cube.history == f"{cube.created} {shlex.join([*line, *options, *workers])}"
     exact = cube.circle.values.tolist()
     assert exact == ["[0;(1)]", "[1;(4)]"]
     # The tips are two degrees from the cusps.

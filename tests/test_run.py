@@ -1,6 +1,7 @@
 """The run of a command: what is there is not computed again, and what takes long asks for --yes."""
 
 import re
+import shlex
 from contextlib import contextmanager
 
 import click
@@ -89,6 +90,17 @@ def test_a_study_of_a_swept_cube_bears_its_own_code_and_time(tmp_path, study):
         assert one.holds(untiled("toy"))
     assert found.attrs["computed_by"] == run._CODE["computed_by"]
     assert found.attrs["created"] != "earlier"
+
+
+def test_a_study_bears_the_command_that_made_it_first(tmp_path):
+    options = ["--primary", "-4:4:10", "--secondary", "0:8:10"]
+    for more in ([], ["--quiet"]):
+        succeed("period_one", tmp_path, *options, *more)
+    cube = xr.open_zarr(tmp_path / "period_one_primary.zarr")
+    line = ["python", "-m", "workflows.period_one", "--out", str(tmp_path), *options]
+    assert cube.history == f"{cube.created} {shlex.join(line)}"
+    assert cube.source.startswith("nasm-transport ")
+    assert cube.references == "arXiv:1606.04824, Sec. IV.A and Fig. 3"
 
 
 def test_a_study_is_computed_again_where_it_is_damaged(tmp_path, study):

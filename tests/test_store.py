@@ -8,6 +8,7 @@ import errno
 import json
 import os
 import pickle
+import re
 import resource
 import time
 import warnings
@@ -95,7 +96,8 @@ def test_committed_tiles_read_back_in_plain_xarray_and_hold_no_secret(place):
         assert len(cube.to_dataframe()) == cube.wave.size  # no record of the sweep among the data
         assert records.commit.shape == (2, 4, 5)
     assert cube.attrs | {"title": "toy", "depth": 3} == cube.attrs
-    assert {"config_hash", "computed_by", "package_version", "created"} <= cube.attrs.keys()
+    told = {"config_hash", "source", "history", "computed_by", "package_version", "created"}
+    assert told <= cube.attrs.keys()
     assert cube.wave.attrs["units"] == "1"
     written = [get(place, key) for key in contents(place)]
     for text in (*written, pickle.dumps(place), repr(place).encode()):
@@ -161,6 +163,47 @@ def test_files_of_somebody_else_are_no_tiles_whatever_their_times(on_disk):
     for i, key in enumerate(contents(on_disk)):  # nor do clocks count
         os.utime(f"{on_disk}/{key}", (0, 0) if i % 2 else (4e9, 4e9))
     assert missing(on_disk, toy.cube()) == {(1, 1)}
+
+
+def test_a_cube_tells_its_program_and_the_call_that_made_it(place):
+    plan = toy.cube(depth=1)
+    store.create(place, plan, US, "pipeline.fill(job, 's3://me:secret@host/rays')\n")
+    attributes = store.read(place, "toy").attrs
+    assert re.fullmatch(r"nasm-transport \d+\.\d+\.\d+\S*", attributes["source"])
+    assert "1606.04824" in attributes["references"]
+    call = "pipeline.fill(job, 's3://host/rays')"
+    assert attributes["history"] == f"{attributes['created']} {call} "
+    before = contents(place)
+    fill(place, plan, [])  # by a call without a text
+    store.create(place, plan, US, "another call")
+    assert contents(place) == before
+    assert plan.config_hash == toy.cube(depth=1).config_hash == attributes["config_hash"]
+    store.replace(place, squares(1), US, "nasm-transport squares")
+    before = contents(place)
+    store.replace(place, squares(1), US, "another call")
+    assert contents(place) == before
+    assert store.read(place, "squares").attrs["history"].endswith("+00:00 nasm-transport squares")
+
+
+def test_a_cube_of_an_earlier_version_keeps_what_it_told_of_its_origin(on_disk, monkeypatch):
+    """The source of earlier cubes is the paper; they have no history."""
+    earlier = {"source": "arXiv:1606.04824", "computed_by": US, "created": "2026-01-01"}
+    plan = toy.cube()
+    with monkeypatch.context() as patch:
+        patch.setattr("pipeline.store.metadata._provenance", lambda *_: earlier)
+        old = dataclasses.replace(plan, template=plan.template.assign_attrs(title="an old title"))
+        fill(on_disk, old, [(0, 0)])
+    with pytest.raises(store.Refused, match=r"this is mathematics 2\. Resume it with"):
+        store.create(on_disk, plan, "mathematics 2")
+    fill(on_disk, plan)
+    store.create(on_disk, plan, "mathematics 2")
+    attributes, before = store.read(on_disk, "toy").attrs, contents(on_disk)
+    assert attributes == attributes | earlier | {"title": "toy"}
+    assert "history" not in attributes
+    store.create(on_disk, plan, "mathematics 2", "another call")
+    assert contents(on_disk) == before
+    assert list(store.verify(on_disk, "toy")) == []
+    toy.assert_complete(on_disk, plan)
 
 
 def test_other_settings_or_mathematics_are_refused_unless_complete(place):

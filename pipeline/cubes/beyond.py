@@ -175,7 +175,7 @@ def _job(
 ) -> Job:
     """Return the Job whose tiles are computed by `method`."""
     variables["status"] = cube.blank(coords, "outcome", np.int8(0), **cube.FLAGS)
-    template = xr.Dataset(variables, coords, {"title": title, "source": cube.PAPER})
+    template = xr.Dataset(variables, coords, {"title": title})
     settings = plane.record | settings | cube.STATUS_SETTING
     plan = cube.Cube(name, template, _TILE, settings)
     return Job(plan, partial(_compute, method), predict, warm_up)

@@ -29,7 +29,6 @@ from nasm.types import OmegaLike
 from pipeline.cubes import cube
 from pipeline.cubes.cube import (
     FLAGS,
-    PAPER,
     STATUS_SETTING,
     Arrays,
     Coords,
@@ -214,7 +213,7 @@ def job_on_rays(
     n_rays = known["angle"].size
     tile = {str(dim): 1 for dim in variables["status"].dims}
     tile["angle"] = ceil(n_rays / ceil(n_rays / max(1, int(_TILE_SECONDS / seconds))))
-    labels = {"title": f"{title} of the nonautonomous standard map", "source": PAPER}
+    labels = {"title": f"{title} of the nonautonomous standard map"}
     plan = cube.Cube(name, xr.Dataset(variables, coords, labels), tile, settings | STATUS_SETTING)
     return Job(plan, compute, lambda coords, _: seconds * coords["angle"].size, warm_up)
 

@@ -22,7 +22,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from nasm.critical import Status
-from pipeline.provenance import Code, code_of
+from pipeline.provenance import PROGRAM, Code, code_of
 
 PAPER = "arXiv:1606.04824"
 _COMMON_ATTRIBUTES = {
@@ -30,6 +30,8 @@ _COMMON_ATTRIBUTES = {
     "references": f"{PAPER}, https://arxiv.org/abs/1606.04824",
     "map": "y' = y + κ_n/(2π) sin 2πx, x' = x + y' mod 1; κ_n has the period of the forcing",
 }
+_ANCILLARY = "error", "digits", "lower", "upper", "period", "level", "status", "method"
+"""Names of variables that say more of the main variable, the first one with another name."""
 
 Coords: TypeAlias = dict[str, np.ndarray]
 """The values of each coordinate in one tile: numbers or texts."""
@@ -80,6 +82,12 @@ class Cube:
         template = self.template.assign_attrs(attributes)
         for variable in template.variables.values():
             variable.attrs = plain_attributes(variable.attrs)
+            variable.attrs.pop("ancillary_variables", None)
+        main = next((v for name, v in template.data_vars.items() if name not in _ANCILLARY), None)
+        if main is not None:
+            beside = [name for name in _ANCILLARY if name in template.data_vars]
+            if names := [name for name in beside if {*template[name].dims} <= {*main.dims}]:
+                main.attrs["ancillary_variables"] = " ".join(names)
         object.__setattr__(self, "template", template)
 
     @property
@@ -100,7 +108,7 @@ class Cube:
     def filled(self, arrays: Mapping[str, np.ndarray]) -> xr.Dataset:
         """Return the cube as a Dataset with the values {variable: array}."""
         values = {key: self.template[key].copy(data=array) for key, array in arrays.items()}
-        return self.template.assign(values)
+        return self.template.assign(values).assign_attrs(source=PROGRAM)
 
     @cached_property
     def config_hash(self) -> str:
@@ -142,12 +150,15 @@ class Job:
         (coordinates of a tile, settings) → CPU seconds that `compute` will take.
     warm_up : callable
         () → anything; compiles the kernels of `compute`, once in each worker.
+    call : str
+        The call that made the job, see `pipeline.jobs`; "" where no maker made it.
     """
 
     cube: Cube
     compute: Callable[[Coords, Settings], Arrays]
     predict: Callable[[Coords, Settings], float]
     warm_up: Callable[[], object]
+    call: str = ""
 
     @cached_property
     def code(self) -> Code:
@@ -156,7 +167,7 @@ class Job:
 
 
 def plain_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return attributes as every format keeps them: text, numbers, lists of numbers, else JSON.
+    """Return attributes as every format keeps them: text, numbers, arrays or lists, else JSON.
 
     Examples
     --------
@@ -168,7 +179,9 @@ def plain_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return one attribute as a text, a number, a list of numbers, or JSON."""
+    """Return one attribute as a text, a number, an array or list of numbers, or JSON."""
+    if isinstance(value, np.ndarray):
+        return value
     if isinstance(value, list | tuple) and all(isinstance(each, Real) for each in value):
         return [_plain(each) for each in value]
     if isinstance(value, Integral) and abs(int(value)) >= 2**31:  # netCDF 3 has no such integers
@@ -239,12 +252,21 @@ _STATUSES = list(Status)
 
 def flags(meanings: Iterable[str]) -> dict[str, Any]:
     """Return the CF attributes of a variable of codes: 1, 2, … for the meanings, in their order."""
-    meanings = list(meanings)
-    return {
-        "comment": NO_MEAN,
-        "flag_values": [NOT_COMPUTED, *range(1, 1 + len(meanings))],
-        "flag_meanings": " ".join(["not_computed", *meanings]),
-    }
+    numbered = enumerate(meanings, 1)
+    return {"comment": NO_MEAN, **flag_attributes({NOT_COMPUTED: "not_computed", **dict(numbered)})}
+
+
+def flag_attributes(meanings: Mapping[int, str]) -> dict[str, Any]:
+    """Return the CF attributes of codes, int8 like their variable, and of their meanings.
+
+    Examples
+    --------
+    >>> from pipeline.cubes.cube import flag_attributes
+    >>> flag_attributes({1: "open", 2: "closed"})
+    {'flag_values': array([1, 2], dtype=int8), 'flag_meanings': 'open closed'}
+    """
+    codes = np.array(list(meanings), np.int8)
+    return {"flag_values": codes, "flag_meanings": " ".join(meanings.values())}
 
 
 FLAGS = flags(status.name.lower() for status in _STATUSES)

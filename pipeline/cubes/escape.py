@@ -135,10 +135,10 @@ def job(
     """Return the Job of escape times over `coords`; `compute` and `predict` are those of a tile."""
     ensemble = coordinate("ensemble", sizes, "number of orbits in the ensemble")
     coords, n_kicks = {"ensemble": ensemble, **coords}, len(plane.origin)
-    source = f"{PAPER}, Eq. (4), Proposition 1 and Sec. V.B"
+    references = f"{PAPER}, Eq. (4), Proposition 1 and Sec. V.B"
     long_name = "first step at which an orbit of the ensemble is outside the window"
-    times = blank(coords, long_name, comment=_COMMENT.format(n_kicks), source=source)
-    labels = {"title": f"{title} of the nonautonomous standard map", "source": source}
+    times = blank(coords, long_name, comment=_COMMENT.format(n_kicks), references=references)
+    labels = {"title": f"{title} of the nonautonomous standard map", "references": references}
     template = xr.Dataset({"escape_time": times}, coords, labels)
     (x, y), precision = escape.ensemble(1), settings["precision"]
     warm_up = partial(escape.first_escape, [[0.0, 0.0]], x, y, [1], 1, precision=precision)

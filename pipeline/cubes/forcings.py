@@ -22,7 +22,6 @@ from nasm.types import FloatArray
 from pipeline.cubes.barrier import circle_arrays, last_circles
 from pipeline.cubes.breakdown import blank_scales, scale_fields
 from pipeline.cubes.cube import (
-    PAPER,
     STATUS_SETTING,
     Arrays,
     Coords,
@@ -70,7 +69,7 @@ def last_barriers(
     """
     coords = labels(forcings, parameter)
     on = {"forcing": coords["forcing"]}
-    attrs = {"title": "Last barriers of named forcings", "source": PAPER}
+    attrs = {"title": "Last barriers of named forcings"}
     template = xr.Dataset(blank_scales(on) | last_circles(on), coords, attrs)
     cube = Cube(name, template, {"forcing": 1}, {"tol": tol} | STATUS_SETTING)
     return Job(cube, _last_barriers, _predict_barriers, load_searches)
@@ -129,7 +128,7 @@ def against_constant(
     coords = labels(forcings, parameter)
     label = "rms strength without a barrier; inf if there is none up to 1.001 golden"
     upper = {"upper": blank({"forcing": coords["forcing"]}, label)}
-    attrs = {"title": "Forcings against constant kicks of the same rms strength", "source": PAPER}
+    attrs = {"title": "Forcings against constant kicks of the same rms strength"}
     settings = {"golden": golden, "kicks": _MAX_KICKS, "tries": tries}
     cube = Cube(name, xr.Dataset(upper, coords, attrs), {"forcing": 20}, settings)
     return Job(cube, _against_constant, _predict_against, _load)

@@ -58,8 +58,8 @@ def frequency_map(kappa: Sequence[float], axes: Sequence["Axis"], n_max: int, ti
         "omega": blank(coords, "rotation number, in turns a step", comment=f"{kicks}; {chaotic}"),
         "digits": blank(coords, "digits of omega", comment=f"those shared {shared}"),
     }
-    source = "arXiv:1606.04824, Eq. (23)"
-    labels = {"title": "Rotation number over phase space", "source": source}
+    references = "arXiv:1606.04824, Eq. (23)"
+    labels = {"title": "Rotation number over phase space", "references": references}
     template = xr.Dataset(variables, coords, labels)
     settings = {
         "kappa": [float(strength) for strength in kappa],

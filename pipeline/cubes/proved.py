@@ -30,6 +30,7 @@ from pipeline.cubes.cube import (
     Settings,
     blank,
     coordinate,
+    flag_attributes,
 )
 from pipeline.cubes.kernels import load_orbits
 
@@ -149,9 +150,8 @@ def proved_map(rays: Sequence[Sequence[float]], cells: int, seconds: float) -> J
         name: coordinate(name, (np.arange(n) + 0.5) / cells, TWO_KICKS_AXES[name])
         for name in ("kappa2", "kappa1")
     }
-    flags = {"flag_values": list(_STATES), "flag_meanings": " ".join(_STATES.values())}
-    long_name = "what is proved for all forcings of the cell"
-    proved = blank(axes, long_name, np.int8(0), **flags, source="nasm/proofs/README.md")
+    flags = flag_attributes(_STATES) | {"references": "nasm/proofs/README.md"}
+    proved = blank(axes, "what is proved for all forcings of the cell", np.int8(0), **flags)
     title = "Forcings for which transport is proved to be global"
     template = xr.Dataset({"proved": proved}, axes, {"title": title})
     settings = {"rays": rays, "cells": cells, "seconds": seconds}
@@ -218,7 +218,7 @@ def proved_triangles(
     triangles = proofs.triangles(angles, scales, circles, nearest / 4)
     axes = {"triangle": coordinate("triangle", np.arange(len(triangles)), "from the axis on")}
     long_name = "part of the way to the far side up to which a barrier is proved to exist"
-    variables = {"proved_below": blank(axes, long_name, source="nasm/proofs/README.md")}
+    variables = {"proved_below": blank(axes, long_name, references="nasm/proofs/README.md")}
     for name in _CORNERS:
         variables[name] = blank(axes, f"{name} of the triangle's corners")
     title = "Triangles of forcings, the first corner being 0, in which a barrier is proved to exist"

@@ -23,7 +23,6 @@ from nasm.tori import last_torus
 from nasm.types import FloatArray
 from pipeline.cubes.breakdown import job_on_rays, scale_arrays
 from pipeline.cubes.cube import (
-    PAPER,
     Arrays,
     Coords,
     Job,
@@ -211,7 +210,7 @@ def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr
     slope = blank({"scale": coords["scale"]}, "least slope of h along θ")
     variables = {"deviation": h.copy(data=deviations), "least_slope": slope.copy(data=slopes)}
     labels = {"vector": _name_of(vector), "angle": angle}
-    return xr.Dataset(variables, coords, {"title": "Invariant tori", "source": PAPER} | labels)
+    return xr.Dataset(variables, coords, {"title": "Invariant tori"} | labels)
 
 
 def _name_of(vector: RotationVector) -> str:

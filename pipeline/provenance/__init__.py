@@ -9,3 +9,4 @@ text and by what it names.
 
 from pipeline.provenance.job_code import EVERYTHING, Code, code_of
 from pipeline.provenance.own_code import ByValue
+from pipeline.provenance.sources import PROGRAM

@@ -12,6 +12,9 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+from nasm import __version__
+from nasm.versions import DISTRIBUTION
+
 _ROOT = Path(__file__).parents[2]
 _LIBRARIES = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zarr"
 
@@ -28,6 +31,9 @@ def _read(suffix: str) -> dict[str, bytes]:
 
 # As they are at the import: a process that runs while files are edited uses the old ones.
 _SOURCES, _STUBS = _read(".py"), _read(".pyi")
+
+PROGRAM = f"{DISTRIBUTION} {__version__}"
+"""This program and its version: the attribute `source` of cubes."""
 
 VERSIONS = ", ".join(f"{library} {version(library)}" for library in _LIBRARIES)
 """Versions of the libraries that decide numbers, in one line."""

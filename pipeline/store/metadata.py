@@ -24,10 +24,10 @@ from zarr.codecs import Crc32cCodec, ZstdCodec
 from zarr.storage import MemoryStore
 
 from nasm import __version__
-from pipeline.provenance import EVERYTHING
+from pipeline.provenance import EVERYTHING, PROGRAM
 from pipeline.store import tiles
 from pipeline.store.decoding import MAX_METADATA, arrays_in, usual_codecs
-from pipeline.store.place import Place, Refused, store_errors
+from pipeline.store.place import Place, Refused, printable, store_errors, without_password
 from pipeline.store.tiles import COMMIT, DAMAGED, ENTRIES, ENTRY, FORMAT
 
 if TYPE_CHECKING:
@@ -84,30 +84,35 @@ def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
     return attributes
 
 
-def create(place: Place, cube: "Cube", computed_by: str) -> None:
+def create(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None:
     """Make the cube, all tiles missing, or check that the one in the place is the same.
 
-    Metadata and coordinates that are damaged or missing are written again. Parameters and errors
-    are those of `check`.
+    Metadata and coordinates that are damaged or missing are written again. Further parameters, and
+    errors, are those of `check`.
+
+    Parameters
+    ----------
+    call : str
+        The command or call that makes the cube. The `history` of a cube that exists stays.
     """
     tiles.forget()
     attributes, root = check(place, cube, computed_by), _key(cube.name)
     if not attributes:
-        ours = _provenance(computed_by)
+        ours = _provenance(computed_by, call)
         place.write(root, _files(cube, ours)[root], "create")
         attributes = check(place, cube, computed_by) or ours  # another driver may have been first
     for key, data in _differing(place, _files(cube, attributes)).items():
         place.write(key, data)
 
 
-def replace(place: Place, cube: "Cube", computed_by: str) -> None:
+def replace(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None:
     """Write a complete cube, compressed, in place of an earlier state of itself.
 
     Nothing is written if that state is the same, and by the same code. The group's zarr.json is
     deleted first and written last: until then, also after a crash, the cube does not exist.
-    Parameters are those of `check`, and so is the error for other settings.
+    Parameters are those of `create`, and so is the error for other settings.
     """
-    template, by = cube.template.compute(), _provenance(computed_by)
+    template, by = cube.template.compute(), _provenance(computed_by, call)
     # Of a cube that the template was made from; this one is made here and now.
     template.attrs = {key: value for key, value in template.attrs.items() if key not in by}
     cube = dataclasses.replace(cube, template=template)
@@ -127,12 +132,15 @@ def is_visible(place: Place, name: str, config_hash: str) -> bool:
     return _attributes(place, name).get("config_hash") == config_hash
 
 
-def _provenance(computed_by: str) -> dict[str, str]:
-    """Return attributes of a new cube: who computes it, the package's version, and the time."""
+def _provenance(computed_by: str, call: str) -> dict[str, str]:
+    """Return attributes of a new cube: which program computes it, when, and by which call."""
+    created = datetime.now(UTC).isoformat(timespec="seconds")
     return {
+        "source": PROGRAM,
+        "history": f"{created} {printable(without_password(call)) or PROGRAM}",
         "computed_by": computed_by,
         "package_version": __version__,
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "created": created,
     }
 
 

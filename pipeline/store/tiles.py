@@ -368,7 +368,9 @@ def failure_key(name: str, index: Sequence[int]) -> str:
 def read(place: Place, name: str) -> xr.Dataset:
     """Return the cube as a Dataset.
 
-    Numbers are read lazily; texts at once, "" where there is none.
+    Numbers are read lazily; texts at once, "" where there is none. `flag_values` are of the type of
+    their variable, as the CF conventions ask, and so they are in a file that `to_netcdf` writes;
+    the JSON of a zarr store, and plain `xr.open_zarr`, know only integers.
 
     Raises
     ------
@@ -406,6 +408,9 @@ def read(place: Place, name: str) -> xr.Dataset:
             arrays_in(root, place.cube(name))
             # Of zarr 3 alone, and only of arrays that were checked.
             cube = xr.open_zarr(store, chunks=None, zarr_format=3, consolidated=True)
+            for variable in cube.variables.values():
+                if (codes := variable.attrs.get("flag_values")) is not None:
+                    variable.attrs["flag_values"] = np.array(codes, variable.dtype)
             texts = {k: v.fillna("") for k, v in cube.variables.items() if v.dtype == object}
             return cube.assign({key: text for key, text in texts.items() if key not in cube.dims})
         except (*DAMAGED, MemoryError, RuntimeError) as error:

@@ -137,7 +137,8 @@ def fill(
     ):
         line.begin_sweep(name, name)
         start = cache(partial(connected, connection, line, is_local=client is None))
-        filled = compute_missing(start, place, job, line)
+        call = f"pipeline.fill({job.call or f'<{name}>'}, {str(out)!r})"
+        filled = compute_missing(start, place, job, line, call=call)
         line.finish()
         return filled
 
@@ -148,6 +149,7 @@ def compute_missing(
     job: Job,
     progress: Progress,
     wanted: set[tuple[int, ...]] | None = None,
+    call: str = "",
 ) -> xr.Dataset:
     """Compute the missing tiles of the job's cube, or those `wanted`; return the cube.
 
@@ -159,7 +161,7 @@ def compute_missing(
         As `fill`.
     """
     name = job.cube.name
-    outcome = sweep(client, place, job, progress, wanted)
+    outcome = sweep(client, place, job, progress, wanted, call)
     if outcome.interrupted:
         raise Interrupted(name, outcome.remaining, outcome.failed)
     if outcome.failed:

@@ -92,6 +92,7 @@ def sweep(
     job: Job,
     progress: Progress,
     wanted: set[tuple[int, ...]] | None = None,
+    call: str = "",
 ) -> Outcome:
     """Compute the missing tiles of the job's cube into the store.
 
@@ -107,6 +108,8 @@ def sweep(
         The line of the run.
     wanted : set of tuple of int, optional
         Indices of the tiles to compute; by default all.
+    call : str
+        The command or call, for the attribute `history` of a new cube.
 
     Raises
     ------
@@ -120,7 +123,7 @@ def sweep(
         If the scheduler or all workers are gone. Committed tiles stay in each case.
     """
     name = job.cube.name
-    store.create(place, job.cube, job.code.computed_by)
+    store.create(place, job.cube, job.code.computed_by, call)
     tiles, n_tiles = store.missing(place, job.cube), prod(job.cube.tile_counts)
     n_done = n_tiles - len(tiles)
     if wanted is not None:

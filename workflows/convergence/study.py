@@ -47,6 +47,6 @@ def on_the_diagonal(bias, critical):
     }
     coords = {"n": (n, "steps N"), "half": text("half", ["small N", "large N"], "half of the N")}
     attrs = {"critical": float(kappa_c), "n_orbits": int(bias.ensemble[-1])}
-    attrs["source"] = "arXiv:1606.04824, Fig. 7"
+    attrs["references"] = "arXiv:1606.04824, Fig. 7"
     title = "Convergence of direct iteration at the cusp"
     return dataset(title, coords, variables, attrs)

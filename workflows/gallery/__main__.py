@@ -36,11 +36,11 @@ def recipe(name, out):
     """
     script = Path(__file__).with_name("recipes").joinpath(f"{name}.py").read_text(encoding="utf-8")
     _, docstring, code = script.split('"""', 2)
-    text_cell = {"cell_type": "markdown", "metadata": {}, "source": docstring}
-    code_cell = {"cell_type": "code", "metadata": {}, "source": code.strip()}
+    text_cell = {"id": "text", "cell_type": "markdown", "metadata": {}, "source": docstring}
+    code_cell = {"id": "code", "cell_type": "code", "metadata": {}, "source": code.strip()}
     code_cell |= {"execution_count": None, "outputs": []}
     kernel = {"name": "python3", "display_name": "Python 3", "language": "python"}
-    header = {"metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 4}
+    header = {"metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
     notebook = json.dumps({"cells": [text_cell, code_cell], **header}, indent=1, ensure_ascii=False)
     Path(out, "recipes").mkdir(exist_ok=True)
     for kind, content in (("py", script), ("ipynb", notebook)):

@@ -6,7 +6,7 @@ from nasm import orbits
 from nasm.symmetries import alternate, negate
 from workflows.shared.tables import dataset, strengths
 
-_SOURCE = "arXiv:1606.04824, Sec."
+_SECTIONS = "arXiv:1606.04824, Sec."
 FORCING = (0.35, 0.5)
 ISLAND = (0.0, 0.55)  # Fig. 1(d): a start in the island of (0, 1/2)
 SYMMETRIC_FORCING = (0.5, 0.7)
@@ -36,8 +36,8 @@ def nonautonomous_dataset(n_orbits, n_max):
         | _points("kick_", ("kick", "orbit"), *kicked)
         | _points("island_", ("kick",), *island)
     )
-    title, source = "Orbits of T and of the nonautonomous map", f"{_SOURCE} II and Fig. 1"
-    return dataset(title, coords, variables, {"source": source})
+    title, references = "Orbits of T and of the nonautonomous map", f"{_SECTIONS} II and Fig. 1"
+    return dataset(title, coords, variables, {"references": references})
 
 
 def images(kappa, x, y):
@@ -74,8 +74,8 @@ def symmetric_dataset(n_orbits, n_max):
         **_points("marked_", ("forcing", "step", "marked"), *marked),
         "difference": ("forcing", apart, words),
     }
-    source = {"source": f"{_SOURCE} III.A and Fig. 2"}
-    return dataset("Symmetric orbits of T", coords, variables, source)
+    references = {"references": f"{_SECTIONS} III.A and Fig. 2"}
+    return dataset("Symmetric orbits of T", coords, variables, references)
 
 
 def _points(prefix, dims, x, y):

@@ -81,8 +81,8 @@ def fields(couplings, n_particles, n_max):
         "escape": ("coupling", np.min(escapes, axis=1), escaped),
         "momentum_change": ("coupling", np.abs(change), conserved),
     }
-    source = {"source": "arXiv:1601.00942; nasm/self_consistent.py"}
-    return dataset("The self-consistent map", coords, variables, source)
+    references = {"references": "arXiv:1601.00942; nasm/self_consistent.py"}
+    return dataset("The self-consistent map", coords, variables, references)
 
 
 def verdicts(fields):

@@ -5,6 +5,7 @@ Heavy imports wait until the options are parsed, so that --help is fast.
 
 import functools
 import os
+import shlex
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -43,6 +44,7 @@ _ADVANCED = (
     *("follow", "max_cpu_seconds", "n_cusp_rays", "picture_angle", "precision", "release"),
     *("scheduler", "store", "tile", "tls", "yes"),
 )
+_ARGUMENTS, _LINE = "workflows.arguments", "workflows.line"  # keys of a context's meta
 version = click.version_option(__version__, message="nasm %(version)s")
 
 
@@ -89,13 +91,19 @@ class _Command(streams.Prepared, click.Command):
 
     def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
         """Parse the options; suggest others for a mistyped one."""
-        arguments = [*args]
+        arguments = context.meta[_ARGUMENTS] = [*args]
         try:
             return super().parse_args(context, args)
         except click.NoSuchOption as error:  # of "-out" click reports "-o" alone
             typed = error.option_name
             word = next((word for word in arguments if word.startswith(typed)), typed)
             raise no_such_option(context, word) from None
+
+
+def command_line() -> str:
+    """Return the command line of the command that runs, as `python -m` takes it; "" if none."""
+    context = click.get_current_context(silent=True)
+    return context.meta.get(_LINE, "") if context else ""
 
 
 def command(**settings: Any) -> Decorator:
@@ -115,6 +123,9 @@ def command(**settings: Any) -> Decorator:
         @version
         @functools.wraps(function)
         def wrapped(**options: Any) -> Any:
+            meta = click.get_current_context().meta
+            words = ["python", "-m", f"workflows.{name}", *meta[_ARGUMENTS]]
+            meta[_LINE] = shlex.join(words)
             keep_freed_memory()
             os.environ.pop("MPLBACKEND", None)  # figures go to files; an unknown one is an error
             # A user's matplotlibrc that is not even text would break the import of matplotlib.

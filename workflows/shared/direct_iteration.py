@@ -144,7 +144,7 @@ def boundary_dataset(escapes: xr.Dataset, barrier: xr.Dataset, steps: Sequence[i
     }
     coords = {"n": (steps, "steps N"), "angle": angles_of_rays(angle)}
     attrs = plane.record | {"n_orbits": int(escapes.ensemble[0]), "spacing": spacing}
-    attrs["source"] = "arXiv:1606.04824, Sec. V.B, Figs. 5 and 6"
+    attrs["references"] = "arXiv:1606.04824, Sec. V.B, Figs. 5 and 6"
     return dataset("Boundary of global transport by direct iteration", coords, variables, attrs)
 
 
@@ -174,6 +174,6 @@ def insets_dataset() -> xr.Dataset:
     settings = {
         "start": list(INSET_START),
         "steps": INSET_STEPS,
-        "source": "arXiv:1606.04824, Fig. 6",
+        "references": "arXiv:1606.04824, Fig. 6",
     }
     return dataset("Visits of one orbit to the pixels of the cell", coords, variables, settings)

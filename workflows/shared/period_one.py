@@ -10,7 +10,7 @@ from pipeline.cubes.cube import text
 from pipeline.sweep.grid import Axis
 from workflows.shared.tables import dataset
 
-_SOURCE = "arXiv:1606.04824, Sec. IV.A"
+_SECTION = "arXiv:1606.04824, Sec. IV.A"
 _RESIDUE = "Greene's residue; stable if 0 < R < 1"
 
 
@@ -21,8 +21,8 @@ def primary_dataset(axis: Axis) -> xr.Dataset:
     residue = fixed_points.primary_residue(kappa1, kappa2)
     coords = {"point": text("point", points, "primary point (x, y)"), **_plane(axis)}
     residues = {"residue": (("point", "kappa2", "kappa1"), residue, _RESIDUE)}
-    source = {"source": f"{_SOURCE} and Fig. 3"}
-    return dataset("Primary period-one orbits", coords, residues, source)
+    references = {"references": f"{_SECTION} and Fig. 3"}
+    return dataset("Primary period-one orbits", coords, residues, references)
 
 
 def secondary_dataset(axis: Axis) -> xr.Dataset:
@@ -33,7 +33,7 @@ def secondary_dataset(axis: Axis) -> xr.Dataset:
     for index in zip(*np.nonzero(np.isfinite(z)), strict=True):
         residue[index] = fixed_points.residue((kappa1[index], kappa2[index]), x[index], y[index])
     error = np.abs(fixed_points.cubic_estimate(kappa1, kappa2) - z)
-    dims, source = ("kappa2", "kappa1"), {"source": f"{_SOURCE} and Fig. 4"}
+    dims, references = ("kappa2", "kappa1"), {"references": f"{_SECTION} and Fig. 4"}
     variables = {
         "z": (dims, z, "distance 2πx - π from (1/2, 0)"),
         "x": (dims, x, "x of the point, in turns"),
@@ -41,7 +41,7 @@ def secondary_dataset(axis: Axis) -> xr.Dataset:
         "residue": (dims, residue, _RESIDUE),
         "estimate_error": (dims, error, "error of z by the cubic estimate, its sign corrected"),
     }
-    return dataset("Secondary period-one orbits", _plane(axis), variables, source)
+    return dataset("Secondary period-one orbits", _plane(axis), variables, references)
 
 
 def _plane(axis: Axis) -> dict[str, tuple[FloatArray, str]]:

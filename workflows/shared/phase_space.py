@@ -104,7 +104,7 @@ def _dataset(kappa, box, starts, omega, which, x, y):
         "near": ("orbit", near, "omega reduced to [0, P/2], up to sign and multiples of P"),
     }
     attrs = {"kappa": kappa.tolist(), "box": list(box)}
-    attrs["source"] = "arXiv:1606.04824, Eqs. (1) and (23)"
+    attrs["references"] = "arXiv:1606.04824, Eqs. (1) and (23)"
     return dataset("Orbits in a box of phase space", {}, variables, attrs)
 
 

@@ -27,6 +27,7 @@ from pipeline.sweep.estimate import Estimate, estimate
 from pipeline.sweep.fill import Interrupted, TilesFailed, compute_missing, connected
 from pipeline.sweep.progress import Progress, duration, plural
 from workflows.figures.style import drawn
+from workflows.shared.cli import command_line
 from workflows.shared.tables import write
 
 Wanted = set[tuple[int, ...]] | None
@@ -237,7 +238,7 @@ class Run:
         number = self.begun.setdefault(name, len(self.begun) + 1)
         self.line.begin_sweep(f"sweep {number} of {len(self.plan)}, {name}", name)
         try:
-            cube = compute_missing(self.client, self.place, job, self.line, wanted)
+            cube = compute_missing(self.client, self.place, job, self.line, wanted, command_line())
         except (TilesFailed, Interrupted) as stop:
             self._end(stop)
         self.line.end_sweep()
@@ -297,7 +298,7 @@ class Run:
         """
         if not self.holds(cube, *parts):
             filled = replace(cube, template=compute().assign_attrs(studied_by=_CODE["studied_by"]))
-            store.replace(self.place, filled, store.COMPUTED_BY)
+            store.replace(self.place, filled, store.COMPUTED_BY, command_line())
             self.line.count_study(self.studies.get(cube.name, 0))
         self.note("cubes", self.place.cube(cube.name))
         return store.read(self.place, cube.name).load()
