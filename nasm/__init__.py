@@ -11,10 +11,15 @@ used; `__init__.pyi` lists them.
 """
 
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 
 import lazy_loader
 
 from nasm import sources
+
+if find_spec("resource") is None:  # nor are there the owners of files, signals and locks in use
+    reason = "nasm runs on Linux and macOS; on Windows, install it in WSL, its Linux subsystem"
+    raise ImportError(reason)
 
 try:
     __version__ = version("nasm-transport")

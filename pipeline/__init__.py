@@ -9,4 +9,6 @@ when they are first used; `__init__.pyi` lists them.
 
 import lazy_loader
 
+import nasm  # raises ImportError where none of this can run
+
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -80,6 +80,30 @@ def test_python_without_its_checks_is_refused_in_one_sentence(flag):
     assert "PYTHONOPTIMIZE" in line
 
 
+WITHOUT = "import sys; sys.modules['resource'] = None; "  # as on Windows, which has no such module
+HELP_OF = (
+    "import runpy; sys.argv = ['x', '--help']; runpy.run_module('workflows{}', run_name='__main__')"
+)
+
+
+@pytest.mark.parametrize("name", ["", ".ask", ".last_barrier", ".status"])
+def test_a_command_on_windows_says_one_sentence(name):
+    told = python("-c", WITHOUT + HELP_OF.format(name))
+    (line,) = told.stderr.decode().splitlines()
+    assert line.startswith("nasm runs on Linux and macOS; on Windows, ")
+    assert (told.returncode, told.stdout) == (1, b"")
+    assert python("-c", "import sys; " + HELP_OF.format(name)).returncode == 0
+
+
+@pytest.mark.parametrize("package", ["nasm", "pipeline"])
+def test_an_import_on_windows_says_why_it_fails(package):
+    told = python("-c", f"{WITHOUT}import {package}")
+    assert told.returncode == 1
+    *_, line = told.stderr.decode().splitlines()
+    assert line.startswith("ImportError: nasm runs on Linux and macOS; on Windows, ")
+    assert "ModuleNotFoundError" not in told.stderr.decode()
+
+
 @pytest.mark.parametrize("name", commands())
 def test_a_path_may_begin_with_the_home_directory(tmp_path, monkeypatch, name):
     """A shell leaves ~ as it is after --out=, and who deletes a folder ~ deletes the home."""
