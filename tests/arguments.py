@@ -58,6 +58,7 @@ GOOD = FORCINGS | NUMBERS | STARTS | COUNTS | TOLERANCES | AXES
 OTHERS = {
     escape.first_escape: {"x": np.zeros(5)},
     orbits.orbit: {"x": np.zeros(2)},
+    orbits.rotation_number_of: {"x": np.arange(5.0)},
     periodic.torus_scale: {"omega": "5/8", "frequency": "1/2", "amplitude": 0.0},
     proofs.transport_cells.prove_cell: {"kappa": (0.25, 0.5)},
     self_consistent.evolve: {"x": np.zeros(3)},

@@ -112,7 +112,7 @@ FORCINGS = {
         (proofs.barrier.proved_lower, [(0, 0)], "profile is zero"),
         (barriers.critical_scale, [()], "profile=() has shape (0,)"),
         (barriers.critical_scale, [(1, nan)], "is not finite"),
-        (barriers.critical_scale, [[1.0] + [0.5] * 63 + [0.2]], "P=65 kicks"),
+        (transversal.upper_scale, [[1.0] + [0.5] * 63 + [0.2]], "P=65 kicks"),
         (aperiodic.critical_scale, [np.ones(63)], "profile has 63 kicks; it must have 64"),
         (
             symmetry_line.critical_scale,

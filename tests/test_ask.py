@@ -12,7 +12,7 @@ from nasm.converse_kam import aperiodic
 from nasm.critical import Status
 from nasm.verdicts import Answer, Evidence, verdict
 from workflows.ask import records
-from workflows.ask.files import forcings_in
+from workflows.shared.forcing_files import forcings_in
 
 SHORT = np.array([0.3, 0.2, 0.25])
 

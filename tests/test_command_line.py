@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 import nasm
 from nasm.planes import parse
 from workflows.__main__ import main as overview
-from workflows.ask.files import numbers_in
 from workflows.figures import style
 from workflows.shared.cli import commands, main_of
+from workflows.shared.forcing_files import numbers_in
 from workflows.shared.rays import ray_angles
 
 COMMANDS, ROOT = commands(), Path(__file__).parents[1]

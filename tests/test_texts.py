@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from nasm import checks, numbers, planes, texts
 from pipeline.sweep.grid import parse_axis
-from workflows.ask.files import numbers_in
 from workflows.circle_boundaries import parse_omega
 from workflows.explore.rays import named_by
 from workflows.explore.state import State, orbits_of
 from workflows.frequencies import parse_frequency
 from workflows.shared.cli import main_of
+from workflows.shared.forcing_files import numbers_in
 
 DIGITS = "9" * 60_000
 

@@ -5,17 +5,17 @@ halves (arXiv:1606.04824, Eq. (23)). The digits that these share tell regular or
 in islands, from chaotic ones; islands show as areas of one ω. `nasm.orbits.rotation_number_of` does
 the same for a series of your own.
 
-KAPPA ... is one period of the forcing, first kick first: 0.3 0.2. The cube `frequency_map` and a
-figure in OUT, in a few CPU seconds.
+KAPPA ... is one period of the forcing, first kick first: 0.3 0.2, or a text file of them. The cube
+`frequency_map` and a figure in OUT, in a few CPU seconds.
 """
 
 import click
 
-from workflows.shared.cli import Strength, axis, command, sweeps, whole
+from workflows.shared.cli import StrengthOrFile, axis, command, sweeps, whole
 
 
 @command(ignore_unknown_options=True)
-@click.argument("kappa", type=Strength(), nargs=-1)
+@click.argument("kappa", type=StrengthOrFile(), nargs=-1)
 @axis("--position", "0:1:256", "Starts along x, in turns: lower end, upper end, cells.")
 @axis("--momentum", "-0.25:0.75:256", "Starts along y, in turns a kick: the same.")
 @whole("--n-max", 3000, 4, 10**9, "Steps (periods of the forcing) of each orbit.")
@@ -23,11 +23,15 @@ from workflows.shared.cli import Strength, axis, command, sweeps, whole
 def main(run, kappa, position, momentum, n_max):
     from pipeline import jobs
     from workflows.figures import frequency_map as figures
+    from workflows.shared.forcing_files import read_forcings
 
     if not kappa:
         raise click.UsageError("KAPPA is missing: give the kicks of one period, e.g. 0.3 0.2")
     try:
-        job = jobs.frequency_map(kappa, position, momentum, n_max)
+        (strengths, *others), _ = read_forcings(kappa)
+        if others:
+            raise ValueError(f"{kappa[0]} has {1 + len(others)} forcings; one is needed")
+        job = jobs.frequency_map(strengths, position, momentum, n_max)
     except ValueError as error:
         raise click.UsageError(str(error)) from None
     with run.sweeping(job):

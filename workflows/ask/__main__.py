@@ -23,18 +23,6 @@ import click
 from workflows.shared import cli
 
 
-class StrengthOrFile(cli.Strength):
-    """A number, or the path of a text file of numbers."""
-
-    def convert(self, value, parameter, context):
-        """Return a float or a Path."""
-        if os.path.isfile(value):
-            return Path(value)
-        if os.path.splitext(str(value))[1][1:].isalpha():
-            self.fail(f"{value}: no such file", parameter, context)
-        return super().convert(value, parameter, context)
-
-
 def parse_forcing(strengths, plane, once):
     """Return the strengths of the kicks, and their point in a plane, (Plane, (a, b)) or None.
 
@@ -43,7 +31,7 @@ def parse_forcing(strengths, plane, once):
     """
     from nasm import planes  # does not load kernels
     from nasm.maps import forcing
-    from workflows.ask.files import numbers_in
+    from workflows.shared.forcing_files import numbers_in
 
     if once:
         if strengths or plane:
@@ -61,26 +49,6 @@ def parse_forcing(strengths, plane, once):
         axes = " and ".join(plane.axes)
         raise ValueError(f"{len(strengths)} numbers; a point of {plane.name} has two, {axes}")
     return forcing(plane.forcing(*strengths)), (plane, strengths)
-
-
-def read_file(kappa, plane, once):
-    """Return the forcings of the file that KAPPA is, and whether they are a table; None without.
-
-    ValueError for a file beside other arguments, or with anything but numbers.
-    """
-    from workflows.ask.files import forcings_in
-
-    paths = [word for word in kappa if isinstance(word, Path)]
-    if not paths:
-        return None
-    if len(kappa) > 1 or plane or once:
-        raise ValueError(
-            f"{paths[0]} is a whole forcing; leave other KAPPA, --plane and --once out"
-        )
-    try:
-        return forcings_in(paths[0].read_bytes())
-    except (ValueError, OSError) as error:
-        raise ValueError(f"{paths[0]}: {error}") from None
 
 
 def _answer_as_data(forcings, is_table, prove, as_json, quiet, out):
@@ -127,7 +95,7 @@ def _answer(strengths, point, kappa, plane, once, prove, column, out):
 
 
 @cli.command(ignore_unknown_options=True)
-@click.argument("kappa", type=StrengthOrFile(), nargs=-1)
+@click.argument("kappa", type=cli.StrengthOrFile(), nargs=-1)
 @cli.point_option
 @click.option("--once", type=cli.FILE, help="Text file with the kicks of an aperiodic forcing.")
 @cli.flag("--prove", "Try to prove the answer, within 20 CPU seconds.")
@@ -136,10 +104,14 @@ def _answer(strengths, point, kappa, plane, once, prove, column, out):
 @cli.quiet_option
 @cli.directory("Directory of the figure, or of the table.")
 def main(kappa, plane, once, prove, json, column, quiet, out):
+    from workflows.shared.forcing_files import read_forcings
+
     try:
-        found = read_file(kappa, plane, once)
-        forcings, is_table = found or ([], False)
-        if found and not is_table:
+        forcings, is_table = [], False
+        if paths := [word for word in kappa if isinstance(word, Path)]:
+            if plane or once:
+                raise ValueError(f"{paths[0]} is the whole forcing; leave --plane and --once out")
+            forcings, is_table = read_forcings(kappa)
             kappa = tuple(forcings[0].tolist())
         strengths, point = (None, None) if is_table else parse_forcing(kappa, plane, once)
         if once and (prove or json):

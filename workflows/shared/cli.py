@@ -5,6 +5,7 @@ Heavy imports wait until the options are parsed, so that --help is fast.
 
 import functools
 import os
+import re
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -65,6 +66,20 @@ class Strength(click.ParamType):
             return self.fail(str(error), parameter, context)
 
 
+class StrengthOrFile(Strength):
+    """A number, or the path of a text file of numbers."""
+
+    def convert(
+        self, value: Any, parameter: click.Parameter | None, context: click.Context | None
+    ) -> Any:
+        """Return a float or a Path."""
+        if os.path.isfile(value):
+            return Path(value)
+        if os.path.splitext(str(value))[1][1:].isalpha():
+            self.fail(f"{value}: no such file", parameter, context)
+        return super().convert(value, parameter, context)
+
+
 def no_such_option(context: click.Context, word: str) -> click.NoSuchOption:
     """Return the error for a mistyped option, which suggests similar options."""
     word = word.partition("=")[0]
@@ -92,6 +107,9 @@ class _Command(streams.Prepared, click.Command):
     def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
         """Parse the options; suggest others for a mistyped one."""
         arguments = context.meta[_ARGUMENTS] = [*args]
+        if context.ignore_unknown_options:  # of "-scheduler" click would take -h, for help
+            for word in filter(re.compile("-[A-Za-z]{2}").match, args):
+                raise no_such_option(context, word)
         try:
             return super().parse_args(context, args)
         except click.NoSuchOption as error:  # of "-out" click reports "-o" alone

@@ -1,12 +1,31 @@
-"""Forcings in text files, with spaces, lines or commas between numbers; for `workflows.ask`."""
+"""Forcings in text files, with spaces, lines or commas between numbers."""
 
 import re
+from collections.abc import Sequence
+from pathlib import Path
 
 from nasm.maps import forcing
 from nasm.texts import abbreviate, parse_float
+from nasm.types import FloatArray
 
 
-def numbers_in(content):
+def read_forcings(words: Sequence[float | Path]) -> tuple[list[FloatArray], bool]:
+    """Return the forcings that KAPPA ... are, strengths or one file, and whether it is a table.
+
+    ValueError if a file is beside other words, or has anything but numbers.
+    """
+    paths = [word for word in words if isinstance(word, Path)]
+    if not paths:
+        return [forcing(words)], False  # type: ignore[arg-type]
+    if len(words) > 1:
+        raise ValueError(f"{paths[0]} is the whole forcing; leave other KAPPA out")
+    try:
+        return forcings_in(paths[0].read_bytes())
+    except (ValueError, OSError) as error:
+        raise ValueError(f"{paths[0]}: {error}") from None
+
+
+def numbers_in(content: bytes) -> list[float]:
     """Return the numbers of a text file, with spaces, lines, or commas and spaces between them."""
     text = _decoded(content)
     for word in text.split():
@@ -16,7 +35,7 @@ def numbers_in(content):
     return [parse_float(word) for word in text.replace(",", " ").split()]
 
 
-def forcings_in(content):
+def forcings_in(content: bytes) -> tuple[list[FloatArray], bool]:
     """Return the forcings of a text file, and whether it is a table with one in each line.
 
     A file with one number a line, or with one line, is one forcing. In a table numbers have commas
@@ -39,7 +58,7 @@ def forcings_in(content):
     return forcings, is_table
 
 
-def _decoded(content):
+def _decoded(content: bytes) -> str:
     """Return the text of a file, with the mark of Windows' editors, or without."""
     try:
         return content.decode("utf-8-sig")
@@ -47,13 +66,13 @@ def _decoded(content):
         raise ValueError("not a text in UTF-8, e.g. one in UTF-16; save it as UTF-8") from None
 
 
-def _words(line):
+def _words(line: str) -> list[str]:
     """Return the words of a line before a #, with spaces, commas or semicolons between them."""
     numbers = line.partition("#")[0].strip(" \t,;")
     return re.split(r"[\s,;]+", numbers) if numbers else []
 
 
-def _is_number(word):
+def _is_number(word: str) -> bool:
     try:
         parse_float(word)
     except ValueError:
