@@ -81,18 +81,15 @@ def test_python_without_its_checks_is_refused_in_one_sentence(flag):
 
 
 WITHOUT = "import sys; sys.modules['resource'] = None; "  # as on Windows, which has no such module
-HELP_OF = (
-    "import runpy; sys.argv = ['x', '--help']; runpy.run_module('workflows{}', run_name='__main__')"
-)
+RUN = "import runpy; runpy.run_module('workflows{}', run_name='__main__')"
 
 
 @pytest.mark.parametrize("name", ["", ".ask", ".last_barrier", ".status"])
 def test_a_command_on_windows_says_one_sentence(name):
-    told = python("-c", WITHOUT + HELP_OF.format(name))
+    told = python("-c", WITHOUT + RUN.format(name))
     (line,) = told.stderr.decode().splitlines()
     assert line.startswith("nasm runs on Linux and macOS; on Windows, ")
     assert (told.returncode, told.stdout) == (1, b"")
-    assert python("-c", "import sys; " + HELP_OF.format(name)).returncode == 0
 
 
 @pytest.mark.parametrize("package", ["nasm", "pipeline"])
