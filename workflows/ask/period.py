@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 
 from nasm import barriers, escape, orbits
+from nasm.critical import Status
 from nasm.verdicts import Answer, verdict
 from workflows.shared.phase_space import portrait
 from workflows.shared.verdict_words import forcing_text, lifetime_text, sentences, steps_text
@@ -43,7 +44,8 @@ def drawn(kappa, point, verdict, escaping):
     )  # imported late, as this takes as long as the verdict
 
     longest, name = None, forcing_text(kappa, point)
-    if verdict.answer is Answer.TRANSPORT:
+    is_long = verdict.boundary.status is Status.TOO_LONG  # its minimax orbits are not known
+    if verdict.answer is Answer.TRANSPORT and not is_long:
         n_max = int(min(max(1000, 2 * verdict.steps), _STEPS))
         x, y, steps = barriers.longest_lived_start(kappa, n_max)
         lifetime = lifetime_text(kappa, steps)

@@ -3,6 +3,7 @@
 from math import inf, isfinite, log10
 from typing import Any
 
+from nasm import escape
 from nasm.critical import CriticalScale
 from nasm.numbers import RotationNumber
 from nasm.planes import Plane
@@ -84,7 +85,9 @@ def sentences(kappa: FloatArray, point: Point, verdict: Verdict) -> list[str]:
     if lower:
         lines.append(f"A circle is certified at {lower} times these strengths.")
     if upper:
-        lines.append(f"At {upper} times these strengths converse KAM excludes all circles.")
+        is_escape = boundary.method == escape.METHOD
+        shown = "an orbit escapes" if is_escape else "converse KAM excludes all circles"
+        lines.append(f"At {upper} times these strengths {shown}.")
     return lines
 
 
