@@ -14,6 +14,9 @@ if TYPE_CHECKING:  # it is hashlib's type for all its objects
 
 __all__ = ["are_unchanged", "digest"]
 
+DISTRIBUTION = "nasm-transport"
+"""Name of the installed distribution."""
+
 _ROOT = Path(__file__).parent
 
 

@@ -7,10 +7,9 @@ import sys
 from importlib.metadata import PackageNotFoundError, requires, version
 
 from nasm import sources
+from nasm.sources import DISTRIBUTION
 
 __all__ = ["show_versions"]
-
-DISTRIBUTION = "nasm-transport"
 
 
 def show_versions() -> None:

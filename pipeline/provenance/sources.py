@@ -13,7 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from nasm import __version__
-from nasm.versions import DISTRIBUTION
+from nasm.sources import DISTRIBUTION
 
 _ROOT = Path(__file__).parents[2]
 _LIBRARIES = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zarr"

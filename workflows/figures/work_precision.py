@@ -22,6 +22,10 @@ _METHOD_COLOURS = {
 _BETTER = ("extrapolated", "value", "blow-up", "Aitken", "proved")
 
 
+_LEAST_RANGE = 12
+"""Ratio of the ends of the time axis: on a decade and more only powers of ten are labelled."""
+
+
 def draw_work_precision(data):
     """Draw error against CPU time, a panel for each ray.
 
@@ -43,6 +47,8 @@ def draw_work_precision(data):
             axes.plot(of_ray.cpu_seconds[method], error, form, label=name, **style)
         axes.axhspan(1e-16, float(of_ray.judge_error), color="0.9")
         axes.set(xscale="log", yscale="log", ylim=(1e-14, 2))
+        low, high = axes.get_xlim()
+        axes.set_xlim(low, max(high, _LEAST_RANGE * low))
         axes.set(xlabel="CPU time (s)", ylabel="relative error")
         name = of_ray.ray.item()
         words = rf"$\varphi = {name}°$" if name.isdigit() else "three kicks, (1, 0.7, 0.3)"
