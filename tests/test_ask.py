@@ -93,7 +93,7 @@ def test_a_table_is_answered_line_by_line_and_keeps_what_was_answered(tmp_path, 
     ("words", "reason"),
     [
         (("many.csv", "0.3"), "leave other KAPPA"),
-        (("many.csv", "--once", "many.csv"), "leave other KAPPA"),
+        (("many.csv", "--once", "many.csv"), "leave --plane and --once out"),
         (("--once", "kicks.txt", "--json"), "--json needs a periodic forcing"),
         (("missing.csv",), "no such file"),
     ],

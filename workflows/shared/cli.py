@@ -108,7 +108,7 @@ class _Command(streams.Prepared, click.Command):
         """Parse the options; suggest others for a mistyped one."""
         arguments = context.meta[_ARGUMENTS] = [*args]
         if context.ignore_unknown_options:  # of "-scheduler" click would take -h, for help
-            for word in filter(re.compile("-[A-Za-z]{2}").match, args):
+            for word in filter(re.compile("-(?!inf|nan)[A-Za-z]{2}").match, args):
                 raise no_such_option(context, word)
         try:
             return super().parse_args(context, args)
