@@ -297,7 +297,7 @@ def test_a_click_beyond_the_boundary_shows_the_longest_lived_start(opened):
         .filter(({data_source}) => data_source?.name == "longest_lived")
         .map(({glyph}) => [glyph.type, glyph.fill_color.value])""")
     assert drawn == [["Scatter", "black"]]
-    lifetime = f"eliminated after {2 * steps:.0f} kicks"
+    lifetime = f"{2 * steps:.0f} kicks"
     assert f"No barrier: the longest-lived start is eliminated after {lifetime}" in told(
         tab, "of them chaotic"
     )
