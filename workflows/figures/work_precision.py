@@ -1,6 +1,7 @@
 """Error against CPU time of every method."""
 
 import numpy as np
+from matplotlib.ticker import NullFormatter
 
 from workflows.figures.style import in_column, outer_legend, panels
 
@@ -23,7 +24,7 @@ _BETTER = ("extrapolated", "value", "blow-up", "Aitken", "proved")
 
 
 _LEAST_RANGE = 12
-"""Ratio of the ends of the time axis: on a decade and more only powers of ten are labelled."""
+"""Ratio of the ends of the time axis, of which only powers of ten are labelled."""
 
 
 def draw_work_precision(data):
@@ -49,6 +50,7 @@ def draw_work_precision(data):
         axes.set(xscale="log", yscale="log", ylim=(1e-14, 2))
         low, high = axes.get_xlim()
         axes.set_xlim(low, max(high, _LEAST_RANGE * low))
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set(xlabel="CPU time (s)", ylabel="relative error")
         name = of_ray.ray.item()
         words = rf"$\varphi = {name}°$" if name.isdigit() else "three kicks, (1, 0.7, 0.3)"
