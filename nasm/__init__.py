@@ -17,7 +17,7 @@ import lazy_loader
 
 from nasm import sources
 
-if find_spec("resource") is None:  # nor are there the owners of files, signals and locks in use
+if find_spec("resource") is None:  # Windows, which has no such locks and signals either
     reason = "nasm runs on Linux and macOS; on Windows, install it in WSL, its Linux subsystem"
     raise ImportError(reason)
 

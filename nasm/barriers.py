@@ -320,12 +320,12 @@ class _Tree:
 
     def lowest_excluded(self, above):
         """Return the lowest scale above another one at which no circle was named; if there is none
-        yet, climb to one."""
+        yet, climb to one. It is inf if the budget is spent before."""
         excluded = (s for s, (omega, *_) in self.answers.items() if omega is None and s > above)
-        scale = min(excluded, default=None)
-        while scale is None:
+        scale = min(excluded, default=inf)
+        while scale == inf and not self.has_spent(_SEARCH_SHARE):
             above += self.segment.length(above, _CLIMB)
-            scale = above if self.has_spent(_SEARCH_SHARE) or not self.exists(above) else None
+            scale = inf if self.exists(above) else above
         return scale
 
     def end(self, share):
@@ -368,6 +368,8 @@ def _last_breakup(segment, tol, seconds, effort):
     while not tree.has_spent(_SEARCH_SHARE):
         if survivor is not None:
             outside = tree.lowest_excluded(upper)
+            if outside == inf:
+                break
             higher = _search_by_tree(tree, tol, upper, outside, survivor)
         elif _contradicts(upper, *_value(segment, tol, bracket), tol):  # a leap may miss a band
             higher = _search_by_tree(tree, tol, bracket.outside, upper, leaps=False)
@@ -377,6 +379,9 @@ def _last_breakup(segment, tol, seconds, effort):
             break
         bracket = higher
         upper, survivor = _eliminated_above(tree, tol, bracket)
+    if survivor is not None:  # the budget did not suffice to find where its circle breaks
+        shown = min(tree.lowest_excluded(upper), tree.eliminated)
+        upper = shown if shown < inf else nan
     value, error = _value(segment, tol, bracket)
     lower = _certified_below(tree, tol, bracket)
     cusp = periodic.cusp_period(segment.at(value))
@@ -386,7 +391,7 @@ def _last_breakup(segment, tol, seconds, effort):
     status = Status.OK if upper - lower <= _WIDE * tol * value else Status.WIDE
     if cusp > bracket.longest_period:
         status = Status.NEAR_CUSP
-    elif bracket.outside - bracket.inside > segment.length(value, tol):
+    elif survivor is not None or bracket.outside - bracket.inside > segment.length(value, tol):
         status = Status.NOT_CONVERGED
     elif is_contradicted:
         status = Status.UNDECIDED
@@ -417,15 +422,17 @@ def _outermost(tree):
         tree.eliminated = outside
         return 0.0, outside
     n_sites = 8 if segment.start.any() else 2  # any scale without circles will do on a ray
-    inside = 0.0
     outside, _ = transversal.upper_scale(
         segment.profile, _LOCATE_ANYWHERE, segment.start, n_sites, tree.end(_SEARCH_SHARE)
     )
+    if outside == inf and tree.has_spent(_SEARCH_SHARE):
+        return Status.NOT_CONVERGED
     if not 0 < outside < inf:
         return Status.NO_BREAKUP if outside else Status.OUTSIDE
-    while not tree.has_spent(_SEARCH_SHARE) and tree.exists(outside):  # no start on it survives
-        inside, outside = outside, outside + segment.length(outside, _CLIMB)
-    return inside, outside
+    if tree.has_spent(_SEARCH_SHARE) or not tree.exists(outside):
+        return 0.0, outside
+    higher = tree.lowest_excluded(outside)  # a circle exists though no start survives
+    return (outside, higher) if higher < inf else Status.NOT_CONVERGED
 
 
 def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):

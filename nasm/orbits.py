@@ -245,7 +245,7 @@ def rotation_number_of(x: ArrayLike) -> tuple[FloatArray, FloatArray]:
     parts = advance[: 2 * half], advance[:half], advance[half : 2 * half]
     averages = [np.tensordot(bump(len(part)), part, 1).ravel() for part in parts]
     # A sum by parts: errors of the positions count as often as weights rise and fall, 5.3/n.
-    rounding = 5.3 * np.finfo(float).epsneg * np.abs(x).max() / half
+    rounding = 5.3 * np.finfo(float).epsneg * np.abs(x).max(initial=0.0) / half
     omega, digits = _with_digits(averages, 2 * half, rounding, 1.5)
     return omega.reshape(x.shape[1:]), digits.reshape(x.shape[1:])
 

@@ -226,7 +226,7 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
         return Verdict(kappa, Answer.BARRIER, Evidence.INTEGRABLE, no_breakup)
     (short,), zero = shorten([kappa], rational(0))
     if short.size > MAX_PERIOD:
-        return _verdict_on_long_period(kappa, prove)
+        return _verdict_on_long_period(kappa, short, prove)
     answer, evidence = Answer.UNDECIDED, Evidence.NONE
     circle, graph, steps, proof = None, None, inf, None
     for tol in [_FIRST_TOLERANCE] * (short.size > 2) + [*_TOLERANCES]:
@@ -282,13 +282,8 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
     return Verdict(kappa, answer, evidence, boundary, graph, steps, proof, below)
 
 
-def _verdict_on_long_period(kappa: FloatArray, prove: bool) -> Verdict:
+def _verdict_on_long_period(kappa: FloatArray, short: FloatArray, prove: bool) -> Verdict:
     """Return the Verdict on more than 64 kicks, by converse KAM and direct iteration alone."""
-    if prove:
-        raise ValueError(
-            f"a forcing with P={kappa.size} kicks is too long for a proof; P is at most "
-            f"{MAX_PERIOD}, or call verdict(kappa) without prove"
-        )
     size = float(np.abs(kappa).max())
     unit = critical_scale(kappa / size)
     boundary = replace(unit, upper=unit.upper / size)
@@ -303,7 +298,10 @@ def _verdict_on_long_period(kappa: FloatArray, prove: bool) -> Verdict:
             answer, evidence = Answer.TRANSPORT, Evidence.ESCAPE
     if answer is Answer.TRANSPORT:
         boundary = replace(boundary, upper=min(boundary.upper, 1.0))
-    return Verdict(kappa, answer, evidence, boundary, steps=steps)
+    proof = None
+    if prove:  # which says what the theorem needs
+        answer, evidence, proof = _prove(kappa, short, None, answer, evidence)
+    return Verdict(kappa, answer, evidence, boundary, steps=steps, proof=proof)
 
 
 def _prove(

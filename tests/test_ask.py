@@ -12,6 +12,7 @@ from nasm.converse_kam import aperiodic
 from nasm.critical import Status
 from nasm.verdicts import Answer, Evidence, verdict
 from workflows.ask import records
+from workflows.shared.cli import main_of
 from workflows.shared.forcing_files import forcings_in
 
 SHORT = np.array([0.3, 0.2, 0.25])
@@ -119,8 +120,22 @@ def test_under_a_long_period_transport_is_shown_and_barriers_are_not():
     assert (barrier.answer, barrier.evidence) == (Answer.UNDECIDED, Evidence.NONE)
     assert (beyond.answer, beyond.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
     assert beyond.boundary.upper <= 1
-    with pytest.raises(ValueError, match="P=69 kicks is too long for a proof"):
-        verdict(lengthened(SHORT), prove=True)
+
+
+def test_a_proof_under_a_long_period_says_what_the_theorem_needs(tmp_path):
+    found = verdict(lengthened(2 * SHORT), prove=True)
+    assert (found.answer, found.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
+    assert (found.proof.proved, "up to 64" in found.proof.reason) == (False, True)
+    np.savetxt(tmp_path / "long.txt", found.kappa)
+    asked = str(tmp_path / "long.txt"), "--prove", "--json", "--quiet"
+    result = invoke("ask", tmp_path / "out", *asked)
+    assert json.loads(result.stdout)["answer"] == "transport"
+
+
+def test_a_number_is_no_file_of_that_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "0.3").write_text("0.9")
+    assert main_of("ask").make_context("ask", ["0.3", "-1e-2"]).params["kappa"] == (0.3, -0.01)
 
 
 def test_an_escape_shows_transport_where_a_search_finds_survivors(monkeypatch):

@@ -359,6 +359,18 @@ def test_a_search_ends_within_its_seconds(period, seconds, compiled):
     assert not found.lower > found.upper
 
 
+def test_a_search_that_had_no_time_says_so_from_another_start_too():
+    found = critical_scale((1, 0.7, 0.5), 1e-3, start=(0.1, 0.1, 0.1), seconds=1e-3)
+    assert found.status is Status.NOT_CONVERGED
+
+
+def test_a_circle_above_the_bracket_that_no_effort_is_left_for_is_no_upper_end(monkeypatch):
+    monkeypatch.setattr(barriers, "_eliminated_above", lambda _, tol, at: (at.outside, GAMMA))
+    found = critical_scale(ray(30), 1e-3, effort=barriers.Effort(max_questions=0))
+    assert found.status is Status.NOT_CONVERGED
+    assert np.isnan([found.value, found.error, found.upper]).all()
+
+
 def test_without_a_circle_certified_near_the_breakup_the_status_is_wide(monkeypatch):
     monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)
     monkeypatch.setattr(continuation, "certified_circle", lambda _, *more: (0.997 * more[1], 0))

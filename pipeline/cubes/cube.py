@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from numbers import Integral, Real
 from operator import attrgetter
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import dask.array
 import numpy as np
@@ -23,6 +23,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from nasm.critical import Status
 from pipeline.provenance import PROGRAM, Code, code_of
+
+if TYPE_CHECKING:
+    from pipeline.sweep.grid import Axis
 
 PAPER = "arXiv:1606.04824"
 _COMMON_ATTRIBUTES = {
@@ -204,6 +207,24 @@ def coordinate(
         Attributes of the CF conventions; `attrs` are further ones.
     """
     return xr.Variable(dim, np.asarray(values), {"long_name": long_name, "units": units, **attrs})
+
+
+def cells_along(axes: Iterable["Axis"], long_names: Mapping[str, str]) -> dict[str, xr.Variable]:
+    """Return the coordinates of the cells along some axes, with their ends; the last axis first.
+
+    Parameters
+    ----------
+    axes : iterable of Axis
+        Cells along each axis.
+    long_names : mapping of str to str
+        Name of each axis, and what it is.
+    """
+    coords = {}
+    for dim, axis in reversed([*zip(long_names, axes, strict=True)]):
+        ends = f"{dim}_bounds"
+        coords[dim] = coordinate(dim, axis.centres, long_names[dim], bounds=ends)
+        coords[ends] = coordinate((dim, "bound"), axis.bounds, "ends of the cells")
+    return coords
 
 
 def text(dim: str, texts: Iterable[str], long_name: str) -> xr.Variable:

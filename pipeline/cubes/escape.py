@@ -26,6 +26,7 @@ from pipeline.cubes.cube import (
     Labels,
     Settings,
     blank,
+    cells_along,
     coordinate,
 )
 
@@ -92,12 +93,7 @@ def axes_of_plane(plane: Plane, axes: Sequence["Axis"]) -> Labels:
 
     axes : cells along the first and the second axis.
     """
-    coords = {}
-    for dim, axis in reversed([*zip(plane.axes, axes, strict=True)]):
-        ends = f"{dim}_bounds"
-        coords[dim] = coordinate(dim, axis.centres, plane.axes[dim], bounds=ends)
-        coords[ends] = coordinate((dim, "bound"), axis.bounds, "ends of the cells")
-    return coords
+    return cells_along(axes, plane.axes)
 
 
 def composed(cube: Cube, levels: int, follow: Sequence[int]) -> Cube:

@@ -75,12 +75,7 @@ def _answer(strengths, point, kappa, plane, once, prove, column, out):
     from workflows.ask.period import answer_periodic
     from workflows.shared.verdict_words import MAX_LISTED
 
-    try:
-        text, draw = (
-            answer_aperiodic(strengths) if once else answer_periodic(strengths, point, prove)
-        )
-    except ValueError as error:
-        raise click.UsageError(f"{error}. For an aperiodic forcing use --once FILE") from None
+    text, draw = answer_aperiodic(strengths) if once else answer_periodic(strengths, point, prove)
     click.echo(text)
 
     from workflows.figures.style import drawn

@@ -73,6 +73,8 @@ class StrengthOrFile(Strength):
         self, value: Any, parameter: click.Parameter | None, context: click.Context | None
     ) -> Any:
         """Return a float or a Path."""
+        with suppress(ValueError):
+            return parse_float(value)  # also where a file has such a name
         if os.path.isfile(value):
             return Path(value)
         if os.path.splitext(str(value))[1][1:].isalpha():
@@ -108,7 +110,8 @@ class _Command(streams.Prepared, click.Command):
         """Parse the options; suggest others for a mistyped one."""
         arguments = context.meta[_ARGUMENTS] = [*args]
         if context.ignore_unknown_options:  # of "-scheduler" click would take -h, for help
-            for word in filter(re.compile("-(?!inf|nan)[A-Za-z]{2}").match, args):
+            mistyped = filter(re.compile("-(?!inf|nan)[A-Za-z]{2}").match, args)
+            if word := next(mistyped, None):
                 raise no_such_option(context, word)
         try:
             return super().parse_args(context, args)
