@@ -1,0 +1,49 @@
+"""Check an installed copy: run `python tests/installed.py` from elsewhere, with its Python.
+
+Every file that the packages need is there, as it is in the checkout, and a command answers.
+"""
+
+import subprocess
+import sys
+import sysconfig
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+CHECKOUT = Path(__file__).parents[1]
+NEEDED = ".py", ".pyi", ".html", ".md", ".toml", "py.typed"
+
+
+def check_files() -> int:
+    """Compare the files of the three packages with those of the checkout; return their number."""
+    n = 0
+    for name in "nasm", "pipeline", "workflows":
+        folder = Path(str(import_module(name).__file__)).parent
+        if CHECKOUT in folder.parents or folder.parent != Path(sysconfig.get_path("purelib")):
+            sys.exit(f"{name} is imported from {folder}, not from an installed copy")
+        for path in sorted((CHECKOUT / name).rglob("*")):
+            if path.name.endswith(NEEDED):
+                copy = folder / path.relative_to(CHECKOUT / name)
+                if not copy.is_file() or copy.read_bytes() != path.read_bytes():
+                    sys.exit(f"{copy} is missing, or differs from the checkout")
+                n += 1
+        if not (folder / "py.typed").is_file():
+            sys.exit(f"{folder} has no py.typed")
+    return n
+
+
+def check_command() -> str:
+    """Ask about one forcing, by the script that is installed; return its first line."""
+    script = Path(sysconfig.get_path("scripts")) / "nasm-transport"
+    with TemporaryDirectory() as folder:
+        command = [script, "ask", "0.3", "0.2", "--out", "out"]
+        ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        pictures = [*Path(folder, "out").glob("*.png")]
+    first = ended.stdout.partition("\n")[0]
+    if ended.returncode or not first.startswith("BARRIER") or not pictures:
+        sys.exit(f"nasm-transport ask failed: {ended.stdout}{ended.stderr}")
+    return first
+
+
+if __name__ == "__main__":
+    print(f"{check_files()} files are installed; nasm-transport ask 0.3 0.2: {check_command()}")
