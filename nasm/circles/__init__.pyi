@@ -4,6 +4,7 @@ from . import newton as newton
 from . import parameterization as parameterization
 from . import symmetries as symmetries
 from .newton import InvariantCircle as InvariantCircle
+from .newton import NewtonSettings as NewtonSettings
 from .newton import graph as graph
 from .newton import invariant_circle as invariant_circle
 from .newton import newton_step as newton_step

@@ -18,6 +18,8 @@ That the blow-up marks the breakup is Calleja & de la Llave's criterion (Nonline
 2029), which the paper uses (arXiv:1606.04824, Sec. VI).
 """
 
+import sys
+from dataclasses import dataclass
 from itertools import chain, islice, pairwise
 from math import ceil, exp, inf, log, nan, sqrt
 from time import thread_time
@@ -28,6 +30,7 @@ from numpy.typing import ArrayLike
 from nasm.arithmetic.reproducible import geometric, powers
 from nasm.checks import positive, real
 from nasm.circles import fourier, newton
+from nasm.circles.newton import DEFAULT_NEWTON_SETTINGS, NewtonSettings
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.farey import circle_exists
 from nasm.maps import TWO_PI, direction, segment
@@ -35,54 +38,81 @@ from nasm.numbers import as_rotation_number, convergents
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 from nasm.types import FloatArray, IntArray, OmegaLike
 
-__all__ = ["certified_circle", "critical_scale", "fineness"]
+__all__ = ["ContinuationSettings", "certified_circle", "critical_scale", "fineness"]
 
 METHOD = "continuation of circles"
 UNSTABLE_EIGENVALUES = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}
 """δ by the tail of ω. Golden: MacKay, Physica D 7 (1983) 283. Twos, threes and fours: measured with
 `nasm.periodic`, as the growth of dR/ds at s_c from one convergent to the next."""
 
-MAX_POINTS = 16384
-"""Points of a grid."""
 
-MAX_CERTIFIED_POINTS = 2048
-"""Points of the circle that is certified, on a grid four times finer."""
+@dataclass(frozen=True)
+class ContinuationSettings:
+    """How far circles are continued towards their breakup, and what the estimates may claim.
 
-_MAX_CIRCLES = 100
-"""Circles on a ray, which needs 10 to 30."""
+    Attributes
+    ----------
+    max_points : int
+        Points of the finest grid: more reach nearer to the breakup, in proportion.
+    max_certified_points : int
+        Most points of the circle that is certified, on a grid four times finer.
+    max_circles : int
+        Circles on a ray, which needs 10 to 30.
+    max_halvings : int
+        Halvings of a step until a failure of Newton's method is final.
+    max_rounds : int
+        Rounds of the fixed-point iteration for s_c, which needs 5 to 20.
+    mode_share : float
+        M is computed from all modes, and from this share of them: the difference counts as error.
+    modes : float
+        Modes, times the relative distance from the breakup, that resolve a circle.
+    modes_of_path : float
+        The same for circles from which others are extrapolated: of 46 certificates 3.5 lost five,
+        4.5 none.
+    two_scale_error : float
+        Error of s_c from two scales, over its distance to the last circle; 2.3 is the largest seen.
+    error_without_delta : float
+        Least error of s_c if δ is not known, over its distance to the last circle.
+    test_distance : float
+        Relative distance beyond the value where residues of periods up to 3000 look for the circle.
+    max_depth_ratio : float
+        Depth of a cusp up to which circles do not show it, over the distance of the second of
+        three.
+    newton : NewtonSettings
+        When Newton's method has converged.
 
-_MAX_HALVINGS = 12
-"""Halvings of a step until a failure of Newton's method is final."""
+    Examples
+    --------
+    >>> from nasm.circles.continuation import ContinuationSettings, critical_scale
+    >>> coarse = critical_scale("gamma", 1.0, settings=ContinuationSettings(max_points=512))
+    >>> coarse.error > critical_scale("gamma", 1.0).error
+    True
+    """
 
-_MODES = 6
-"""Modes, times the relative distance from the breakup, that resolve a circle."""
-
-_MODES_ON_THE_WAY = 4.5
-"""The same to extrapolate from it: of 46 certificates 3.5 lost five, 4.5 none."""
-
-_MAX_ROUNDS = 50
-"""Rounds of the fixed point iteration for s_c, which needs 5 to 20."""
-
-_MODE_SHARES = np.array([0.85, 1.0])
-"""Shares of a circle's modes that M is computed from."""
-
-_TWO_SCALE_ERROR = 3
-"""Error of s_c from two scales, over its distance to the last circle; 2.3 is the largest seen."""
-
-_MIN_ERROR_WITHOUT_DELTA = 0.2
-"""Least error of s_c without δ, over its distance to the last circle."""
-
-_MAX_EXPONENT = 700.0
-"""Exponent of e up to which the power is a float."""
-
-_TEST_DISTANCE = 0.005
-"""Relative distance beyond the value where residues of periods up to 3000 look for the circle."""
-
-_MAX_DEPTH_RATIO = 4
-"""Depth of a cusp up to which circles do not show it, over the distance of the second of three."""
+    max_points: int = 16384
+    max_certified_points: int = 2048
+    max_circles: int = 100
+    max_halvings: int = 12
+    max_rounds: int = 50
+    mode_share: float = 0.85
+    modes: float = 6
+    modes_of_path: float = 4.5
+    two_scale_error: float = 3
+    error_without_delta: float = 0.2
+    test_distance: float = 0.005
+    max_depth_ratio: float = 4
+    newton: NewtonSettings = DEFAULT_NEWTON_SETTINGS
 
 
-def critical_scale(omega: OmegaLike, profile: ArrayLike, tol: float = 1e-6) -> CriticalScale:
+DEFAULT_SETTINGS = ContinuationSettings()
+
+
+def critical_scale(
+    omega: OmegaLike,
+    profile: ArrayLike,
+    tol: float = 1e-6,
+    settings: ContinuationSettings = DEFAULT_SETTINGS,
+) -> CriticalScale:
     """Compute the scale at which the circle of ω breaks on κ = s·profile, from the blow-up of M.
 
     1. If the forcing repeats itself, take the shorter map, as `periodic.critical_scale` does.
@@ -99,6 +129,8 @@ def critical_scale(omega: OmegaLike, profile: ArrayLike, tol: float = 1e-6) -> C
         Direction of the ray, not zero; no symmetry is needed.
     tol : float
         Absolute error to aim at; the result's may exceed it.
+    settings : ContinuationSettings
+        Limits, and what the estimates may claim.
 
     Returns
     -------
@@ -134,12 +166,12 @@ def critical_scale(omega: OmegaLike, profile: ArrayLike, tol: float = 1e-6) -> C
     if omega.is_rational:
         return no_answer(omega, Status.RATIONAL, METHOD)
     (short,), short_omega = shorten([profile], omega)
-    path, value, error, status = _continue(short_omega, short, tol)
+    path, value, error, status = _continue(short_omega, short, tol, settings)
     certified_scales = (
         scale
         for scale, u in reversed(path)
-        if u.shape[-1] <= MAX_CERTIFIED_POINTS
-        and newton.certify(short_omega, scale * short, u)[1] is Status.OK
+        if u.shape[-1] <= settings.max_certified_points
+        and newton.certify(short_omega, scale * short, u, settings.newton)[1] is Status.OK
     )
     lower = next(certified_scales, nan)
     if not error < value:
@@ -147,7 +179,7 @@ def critical_scale(omega: OmegaLike, profile: ArrayLike, tol: float = 1e-6) -> C
         return CriticalScale(nan, nan, lower, nan, omega, status, METHOD)
     # If the ray passes close to another sheet of the boundary, circles look as if they broke there.
     # With one or two kicks there is one sheet.
-    beyond = value + max(2 * error, _TEST_DISTANCE * value)
+    beyond = value + max(2 * error, settings.test_distance * value)
     if short.size > 2 and circle_exists(short_omega, beyond * short):
         return CriticalScale(nan, nan, lower, nan, omega, Status.UNDECIDED, METHOD)
     return CriticalScale(value, error, lower, nan, omega, Status.OK, METHOD)
@@ -160,6 +192,7 @@ def certified_circle(
     distance: float,
     start: ArrayLike | None = None,
     until: float = inf,
+    settings: ContinuationSettings = DEFAULT_SETTINGS,
 ) -> tuple[float, FloatArray | None]:
     """Compute a certified circle of ω near a known breakup.
 
@@ -182,6 +215,8 @@ def certified_circle(
         Start of the segment; default 0.
     until : float
         The `time.thread_time` after which no circle nearer to the breakup is tried.
+    settings : ContinuationSettings
+        Its numbers of modes.
 
     Returns
     -------
@@ -206,36 +241,38 @@ def certified_circle(
     breakup, distance = real("breakup", breakup), real("distance", distance, 1e-6, 0.5)
     until = real("until", until)
     distances = geometric(0.5, distance, 1 + max(1, ceil(log(2 * distance) / log(0.3))))
-    path = _first_circle(omega, start)
+    path = _first_circle(omega, start, settings)
 
     def circle_at(d, n_modes):
         scale = breakup * (1 - d)
-        u = newton.extrapolate(path, scale, fourier.grid(omega, n_modes))
-        return u if newton.polish(omega, start + scale * profile, u) else None
+        u = newton.extrapolate(path, scale, fourier.grid(omega, n_modes, settings.newton.grid))
+        is_circle = newton.polish(omega, start + scale * profile, u, settings.newton)
+        return u if is_circle else None
 
     for d in distances[:-1] if path else []:
-        u = circle_at(d, _MODES_ON_THE_WAY / d) if thread_time() < until else None
+        u = circle_at(d, settings.modes_of_path / d) if thread_time() < until else None
         if u is None:
             break
         path.append((breakup * (1 - d), u))
     # Fewer modes at first: they let less rounding in, and no other circle starts from this one.
     tries = [(distance, factor) for factor in (0.4, 0.7, 1.0)] + [(min(1.4 * distance, 0.5), 0.7)]
     nearest = (
-        (breakup * (1 - d), circle_at(d, factor * _MODES / d))
+        (breakup * (1 - d), circle_at(d, factor * settings.modes / d))
         for d, factor in tries
         if path and thread_time() < until
     )
     for scale, u in chain(nearest, reversed(path[1:])):
-        if u is not None and newton.polished_is_circle(omega, start + scale * profile, u):
+        kappa = start + scale * profile
+        if u is not None and newton.polished_is_circle(omega, kappa, u, settings.newton):
             return scale, u
     return nan, None
 
 
-def _first_circle(omega, start):
+def _first_circle(omega, start, settings):
     """Return the path of circles at s = 0, [(0.0, u)]; empty if there is none."""
     if not start.any():
         return [(0.0, np.zeros((start.size, newton.MIN_POINTS)))]
-    circle = newton.invariant_circle(omega, start, MAX_POINTS)
+    circle = newton.invariant_circle(omega, start, settings.max_points, settings=settings.newton)
     return [(0.0, circle.u)] if circle.certified else []
 
 
@@ -269,7 +306,7 @@ def fineness(u: FloatArray, last: int | IntArray = -1) -> FloatArray:
     return TWO_PI * np.sqrt(np.cumsum(third)[last] / np.cumsum(second)[last])
 
 
-def _continue(omega, profile, tol):
+def _continue(omega, profile, tol, settings):
     """Continue the circle towards its breakup.
 
     Returns the path, the last estimate of the breakup, its error, inf without one, and OK, or why
@@ -283,18 +320,19 @@ def _continue(omega, profile, tol):
     path, logarithms, estimates = [(0.0, np.zeros((profile.size, newton.MIN_POINTS)))], [], []
     value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
     # Below a relative step of 1e-14 the norms cannot tell the circle from the breakup.
-    while error > tol and len(path) < _MAX_CIRCLES and step > 1e-14 * path[-1][0]:
-        (last_scale, u), status = _next_circle(omega, profile, path, step)
+    while error > tol and len(path) < settings.max_circles and step > 1e-14 * path[-1][0]:
+        (last_scale, u), status = _next_circle(omega, profile, path, step, settings)
         if status is not Status.OK:
             break
         path.append((last_scale, u))
-        # By 85% of the modes and by all: they differ where the last ones are not resolved.
-        finest = fineness(u, (_MODE_SHARES * fourier.cut(omega, u.shape[-1])).astype(int))
+        # By most of the modes and by all: they differ where the last ones are not resolved.
+        kept = fourier.cut(omega, u.shape[-1], settings.newton.grid)
+        finest = fineness(u, np.array([int(settings.mode_share * kept), kept]))
         logarithms.append([log(m) for m in finest])
         scales, log_m = np.array([scale for scale, _ in path[1:]]), np.array(logarithms).T[::-1]
-        estimate, own_error = _estimate(omega, scales, log_m, growth, delta)
+        estimate, own_error = _estimate(omega, scales, log_m, growth, delta, settings)
         if own_error == inf and value > last_scale:  # the previous estimate holds
-            error, estimates = max(error, _TWO_SCALE_ERROR * (value - last_scale)), []
+            error, estimates = max(error, settings.two_scale_error * (value - last_scale)), []
         else:
             value, error = estimate, own_error
         distance = (
@@ -310,27 +348,28 @@ def _continue(omega, profile, tol):
             )
             # A cusp that the circles so far do not resolve: residues found 0.8 to 1.1 of its depth.
             depths = value * cusps
-            error += depths.max(where=depths < _MAX_DEPTH_RATIO * delta * distance, initial=0.0)
+            unresolved = depths < settings.max_depth_ratio * delta * distance
+            error += depths.max(where=unresolved, initial=0.0)
     return path, value, error, status
 
 
-def _next_circle(omega, profile, path, step):
+def _next_circle(omega, profile, path, step, settings):
     """Return (scale, u) of a circle `step` beyond the last of the path, and a Status.
 
     The step is halved while Newton's method fails.
     """
     last_scale = path[-1][0]
-    for _ in range(_MAX_HALVINGS):
+    for _ in range(settings.max_halvings):
         target = last_scale + step
         u = newton.extrapolate(path, target)
-        u, status = newton.solve(omega, target * profile, u, MAX_POINTS)
+        u, status = newton.solve(omega, target * profile, u, settings.max_points, settings.newton)
         if status is not Status.NO_CIRCLE:
             break
         step /= 2
     return (target, u), status
 
 
-def _estimate(omega, scales, log_m, growth, delta):
+def _estimate(omega, scales, log_m, growth, delta, settings):
     """Estimate s_c by three scales, at M, M/Λ and M/Λ², or by the first two; and its error.
 
     M counts from the wave number at which the tail of ω begins: the last denominator of its prefix.
@@ -344,20 +383,21 @@ def _estimate(omega, scales, log_m, growth, delta):
     order = min(int((log_m_all[-1] - first) / log(growth)), 2)
     if scales.size < 4 or order < 1:
         return nan, inf
-    value, lower_order = _extrapolate(scales, log_m_all, growth, delta, order)
+    scaling = growth, delta, order, settings.max_rounds
+    value, lower_order = _extrapolate(scales, log_m_all, *scaling)
     if not value > scales[-1]:
         return nan, inf
     distance = value - scales[-1]
     if order == 1:
-        return value, _TWO_SCALE_ERROR * distance
+        return value, settings.two_scale_error * distance
     error = abs(value - lower_order)
-    error += abs(value - _extrapolate(scales, log_m_most, growth, delta, order)[0])
+    error += abs(value - _extrapolate(scales, log_m_most, *scaling)[0])
     if omega.tail not in UNSTABLE_EIGENVALUES:
-        error = max(error, _MIN_ERROR_WITHOUT_DELTA * distance)
+        error = max(error, settings.error_without_delta * distance)
     return value, error if error < distance else distance
 
 
-def _extrapolate(scales, log_m, growth, delta, order):
+def _extrapolate(scales, log_m, growth, delta, order, max_rounds):
     """Return s_c, and that of one order less, by Richardson's rule; NaN if the iteration diverges.
 
     The rule needs the scales at M, M/Λ, …, which are interpolated in log(s_c - s).
@@ -366,7 +406,7 @@ def _extrapolate(scales, log_m, growth, delta, order):
     nodes = [_interpolate(scales, log_m, level) for level in levels]
     has_huge_weights = sum(abs(weight) for node in nodes for weight, _ in node) > 100
     value = scales[-1] + _linear_distance(scales, log_m, growth, delta)
-    for _ in range(_MAX_ROUNDS):
+    for _ in range(max_rounds):
         # Beyond 10 times the last scale, or with huge weights, the iteration has diverged.
         if not scales[-1] < value < 10 * scales[-1] or has_huge_weights:
             break
@@ -401,7 +441,7 @@ def _distance(nodes, value):
     logarithm = 0.0
     for weight, scale in nodes:  # in this order on every processor, unlike a matrix product
         logarithm += weight * log(value - scale)
-    return exp(min(logarithm, _MAX_EXPONENT))
+    return exp(logarithm) if logarithm < log(sys.float_info.max) else inf
 
 
 def _scaling(tail):

@@ -8,6 +8,7 @@ convergent of ω, and never zero only because ω is irrational. So the phases k�
 integers.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil
 
@@ -18,16 +19,39 @@ from nasm.maps import TWO_PI
 from nasm.numbers import convergents, distinct_convergents
 from nasm.types import FloatArray, OmegaLike
 
-__all__ = ["derivative", "resample", "rotate", "solve_cohomology"]
+__all__ = ["GridSettings", "derivative", "resample", "rotate", "solve_cohomology"]
 
-_MAX_DENOMINATOR = 10**12
-"""Denominator with which k·p stays below 2⁶³ up to k = 9·10⁶."""
 
-_MODE_RATIO = 0.36
-"""Modes over points of a grid: products of so few do not alias much."""
+@dataclass(frozen=True)
+class GridSettings:
+    """How many points a grid has, and how many of its modes are kept.
 
-_GRID_FACTOR = 16
-"""Factor of grid sizes: transforms of lengths like 3⁵·5⁵ take a fifth longer."""
+    Attributes
+    ----------
+    mode_ratio : float
+        Modes kept over points: products of so few do not alias much.
+    resonance_ratio : float
+        A cut is moved below a resonant mode that is larger than this, relative to the cut.
+    min_modes : int
+        Fewest modes for which `grid` chooses points.
+    size_factor : int
+        Factor of all sizes that `grid` chooses: transforms of lengths like 3⁵·5⁵ take a fifth
+        longer.
+
+    Examples
+    --------
+    >>> from nasm.circles.fourier import GridSettings, cut
+    >>> cut("gamma", 256), cut("gamma", 256, GridSettings(mode_ratio=0.3))
+    (89, 76)
+    """
+
+    mode_ratio: float = 0.36
+    resonance_ratio: float = 0.8
+    min_modes: int = 100
+    size_factor: int = 16
+
+
+DEFAULT_GRID_SETTINGS = GridSettings()
 
 
 @lru_cache(maxsize=16)
@@ -47,14 +71,15 @@ def turns(omega: OmegaLike, n_modes: int) -> NDArray[np.complex128]:
     >>> turns("gamma", 2).round(3)
     array([ 1.   +0.j   , -0.737-0.675j])
     """
-    p, q = distinct_convergents(omega, _MAX_DENOMINATOR)[-1].as_integer_ratio()
+    max_q = 10**12  # k·p stays below 2⁶³ up to k = 9·10⁶; grids have up to 10⁶ points
+    p, q = distinct_convergents(omega, max_q)[-1].as_integer_ratio()
     k = np.arange(n_modes, dtype=np.int64) * (p % q) % q
     values = np.exp(1j * TWO_PI * (np.where(2 * k > q, k - q, k) / q))
     values.flags.writeable = False
     return values
 
 
-def grid(omega: OmegaLike, n_modes: float) -> int:
+def grid(omega: OmegaLike, n_modes: float, settings: GridSettings = DEFAULT_GRID_SETTINGS) -> int:
     """Choose the points of a grid that keeps n_modes or more, up to just below a resonance.
 
     Near a breakup the modes up to the next resonance are small, and those beyond it are not.
@@ -73,18 +98,18 @@ def grid(omega: OmegaLike, n_modes: float) -> int:
     """
     from rocket_fft import good_size  # as SciPy's next_fast_len, which takes a while to import
 
+    factor = settings.size_factor
     for fraction in convergents(omega):
-        if fraction.denominator >= max(n_modes, 100):
-            n = _GRID_FACTOR * good_size(
-                ceil((fraction.denominator + 1) / _MODE_RATIO / _GRID_FACTOR), real=True
-            )
-            if cut(omega, n) >= n_modes:  # not so if another resonance is just below
+        if fraction.denominator >= max(n_modes, settings.min_modes):
+            n_points = (fraction.denominator + 1) / settings.mode_ratio
+            n = factor * good_size(ceil(n_points / factor), real=True)
+            if cut(omega, n, settings) >= n_modes:  # not so if another resonance is just below
                 return n
     raise ValueError(f"omega={omega} is rational; a circle needs an irrational rotation number")
 
 
 @lru_cache(maxsize=256)
-def cut(omega: OmegaLike, n: int) -> int:
+def cut(omega: OmegaLike, n: int, settings: GridSettings = DEFAULT_GRID_SETTINGS) -> int:
     """Choose the number of modes to keep on a grid of n points: 36% of n, or fewer.
 
     A cut just above a resonant mode, the denominator q of a convergent, would keep that mode and
@@ -96,9 +121,9 @@ def cut(omega: OmegaLike, n: int) -> int:
     >>> cut("gamma", 256)
     89
     """
-    kept = int(_MODE_RATIO * n)
+    kept = int(settings.mode_ratio * n)
     below = (fraction.denominator for fraction in distinct_convergents(omega, kept - 1))
-    return next((q for q in below if q > 0.8 * kept), kept)
+    return next((q for q in below if q > settings.resonance_ratio * kept), kept)
 
 
 def rotate(f: FloatArray, turn: NDArray[np.complex128]) -> FloatArray:

@@ -44,31 +44,66 @@ from nasm.numbers import RotationNumber, as_rotation_number
 from nasm.tables import html_table, omega_text
 from nasm.types import FloatArray, OmegaLike
 
-__all__ = ["InvariantCircle", "graph", "invariant_circle", "newton_step", "residual"]
+__all__ = [
+    "InvariantCircle",
+    "NewtonSettings",
+    "graph",
+    "invariant_circle",
+    "newton_step",
+    "residual",
+]
 
 MIN_POINTS, MAX_POINTS = 64, 2**16
 """Points of the first grid, and of the finest."""
 
-_CERTIFICATE_RATIO = 4
-"""Ratio of the certificate's grid to that of the circle."""
 
-_NEWTON_STEPS = 12
-"""Steps of Newton's method, which needs 3 to 8 if the circle exists."""
+@dataclass(frozen=True)
+class NewtonSettings:
+    """When Newton's method has converged, and what a certificate requires.
 
-MAX_UPDATE = 1e-9
-"""Last update of u with which Newton's method has converged."""
+    Attributes
+    ----------
+    max_steps : int
+        Steps of Newton's method, which needs 3 to 8 if the circle exists.
+    max_update : float
+        Last update of u with which the method has converged.
+    max_tail : float
+        Share of the H³ norm in the last 15% of the modes, up to which the circle is resolved.
+    min_divisor : float
+        Least divisor of the modes in use. Smaller ones turn rounding errors of 10⁻¹⁷ into updates
+        of u above `max_update`.
+    certificate_ratio : int
+        Points of the certificate's grid over those of the circle.
+    polished_residual : float
+        max |E_j| with which `polish` ends, after a last step that reduces it to a tenth or less.
+    max_residual : float
+        max |E_j| that `polish` accepts if it decreases no more, for example by rounding.
+    rounding : float
+        max |E_j| that `polished_is_circle` takes for rounding.
+    grid : GridSettings
+        The modes that are kept on a grid.
 
-MAX_TAIL = 3e-3
-"""Share of the H³ norm in the last 15% of the modes, up to which the circle is resolved."""
+    Examples
+    --------
+    >>> from nasm.circles import NewtonSettings, invariant_circle
+    >>> circle = invariant_circle("gamma", 0.8)
+    >>> finer = invariant_circle("gamma", 0.8, settings=NewtonSettings(max_tail=1e-3))
+    >>> circle.u.shape, finer.u.shape
+    ((1, 128), (1, 256))
+    """
 
-_POLISHED_RESIDUAL = 1e-9
-"""max |E_j| before a last step, which reduces it to a tenth or less."""
+    max_steps: int = 12
+    max_update: float = 1e-9
+    max_tail: float = 3e-3
+    min_divisor: float = 1e-5
+    certificate_ratio: int = 4
+    polished_residual: float = 1e-9
+    max_residual: float = 1e-8
+    rounding: float = 1e-13
+    grid: fourier.GridSettings = fourier.DEFAULT_GRID_SETTINGS
 
-_ROUNDING = 1e-13
-"""max |E_j| that is rounding."""
 
-_MIN_DIVISOR = 1e-5
-"""Smaller divisors turn rounding errors of 1e-17 into updates of u above `MAX_UPDATE`."""
+DEFAULT_NEWTON_SETTINGS = NewtonSettings()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -124,7 +159,11 @@ def _forcing_text(kappa: FloatArray) -> str:
 
 
 def invariant_circle(
-    omega: OmegaLike, kappa: ArrayLike, n_max: int = 4096, start: ArrayLike | None = None
+    omega: OmegaLike,
+    kappa: ArrayLike,
+    n_max: int = 4096,
+    start: ArrayLike | None = None,
+    settings: NewtonSettings = DEFAULT_NEWTON_SETTINGS,
 ) -> InvariantCircle:
     """Compute the circle of rotation number omega under the forcing kappa.
 
@@ -143,6 +182,8 @@ def invariant_circle(
         Most grid points, 64 to 65536; the certificate uses 4 times as many.
     start : array_like, shape (P, n), optional
         Deviations near the circle, n a power of 2 from 16.
+    settings : NewtonSettings
+        When the method has converged, and what the certificate requires.
 
     Returns
     -------
@@ -167,22 +208,26 @@ def invariant_circle(
     omega, kappa = as_rotation_number(omega), forcing(kappa)
     n_max = count("n_max", n_max, MIN_POINTS, MAX_POINTS)
     if start is not None:
-        u, status = solve(omega, kappa, _deviations(start, kappa.size).copy(), n_max)
+        u, status = solve(omega, kappa, _deviations(start, kappa.size).copy(), n_max, settings)
     else:
-        u, status = _continue_from_rotation(omega, kappa, n_max)
+        u, status = _continue_from_rotation(omega, kappa, n_max, settings)
     if status is not Status.OK:
         return InvariantCircle(omega, kappa, u, np.nan, status)
-    return certified(omega, kappa, u)
+    return certified(omega, kappa, u, settings)
 
 
 def solve(
-    omega: OmegaLike, kappa: FloatArray, u: FloatArray, n_max: int
+    omega: OmegaLike,
+    kappa: FloatArray,
+    u: FloatArray,
+    n_max: int,
+    settings: NewtonSettings = DEFAULT_NEWTON_SETTINGS,
 ) -> tuple[FloatArray, Status]:
     """Solve for a circle by Newton's method from u, with as many modes as it needs.
 
     Parameters
     ----------
-    omega, kappa, n_max
+    omega, kappa, n_max, settings
         As for `invariant_circle`.
     u : ndarray, shape (P, n)
         Deviations, which are overwritten.
@@ -197,19 +242,29 @@ def solve(
     if as_rotation_number(omega).is_rational:
         return u, Status.RATIONAL
     while True:
-        status = _newton(omega, kappa, u)[0]
+        status = _newton(omega, kappa, u, settings)[0]
         n = u.shape[-1]
         if status is not Status.TOO_FEW_MODES or 2 * n > n_max:
             return u, status
         u = fourier.resample(u, 2 * n)
 
 
-def certified(omega: RotationNumber, kappa: FloatArray, u: FloatArray) -> InvariantCircle:
+def certified(
+    omega: RotationNumber,
+    kappa: FloatArray,
+    u: FloatArray,
+    settings: NewtonSettings = DEFAULT_NEWTON_SETTINGS,
+) -> InvariantCircle:
     """Return the InvariantCircle of deviations, with the error and status by `certify`."""
-    return InvariantCircle(omega, kappa, u, *certify(omega, kappa, u))
+    return InvariantCircle(omega, kappa, u, *certify(omega, kappa, u, settings))
 
 
-def certify(omega: OmegaLike, kappa: FloatArray, u: FloatArray) -> tuple[float, Status]:
+def certify(
+    omega: OmegaLike,
+    kappa: FloatArray,
+    u: FloatArray,
+    settings: NewtonSettings = DEFAULT_NEWTON_SETTINGS,
+) -> tuple[float, Status]:
     """Certify a circle on a grid four times finer.
 
     Returns
@@ -220,12 +275,17 @@ def certify(omega: OmegaLike, kappa: FloatArray, u: FloatArray) -> tuple[float, 
         OK if Newton's method converges from u on that grid with h_j' > 0, and without needing more
         modes; NEARLY_RATIONAL or NOT_CERTIFIED otherwise.
     """
-    fine = fourier.resample(u, _CERTIFICATE_RATIO * u.shape[-1])
-    status, error = _newton(omega, kappa, fine)
+    fine = fourier.resample(u, settings.certificate_ratio * u.shape[-1])
+    status, error = _newton(omega, kappa, fine, settings)
     return error, status if status in (Status.OK, Status.NEARLY_RATIONAL) else Status.NOT_CERTIFIED
 
 
-def polish(omega: OmegaLike, kappa: FloatArray, u: FloatArray) -> bool:
+def polish(
+    omega: OmegaLike,
+    kappa: FloatArray,
+    u: FloatArray,
+    settings: NewtonSettings = DEFAULT_NEWTON_SETTINGS,
+) -> bool:
     """Iterate Newton's method from u, in place, until max |E_j| < 10⁻⁹ before a step.
 
     It also ends when max |E_j| is below 10⁻⁸ and decreases no more. For 10⁵ modes and more, whose
@@ -236,24 +296,29 @@ def polish(omega: OmegaLike, kappa: FloatArray, u: FloatArray) -> bool:
     bool
         True if it converged, with h' > 0.
     """
-    constants, workspace = _constants(omega, *u.shape), _workspace(*u.shape)
+    constants, workspace = _constants(omega, *u.shape, settings.grid), _workspace(*u.shape)
     best, least = u.copy(), np.inf
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(settings.max_steps):
         before = u.copy()
         error, change, slope, twist, _ = _chain_step(kappa, *constants, u, workspace)
         if not (error < 1 and slope > 0 and twist > 0.5 and change < 1):
             break
-        if error < _POLISHED_RESIDUAL:
+        if error < settings.polished_residual:
             return True
-        if least < 1e-8 and error > 0.5 * least:
+        if least < settings.max_residual and error > 0.5 * least:
             break
         if error < least:
             best, least = before, error
     u[:] = best
-    return least < 1e-8
+    return least < settings.max_residual
 
 
-def polished_is_circle(omega: OmegaLike, kappa: FloatArray, u: FloatArray) -> bool:
+def polished_is_circle(
+    omega: OmegaLike,
+    kappa: FloatArray,
+    u: FloatArray,
+    settings: NewtonSettings = DEFAULT_NEWTON_SETTINGS,
+) -> bool:
     """Certify the result of `polish` on a grid with the modes up to the next resonance.
 
     There max |E_j| is still below 10⁻⁸, and the first Newton step or the second reduces it to a
@@ -264,14 +329,16 @@ def polished_is_circle(omega: OmegaLike, kappa: FloatArray, u: FloatArray) -> bo
     bool
         True if it is a circle.
     """
-    fine = fourier.resample(u, fourier.grid(omega, 1.5 * fourier.cut(omega, u.shape[-1])))
-    constants, workspace = _constants(omega, *fine.shape), _workspace(*fine.shape)
+    n_modes = fourier.cut(omega, u.shape[-1], settings.grid)
+    fine = fourier.resample(u, fourier.grid(omega, 1.5 * n_modes, settings.grid))
+    constants, workspace = _constants(omega, *fine.shape, settings.grid), _workspace(*fine.shape)
     for _ in range(2):
         before, change, slope, twist, _ = _chain_step(kappa, *constants, fine, workspace)
-        if not (before < 1e-8 and slope > 0 and twist > 0.5 and change < 1e-3):
+        resolved = before < settings.max_residual and change < 1e-3
+        if not (resolved and slope > 0 and twist > 0.5):
             return False
         after = np.abs(residual(omega, kappa, fine)).max()
-        if after < max(min(0.1 * before, 1e-10), _ROUNDING):
+        if after < max(min(0.1 * before, 1e-10), settings.rounding):
             return True
     return False
 
@@ -304,7 +371,8 @@ def newton_step(omega: OmegaLike, kappa: ArrayLike, u: ArrayLike) -> tuple[Float
     """
     kappa = forcing(kappa)
     u = _deviations(u, kappa.size).copy()
-    error = _chain_step(kappa, *_constants(omega, *u.shape), u, _workspace(*u.shape))[0]
+    constants = _constants(omega, *u.shape, fourier.DEFAULT_GRID_SETTINGS)
+    error = _chain_step(kappa, *constants, u, _workspace(*u.shape))[0]
     return u, error
 
 
@@ -350,12 +418,12 @@ def graph(circle: InvariantCircle) -> tuple[FloatArray, FloatArray]:
     return x, float(circle.omega) / n_sites + circle.u[0] - before
 
 
-def _continue_from_rotation(omega, kappa, n_max):
+def _continue_from_rotation(omega, kappa, n_max, settings):
     at, step = 0.0, 1.0
     path = [(0.0, np.zeros((kappa.size, MIN_POINTS)))]
     while at < 1.0:
         target = min(at + step, 1.0)
-        u, status = solve(omega, target * kappa, extrapolate(path, target), n_max)
+        u, status = solve(omega, target * kappa, extrapolate(path, target), n_max, settings)
         if status is Status.OK:
             path.append((target, u))
             at = target
@@ -418,31 +486,35 @@ def _angles(omega, n_sites):
 
 
 @lru_cache(maxsize=16)  # of arrays as long as the grid
-def _constants(omega, n_sites, n):
-    return _angles(omega, n_sites), fourier.turns(omega, n // 2 + 1), fourier.cut(omega, n)
+def _constants(omega, n_sites, n, grid_settings):
+    turn, kept = fourier.turns(omega, n // 2 + 1), fourier.cut(omega, n, grid_settings)
+    return _angles(omega, n_sites), turn, kept
 
 
 _OUTCOMES = (Status.OK, Status.TOO_FEW_MODES, Status.NO_CIRCLE)
 
 
-def _newton(omega, kappa, u):
+def _newton(omega, kappa, u, settings):
     """Iterate Newton's method on the grid of u, in place; return a Status and the first error."""
-    angles, turn, kept = _constants(omega, *u.shape)
-    if np.abs(turn[1:kept] - 1).min() < _MIN_DIVISOR:
+    angles, turn, kept = _constants(omega, *u.shape, settings.grid)
+    if np.abs(turn[1:kept] - 1).min() < settings.min_divisor:
         return Status.NEARLY_RATIONAL, np.nan
-    outcome, error = _iterate(kappa, angles, turn, kept, u)
+    limits = settings.max_steps, settings.max_update, settings.max_tail
+    outcome, error = _iterate(kappa, angles, turn, kept, u, *limits)
     return _OUTCOMES[outcome], error
 
 
 @kernel(error_model="numpy")
-def _iterate(kappa, angles, turn, kept, u):
+def _iterate(kappa, angles, turn, kept, u, max_steps, max_update, max_tail):
     """Take Newton steps until they decide; return an index into _OUTCOMES, and the first error."""
     workspace = _workspace(*u.shape)
     first = last_error = last_change = 1.0
-    for step in range(_NEWTON_STEPS):
+    for step in range(max_steps):
         error, change, slope, twist, tail = _chain_step(kappa, angles, turn, kept, u, workspace)
         first = error if step == 0 else first
-        outcome = step_outcome(error, change, slope, twist, tail, last_error, last_change)
+        outcome = step_outcome(
+            error, change, slope, twist, tail, last_error, last_change, max_update, max_tail
+        )
         if outcome < 3:
             return outcome, first
         last_error, last_change = error, change
@@ -450,7 +522,7 @@ def _iterate(kappa, angles, turn, kept, u):
 
 
 @njit(nogil=True, error_model="numpy")
-def step_outcome(error, change, slope, twist, tail, last_error, last_change):
+def step_outcome(error, change, slope, twist, tail, last_error, last_change, max_update, max_tail):
     """Judge a Newton step: 0 for converged, 1 for too few modes, 2 for diverged, 3 for go on.
 
     Each update is the square of the one before, so the last one need not be made.
@@ -458,10 +530,10 @@ def step_outcome(error, change, slope, twist, tail, last_error, last_change):
     diverged = not (error < 1 and slope > 0 and twist > 0.5 and change < 1)  # NaN ends it too
     if diverged or error > max(2 * last_error, 1e-9):
         return 2
-    if tail > MAX_TAIL and change < 1e-3:
+    if tail > max_tail and change < 1e-3:
         return 1
     next_change = change * (change / last_change) ** 2
-    return 0 if change < MAX_UPDATE or (change < 1e-6 and next_change < 1e-2 * MAX_UPDATE) else 3
+    return 0 if change < max_update or (change < 1e-6 and next_change < 1e-2 * max_update) else 3
 
 
 @kernel(error_model="numpy")
