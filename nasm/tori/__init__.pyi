@@ -1,8 +1,10 @@
 from . import last_torus as last_torus
 from . import newton as newton
+from .last_torus import LastTorusSettings as LastTorusSettings
 from .last_torus import last_critical_scale as last_critical_scale
 from .last_torus import upper_scale as upper_scale
 from .newton import InvariantTorus as InvariantTorus
+from .newton import TorusSettings as TorusSettings
 from .newton import critical_scale as critical_scale
 from .newton import graph as graph
 from .newton import invariant_torus as invariant_torus

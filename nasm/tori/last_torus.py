@@ -14,6 +14,8 @@ tori, for all φ0 at once:
 The last torus breaks inside the bracket. Its ω may differ from that of `lower`.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from nasm.arithmetic.sine import cos2pi
@@ -24,30 +26,72 @@ from nasm.maps import direction
 from nasm.orbits import bump, orbit
 from nasm.tori import newton
 
-__all__ = ["last_critical_scale", "upper_scale"]
-
-_LOWER_RATIOS = 1 - np.array([0.01, 0.02, 0.03, 0.05, 0.07, 0.09, 0.12, 0.15, 0.2, 0.25, 0.3])
-"""Ratios to `upper` of the scales at which candidates are sought."""
+__all__ = ["LastTorusSettings", "last_critical_scale", "upper_scale"]
 
 _METHOD = "converse KAM, and continuation of what survives"
 
-_TOLERANCE = 4e-3
-"""Relative error of `upper`."""
 
-_N_STARTS = 1024
-_AVERAGE_KICKS = 4096
+@dataclass(frozen=True)
+class LastTorusSettings:
+    """How precise `upper` is, and where candidates for the last torus are sought.
 
-_MAX_DIFFERENCE = 1e-5
-"""Difference of averages over all kicks and over half of regular starts, in turns per kick."""
+    Attributes
+    ----------
+    upper_tol : float
+        Relative width of the bracket by converse KAM that ends at `upper`.
+    distances : tuple of float
+        Relative distances below `upper` at which candidates are sought, in this order.
+    n_starts : int
+        Starts on a line whose averages are compared.
+    average_kicks : int
+        Kicks over which they are averaged.
+    max_difference : float
+        Difference of averages over all kicks and over half of them of regular starts, in turns per
+        kick.
+    min_distance : float
+        Distance of two candidates, in turns per kick.
+    max_candidates : int
+        Candidates whose tori are continued, which takes most of the time.
 
-_MIN_DISTANCE = 1e-3
-"""Distance of two candidates, in turns per kick."""
+    Examples
+    --------
+    >>> from nasm.tori import LastTorusSettings, upper_scale
+    >>> rough = LastTorusSettings(upper_tol=0.1)
+    >>> 0.5 < upper_scale(0.414, 1.0, 0.1, n_kicks=100, settings=rough) < 0.8
+    True
+    """
 
-_MAX_CANDIDATES = 4
+    upper_tol: float = 4e-3
+    distances: tuple[float, ...] = (
+        0.01,
+        0.02,
+        0.03,
+        0.05,
+        0.07,
+        0.09,
+        0.12,
+        0.15,
+        0.2,
+        0.25,
+        0.3,
+    )
+    n_starts: int = 1024
+    average_kicks: int = 4096
+    max_difference: float = 1e-5
+    min_distance: float = 1e-3
+    max_candidates: int = 4
+
+
+DEFAULT_SETTINGS = LastTorusSettings()
 
 
 def last_critical_scale(
-    frequency: float, mean: float, amplitude: float, n_kicks: int = 32_000, tol: float = 0.01
+    frequency: float,
+    mean: float,
+    amplitude: float,
+    n_kicks: int = 32_000,
+    tol: float = 0.01,
+    settings: LastTorusSettings = DEFAULT_SETTINGS,
 ) -> tuple[CriticalScale, float]:
     """Bracket the breakup of the last torus of an irrational Ω on (κ̄, Δκ) = s·(mean, amplitude).
 
@@ -61,6 +105,8 @@ def last_critical_scale(
         N, 100 to 10⁶.
     tol : float
         Relative error of a torus's breakup to aim at.
+    settings : LastTorusSettings
+        How precise `upper` is, and where candidates are sought.
 
     Returns
     -------
@@ -77,18 +123,17 @@ def last_critical_scale(
     >>> scale, omega = last_critical_scale(0.414, 1.0, 0.0, n_kicks=400)  # doctest: +SKIP
     """
     profile, tol = _kicks(frequency, mean, amplitude, n_kicks), real("tol", tol)
-    breakup = aperiodic.critical_scale(profile, _TOLERANCE)
+    breakup = aperiodic.critical_scale(profile, settings.upper_tol)
     if breakup.status is not Status.OK:
         return breakup, np.nan
     upper, lower, omega = breakup.upper, np.nan, np.nan
     candidates: list[float] = []
-    for scale in upper * _LOWER_RATIOS:
-        if len(candidates) >= _MAX_CANDIDATES or lower >= scale:
+    for scale in upper * (1 - np.array(settings.distances)):
+        if len(candidates) >= settings.max_candidates or lower >= scale:
             break
-        for candidate in _regular(scale * profile):
-            if len(candidates) < _MAX_CANDIDATES and all(
-                abs(candidate - other) > _MIN_DISTANCE for other in candidates
-            ):
+        for candidate in _regular(scale * profile, settings):
+            is_new = all(abs(candidate - other) > settings.min_distance for other in candidates)
+            if is_new and len(candidates) < settings.max_candidates:
                 candidates.append(candidate)
                 torus = newton.critical_scale(candidate, frequency, mean, amplitude, tol * upper)
                 if not torus.lower <= lower and np.isfinite(torus.lower):
@@ -98,7 +143,13 @@ def last_critical_scale(
     return CriticalScale(value, error, lower, upper, None, status, _METHOD), omega
 
 
-def upper_scale(frequency: float, mean: float, amplitude: float, n_kicks: int = 8_000) -> float:
+def upper_scale(
+    frequency: float,
+    mean: float,
+    amplitude: float,
+    n_kicks: int = 8_000,
+    settings: LastTorusSettings = DEFAULT_SETTINGS,
+) -> float:
     """Compute a scale at which no torus of an irrational Ω exists that is a graph, whatever its ω.
 
     Parameters are those of `last_critical_scale`.
@@ -115,7 +166,8 @@ def upper_scale(frequency: float, mean: float, amplitude: float, n_kicks: int = 
     >>> 0.5 < upper_scale(0.414, 1.0, 0.1, n_kicks=100) < 0.7
     True
     """
-    return aperiodic.critical_scale(_kicks(frequency, mean, amplitude, n_kicks), _TOLERANCE).upper
+    profile = _kicks(frequency, mean, amplitude, n_kicks)
+    return aperiodic.critical_scale(profile, settings.upper_tol).upper
 
 
 def _kicks(frequency, mean, amplitude, n_kicks):
@@ -124,18 +176,19 @@ def _kicks(frequency, mean, amplitude, n_kicks):
     return direction(real("mean", mean) + real("amplitude", amplitude) * cos2pi(turns))
 
 
-def _regular(kappa):
+def _regular(kappa, settings):
     """Return turns per kick of regular starts that survive the kicks, the most regular first."""
     survivor = aperiodic.last_survivor(kappa, 0.0, 1)
     if survivor.kicks < np.inf:
         return []
-    y = np.append((np.arange(_N_STARTS) + 0.5) / _N_STARTS, survivor.y)
+    n_starts, max_difference = settings.n_starts, settings.max_difference
+    y = np.append((np.arange(n_starts) + 0.5) / n_starts, survivor.y)
     x = np.full(y.size, survivor.x)
     times = aperiodic.elimination_time(kappa, 0.0, survivor.site, x, y)
-    ahead, survives = kappa[survivor.site :][:_AVERAGE_KICKS], np.isinf(times)
+    ahead, survives = kappa[survivor.site :][: settings.average_kicks], np.isinf(times)
     steps = np.diff(orbit(ahead, x[survives], y[survives], ahead.size, 1)[0], axis=0)
     sizes = len(steps), len(steps) // 2
     averages, half_averages = ((bump(n)[:, None] * steps[:n]).sum(axis=0) for n in sizes)
     differences = np.abs(averages - half_averages)
-    order = [i for i in np.argsort(differences) if differences[i] < _MAX_DIFFERENCE]
+    order = [i for i in np.argsort(differences) if differences[i] < max_difference]
     return [abs(averages[i] - np.rint(averages[i])) for i in order]

@@ -42,55 +42,85 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.roots import root
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, floats, positive, real
-from nasm.circles.newton import lagrange, step_outcome
+from nasm.circles.newton import NewtonSettings, lagrange, step_outcome
 from nasm.critical import CriticalScale, Result, Status
 from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
 from nasm.tables import html_table
 from nasm.types import FloatArray
 
-__all__ = ["InvariantTorus", "critical_scale", "graph", "invariant_torus", "residual"]
+__all__ = [
+    "InvariantTorus",
+    "TorusSettings",
+    "critical_scale",
+    "graph",
+    "invariant_torus",
+    "residual",
+]
 
 _METHOD = "continuation of tori"
-FIRST_GRID = 64, 128
-"""Points of the first grid, along φ and θ."""
+MAX_POINTS = 2**22
+"""Largest `n_max`; the certificate uses four times as many."""
 
-MAX_POINTS = 2**20
-"""Points of a grid, on the way to a breakup and of the torus that is certified."""
+DEFAULT_NEWTON_SETTINGS = NewtonSettings(min_divisor=1e-6)
 
-_MAX_POINTS_ALLOWED = 2**22
-"""Largest `n_max`."""
 
-_MODE_RATIO = 0.36
-"""Half axis of the ellipse of modes, over the points of an axis."""
+@dataclass(frozen=True)
+class TorusSettings:
+    """Grids and modes of tori, and how far they are continued towards their breakup.
 
-_INNER_RADIUS = 0.5
-"""Squared relative radius in the ellipse up to which all modes are used."""
+    Attributes
+    ----------
+    first_grid : tuple of int
+        Points of the first grid, along φ and θ.
+    max_points : int
+        Points of a grid, on the way to a breakup and of the torus that is certified.
+    inner_radius : float
+        Squared relative radius in the ellipse of modes up to which all modes are used.
+    outer_radius : float
+        Squared relative radius from which modes count as outer ones.
+    hole_divisor : float
+        Divisor of modes that are left out at the rim; quadratic in the distance from
+        `inner_radius`.
+    max_halvings : int
+        Halvings of a step until a failure of Newton's method is final.
+    max_refusals : int
+        Halvings until a lack of modes is final.
+    max_tori : int
+        Tori on a ray, which needs 10 to 25.
+    kept_tori : int
+        Last tori of a path of which one may be certified.
+    step_ratio : float
+        Next step over the estimated distance from the breakup.
+    error_factor : float
+        Error over the distance of the last torus from the breakup: enough in 172 of 177 cases.
+    newton : NewtonSettings
+        When Newton's method has converged, and the modes kept along an axis. Its certificate and
+        `polish` are those of circles alone.
 
-_HOLE_DIVISOR = 0.2
-"""Divisor of modes that are left out at the rim; quadratic in the distance from `_INNER_RADIUS`."""
+    Examples
+    --------
+    >>> from nasm.tori import TorusSettings, invariant_torus
+    >>> settings = TorusSettings(first_grid=(32, 64))
+    >>> invariant_torus(0.618034, 0.414214, 0.1, 0.05, settings=settings).u.shape
+    (32, 64)
+    """
 
-_OUTER_RADIUS = 0.72
-"""Squared relative radius from which modes count as outer ones."""
+    first_grid: tuple[int, int] = (64, 128)
+    max_points: int = 2**20
+    inner_radius: float = 0.5
+    outer_radius: float = 0.72
+    hole_divisor: float = 0.2
+    max_halvings: int = 12
+    max_refusals: int = 3
+    max_tori: int = 60
+    kept_tori: int = 10
+    step_ratio: float = 0.35
+    error_factor: float = 2
+    newton: NewtonSettings = DEFAULT_NEWTON_SETTINGS
 
-_MIN_DIVISOR = 1e-6
-"""Least divisor of the modes in use."""
 
-_NEWTON_STEPS = 12
-_MAX_HALVINGS = 12
-"""Halvings of a step until a failure of Newton's method is final."""
-
-_MAX_REFUSALS = 3
-"""Halvings until a lack of modes is final."""
-
-_MAX_TORI = 60
-"""Tori on a ray, which needs 10 to 25."""
-
-_ERROR_FACTOR = 2
-"""Error over the distance of the last torus from the breakup: enough in 172 of 177 cases."""
-
-_STEP_RATIO = 0.35
-"""Next step over the estimated distance from the breakup."""
+DEFAULT_SETTINGS = TorusSettings()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -152,6 +182,7 @@ def invariant_torus(
     mean: float,
     amplitude: float,
     n_max: int = 2**18,
+    settings: TorusSettings = DEFAULT_SETTINGS,
 ) -> InvariantTorus:
     """Compute the torus of (omega, frequency) under κ(φ) = mean + amplitude·cos 2πφ.
 
@@ -170,6 +201,8 @@ def invariant_torus(
         κ̄ and Δκ.
     n_max : int
         Most grid points m·n, 8192 to 2²²; the certificate uses 4 times as many.
+    settings : TorusSettings
+        Grids and modes.
 
     Returns
     -------
@@ -195,16 +228,18 @@ def invariant_torus(
     <InvariantTorus of (0.61803398875, 0.414213562373) under 0.1 + 0.05 cos 2πφ, certified>
     """
     vector, kappa = _vector(omega, frequency), forcing(_pair(mean, amplitude))
-    n_max = count("n_max", n_max, FIRST_GRID[0] * FIRST_GRID[1], _MAX_POINTS_ALLOWED)
-    step, path, status = 1.0, [(0.0, np.zeros(FIRST_GRID))], Status.OK
+    rotation = np.zeros(settings.first_grid)
+    n_max = count("n_max", n_max, rotation.size, MAX_POINTS)
+    step, path, status = 1.0, [(0.0, rotation)], Status.OK
     while path[-1][0] < 1.0 and status is Status.OK:
-        reached, u, status = _next_torus(vector, kappa, path, min(step, 1 - path[-1][0]), n_max)
+        step = min(step, 1 - path[-1][0])
+        reached, u, status = _next_torus(vector, kappa, path, step, n_max, settings)
         step = 2 * (reached - path[-1][0])
         path.append((reached, u))
     pair = float(kappa[0]), float(kappa[1])
     if status is not Status.OK:
         return InvariantTorus(*vector, *pair, u, nan, status)
-    error, status = certify(*vector, *pair, u)
+    error, status = certify(*vector, *pair, u, settings)
     return InvariantTorus(*vector, *pair, u, error, status)
 
 
@@ -214,6 +249,7 @@ def critical_scale(
     mean: float,
     amplitude: float,
     tol: float = 1e-3,
+    settings: TorusSettings = DEFAULT_SETTINGS,
 ) -> CriticalScale:
     """Compute the scale at which the torus breaks on the ray (κ̄, Δκ) = s·(mean, amplitude).
 
@@ -230,6 +266,8 @@ def critical_scale(
         The direction (κ̄, Δκ), not zero.
     tol : float
         Absolute error to aim at.
+    settings : TorusSettings
+        Grids and modes, and how far tori are continued.
 
     Returns
     -------
@@ -254,11 +292,11 @@ def critical_scale(
     """
     vector, profile = _vector(omega, frequency), direction(_pair(mean, amplitude))
     tol = positive("tol", tol, "the error to aim at, e.g. tol=1e-3")
-    path, value, error, status = _continue(vector, profile, tol)
+    path, value, error, status = _continue(vector, profile, tol, settings)
     certified_scales = (
         s
         for s, u in reversed(path[1:])
-        if certify(*vector, s * profile[0], s * profile[1], u)[1] is Status.OK
+        if certify(*vector, s * profile[0], s * profile[1], u, settings)[1] is Status.OK
     )
     lower = next(certified_scales, nan)
     if not error < value:
@@ -268,7 +306,13 @@ def critical_scale(
 
 
 def solve(
-    omega: float, frequency: float, mean: float, amplitude: float, u: FloatArray, n_max: int
+    omega: float,
+    frequency: float,
+    mean: float,
+    amplitude: float,
+    u: FloatArray,
+    n_max: int,
+    settings: TorusSettings = DEFAULT_SETTINGS,
 ) -> tuple[FloatArray, Status]:
     """Solve for a torus by Newton's method from u, on as fine a grid as it needs.
 
@@ -280,7 +324,7 @@ def solve(
         OK, or the reason.
     """
     while True:
-        u, outcome, _ = _newton(omega, frequency, mean, amplitude, u)
+        u, outcome, _ = _newton(omega, frequency, mean, amplitude, u, settings)
         m, n = u.shape
         if outcome not in _REFINEMENTS or 2 * m * n > n_max:
             return u, _OUTCOMES[outcome]
@@ -289,7 +333,12 @@ def solve(
 
 
 def certify(
-    omega: float, frequency: float, mean: float, amplitude: float, u: FloatArray
+    omega: float,
+    frequency: float,
+    mean: float,
+    amplitude: float,
+    u: FloatArray,
+    settings: TorusSettings = DEFAULT_SETTINGS,
 ) -> tuple[float, Status]:
     """Certify a torus on a grid twice as fine along both axes.
 
@@ -302,7 +351,8 @@ def certify(
         modes; NEARLY_RATIONAL or NOT_CERTIFIED otherwise.
     """
     m, n = u.shape
-    _, outcome, error = _newton(omega, frequency, mean, amplitude, resample(u, 2 * m, 2 * n))
+    fine = resample(u, 2 * m, 2 * n)
+    _, outcome, error = _newton(omega, frequency, mean, amplitude, fine, settings)
     status = _OUTCOMES[outcome]
     return error, status if status in (Status.OK, Status.NEARLY_RATIONAL) else Status.NOT_CERTIFIED
 
@@ -382,52 +432,52 @@ def extrapolate(path: Sequence[tuple[float, FloatArray]], target: float) -> Floa
     return sum(terms, np.zeros(shape))
 
 
-def _next_torus(vector, profile, path, step, n_max):
+def _next_torus(vector, profile, path, step, n_max, settings):
     """Return scale, deviations and Status of a torus `step` beyond the last of the path, or nearer.
 
     At every second failure the grid is also doubled along one axis: a resonance just beyond the
     modes of the last torus looks like the breakup.
     """
-    for failures in range(_MAX_HALVINGS):
+    for failures in range(settings.max_halvings):
         target, doublings = path[-1][0] + step, failures // 2
         u = extrapolate(path, target)
         while u.size * 2**doublings > n_max and doublings > 0:
             doublings -= 1
         u = resample(u, u.shape[0] << doublings // 2, u.shape[1] << (doublings + 1) // 2)
-        u, status = solve(*vector, *(target * profile), u, n_max)
+        u, status = solve(*vector, *(target * profile), u, n_max, settings)
         if status in (Status.OK, Status.NEARLY_RATIONAL):
             break
-        if status is Status.TOO_FEW_MODES and failures >= _MAX_REFUSALS:
+        if status is Status.TOO_FEW_MODES and failures >= settings.max_refusals:
             break
         step /= 2
     return target, u, status
 
 
-def _continue(vector, profile, tol):
+def _continue(vector, profile, tol, settings):
     """Continue the torus towards its breakup.
 
     Returns the last tori, the estimate of the breakup, its error, inf without one, and OK, or why
     the path ends.
     """
-    path, slopes = [(0.0, np.zeros(FIRST_GRID))], [(0.0, 1.0)]
+    path, slopes = [(0.0, np.zeros(settings.first_grid))], [(0.0, 1.0)]
     value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
-    while error > tol and len(slopes) < _MAX_TORI and step > 1e-6 * path[-1][0]:
-        scale, u, status = _next_torus(vector, profile, path, step, MAX_POINTS)
+    while error > tol and len(slopes) < settings.max_tori and step > 1e-6 * path[-1][0]:
+        scale, u, status = _next_torus(vector, profile, path, step, settings.max_points, settings)
         if status is not Status.OK:
             break
         step = 2 * (scale - path[-1][0])
-        path = [*path[-9:], (scale, u)]
+        path = [*path, (scale, u)][-settings.kept_tori :]
         slopes.append((scale, least_slope(u)))
         last_value, value = (
             value,
             _breakup(*zip(*slopes[-3:], strict=True)) if len(slopes) > 3 else nan,
         )
         error = (
-            max(_ERROR_FACTOR * (value - scale), abs(value - last_value))
+            max(settings.error_factor * (value - scale), abs(value - last_value))
             if isfinite(value - last_value)
             else inf
         )
-        step = min(step, _STEP_RATIO * (value - scale)) if isfinite(value) else step
+        step = min(step, settings.step_ratio * (value - scale)) if isfinite(value) else step
     return path, value, error, status
 
 
@@ -478,7 +528,7 @@ def _turns(number, k):
 
 
 @lru_cache(maxsize=8)  # of arrays as large as the grid
-def _constants(omega, frequency, m, n):
+def _constants(omega, frequency, m, n, settings):
     """Return e^{2πi(k₂Ω + k₁ω)} of all modes, their kinds, and the smallest divisor in use.
 
     The kind is 0 for a mode that is not in use, 1 if it is, 2 and 3 for an outer one on the side of
@@ -486,14 +536,14 @@ def _constants(omega, frequency, m, n):
     """
     k2, k1 = _wave_numbers(m)[:, None], np.arange(n // 2 + 1)
     turn = _turns(frequency, k2) * _turns(omega, k1)
-    across, along = (k2 / (_MODE_RATIO * m)) ** 2, (k1 / (_MODE_RATIO * n)) ** 2
+    mode_ratio, inner_radius = settings.newton.grid.mode_ratio, settings.inner_radius
+    across, along = (k2 / (mode_ratio * m)) ** 2, (k1 / (mode_ratio * n)) ** 2
     radius, divisor = across + along, np.abs(turn - 1)
-    hole = (radius > _INNER_RADIUS) & (
-        divisor < _HOLE_DIVISOR * ((radius - _INNER_RADIUS) / (1 - _INNER_RADIUS)) ** 2
-    )
-    kind = np.where(hole, 4, np.where(radius > _OUTER_RADIUS, 2, 1)).astype(np.int8)
+    rim = (radius - inner_radius) / (1 - inner_radius)
+    hole = (radius > inner_radius) & (divisor < settings.hole_divisor * rim**2)
+    kind = np.where(hole, 4, np.where(radius > settings.outer_radius, 2, 1)).astype(np.int8)
     kind += (kind > 1) & (along <= across)
-    kind[k1 >= np.floor(_MODE_RATIO * n * np.sqrt(np.maximum(1 - across, 0)))] = 0
+    kind[k1 >= np.floor(mode_ratio * n * np.sqrt(np.maximum(1 - across, 0)))] = 0
     kind[0, 0] = 0
     return turn, kind, divisor[(kind > 0) & (kind < 4)].min()
 
@@ -508,30 +558,34 @@ _OUTCOMES = (
 _REFINEMENTS = {1: (1, 2), 2: (2, 1)}  # more modes along θ, or along φ
 
 
-def _newton(omega, frequency, mean, amplitude, u, steps=_NEWTON_STEPS):
+def _newton(omega, frequency, mean, amplitude, u, settings=DEFAULT_SETTINGS):
     """Iterate Newton's method on the grid of u.
 
     Returns the new u, an index into _OUTCOMES, and the error before the first step.
     """
-    turn, kind, divisor = _constants(omega, frequency, *u.shape)
-    if divisor < _MIN_DIVISOR:
+    turn, kind, divisor = _constants(omega, frequency, *u.shape, settings)
+    newton = settings.newton
+    if divisor < newton.min_divisor:
         return u, 4, nan
-    modes = np.fft.rfft2(u)
-    outcome, error = _iterate(float(mean), float(amplitude), turn, kind, modes, steps)
+    modes, limits = np.fft.rfft2(u), (newton.max_steps, newton.max_update, newton.max_tail)
+    outcome, error = _iterate(float(mean), float(amplitude), turn, kind, modes, *limits)
     return np.fft.irfft2(modes, u.shape), outcome, error
 
 
 @kernel(error_model="numpy")
-def _iterate(mean, amplitude, turn, kind, modes, steps):
+def _iterate(mean, amplitude, turn, kind, modes, max_steps, max_update, max_tail):
     """Take Newton steps until they decide; return an index into _OUTCOMES, and the first error.
 
     As in `circles`, but modes may be missing along either axis.
     """
     first = last_error = last_change = 1.0
-    for step in range(steps):
+    for step in range(max_steps):
         error, change, slope, twist, tails = _step(mean, amplitude, turn, kind, modes)
         first = error if step == 0 else first
-        outcome = step_outcome(error, change, slope, twist, tails.max(), last_error, last_change)
+        tail = tails.max()
+        outcome = step_outcome(
+            error, change, slope, twist, tail, last_error, last_change, max_update, max_tail
+        )
         if outcome == 0 or (outcome == 1 and tails[0] > tails[1]):
             return outcome, first
         if outcome == 1:

@@ -200,7 +200,8 @@ def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr
     deviations, slopes = np.full((len(sizes), m, n), np.nan), np.full(len(sizes), np.nan)
     for i, scale in enumerate(sizes):
         mean, amplitude = scale * ray(angle)
-        torus = tori.invariant_torus(*vector, mean, amplitude, tori.newton.MAX_POINTS)
+        n_max = tori.TorusSettings().max_points
+        torus = tori.invariant_torus(*vector, mean, amplitude, n_max)
         if torus.certified:
             rows, columns = map(max, torus.u.shape, _PICTURE_SHAPE)
             u = tori.newton.resample(torus.u, rows, columns)
