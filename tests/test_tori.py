@@ -8,6 +8,7 @@ from cases import thirds
 from oracles import KAPPA_G
 
 from nasm import circles, maps, orbits, periodic, tori
+from nasm.circles.newton import NewtonSettings
 from nasm.converse_kam import aperiodic
 from nasm.critical import Status
 from nasm.numbers import parse
@@ -82,9 +83,10 @@ def test_orbits_stay_on_the_torus_and_measure_its_rotation_vector(torus):
 
 
 def test_newton_error_squares():
+    one_step = tori.TorusSettings(newton=NewtonSettings(max_steps=1, min_divisor=1e-6))
     u, errors = np.zeros((64, 256)), []
     for _ in range(6):
-        u, _, error = tori.newton._newton(*TRIBONACCI, 0.1, 0.1, u, 1)
+        u, _, error = tori.newton._newton(*TRIBONACCI, 0.1, 0.1, u, one_step)
         errors.append(error)
     assert all(after < 1e3 * before**2 for before, after in pairwise(errors[1:5]))
     assert errors[5] < 1e-15
@@ -126,7 +128,8 @@ def test_where_the_circle_breaks_the_torus_without_an_amplitude_breaks():
 
 
 def test_a_torus_one_per_cent_below_its_breakup_is_certified_from_nothing():
-    assert tori.invariant_torus(*TRIBONACCI, *(0.322 * ray(45)), tori.newton.MAX_POINTS).certified
+    n_max = tori.TorusSettings().max_points
+    assert tori.invariant_torus(*TRIBONACCI, *(0.322 * ray(45)), n_max).certified
 
 
 @pytest.mark.parametrize(
@@ -185,8 +188,8 @@ def test_searches_that_disagree_give_no_bound(monkeypatch):
     assert found.status is Status.OK
     assert found.value + found.error == pytest.approx(found.upper)
 
-    def careless(kappa, theta=0.0, effort=8):
-        return search(1.3 * kappa if effort == 1 else kappa, theta, effort)
+    def careless(kappa, theta=0.0, effort=8, settings=None):
+        return search(1.3 * kappa if effort == 1 else kappa, theta, effort, settings)
 
     monkeypatch.setattr(aperiodic, "last_survivor", careless)
     found = aperiodic.critical_scale(np.ones(64), 0.1)

@@ -36,6 +36,8 @@ sampling:
   are not excluded: their absence is only measured, by their continuation and by escapes.
 """
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
@@ -43,12 +45,13 @@ from numpy.typing import ArrayLike
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.sine import cos2pi
 from nasm.checks import count, floats, points, real
-from nasm.converse_kam.symmetry_line import BEAM_WIDTH, GRIDS, LongestLived, search_grids
+from nasm.converse_kam.symmetry_line import LongestLived, SearchSettings, search_grids
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import MAX_STRENGTH, direction, forcing, kick, unkick
 from nasm.types import FloatArray
 
 __all__ = [
+    "AperiodicSettings",
     "around_strongest",
     "asymptotic",
     "critical_scale",
@@ -66,14 +69,42 @@ If kicks grow beyond the breakup, a minimizing orbit is lost in rounding: before
 survives 279. On lines before later kicks lifetimes agree with a search of segments, or are up to 6%
 longer (29 lines in ramps from 10⁻² to 10⁻⁷)."""
 
-_MAX_LINES = 8
-"""Lines that `last_survivor` searches."""
+DEFAULT_SEARCH = SearchSettings(resolution=0.0)
 
-_MIDDLE_KICKS = 32
-"""Kicks on either side of the middle from which these lines are chosen."""
 
-_LOWER_RATIOS = np.array([0.85, 0.88, 0.91, 0.94, 0.96, 0.98])
-"""Ratios to a scale without survivors at which lower ones are sought."""
+@dataclass(frozen=True)
+class AperiodicSettings:
+    """The lines on which survivors are sought, and how.
+
+    Attributes
+    ----------
+    search : SearchSettings
+        The search on a line, of which the effort multiplies the starts and the width. No orbit
+        recurs: lifetimes still differ for starts that the shear of a map would not separate, so its
+        resolution is 0.
+    max_lines : int
+        Lines that `last_survivor` searches.
+    middle_kicks : int
+        Kicks on either side of the middle from which these lines are chosen.
+    lower_ratios : tuple of float
+        Ratios to a scale without survivors at which `critical_scale` seeks lower ones, in this
+        order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.converse_kam.aperiodic import AperiodicSettings, last_survivor
+    >>> last_survivor(np.full(201, 1.2), settings=AperiodicSettings(max_lines=1)).kicks < 100
+    True
+    """
+
+    search: SearchSettings = DEFAULT_SEARCH
+    max_lines: int = 8
+    middle_kicks: int = 32
+    lower_ratios: tuple[float, ...] = (0.85, 0.88, 0.91, 0.94, 0.96, 0.98)
+
+
+DEFAULT_SETTINGS = AperiodicSettings()
 
 
 def escape_time(
@@ -150,7 +181,11 @@ def elimination_time(
 
 
 def longest_lived(
-    kappa: ArrayLike, theta: ArrayLike, site: int, effort: int = 1
+    kappa: ArrayLike,
+    theta: ArrayLike,
+    site: int,
+    effort: int = 1,
+    settings: AperiodicSettings = DEFAULT_SETTINGS,
 ) -> tuple[float, float, float]:
     """Find the start on a line x = a before the kick of `site` that takes longest to be eliminated.
 
@@ -162,6 +197,8 @@ def longest_lived(
         As for `elimination_time`.
     effort : int
         Factor of the starts of the first grids, 1 to 100.
+    settings : AperiodicSettings
+        Its search.
 
     Returns
     -------
@@ -194,13 +231,18 @@ def longest_lived(
     def lifetimes(half):  # the search knows y from 0 to 1/2
         return _elimination_times(kappa, theta, site, np.full(half.size, x), 2 * half, True)
 
-    grids = [(effort * starts, offset) for starts, offset in GRIDS]
-    # No orbit recurs: lifetimes still differ for starts that the shear of a map would not separate.
-    half, time = search_grids(lifetimes, grids, effort * BEAM_WIDTH, resolution=0.0)
+    grids = tuple((effort * starts, offset) for starts, offset in settings.search.grids)
+    search = replace(settings.search, grids=grids, width=effort * settings.search.width)
+    half, time = search_grids(lifetimes, search)
     return float(x), 2 * half, time
 
 
-def last_survivor(kappa: ArrayLike, theta: ArrayLike = 0.0, effort: int = 8) -> LongestLived:
+def last_survivor(
+    kappa: ArrayLike,
+    theta: ArrayLike = 0.0,
+    effort: int = 8,
+    settings: AperiodicSettings = DEFAULT_SETTINGS,
+) -> LongestLived:
     """Find the longest-lived start of the first line on which all starts are eliminated.
 
     Up to eight lines are searched: before the strongest kick, and before the strongest of the 64 in
@@ -212,6 +254,8 @@ def last_survivor(kappa: ArrayLike, theta: ArrayLike = 0.0, effort: int = 8) -> 
         As for `escape_time`.
     effort : int
         As for `longest_lived`.
+    settings : AperiodicSettings
+        Lines, and the search on them.
 
     Returns
     -------
@@ -228,9 +272,10 @@ def last_survivor(kappa: ArrayLike, theta: ArrayLike = 0.0, effort: int = 8) -> 
     """
     (kappa, theta), effort = aperiodic_forcing(kappa, theta), count("effort", effort, 1, 100)
     from_middle, survivors = np.abs(np.arange(kappa.size) - kappa.size // 2), []
-    for site in _sites_of_lines(np.abs(kappa), from_middle):
+    for site in _sites_of_lines(np.abs(kappa), from_middle, settings):
         for effort_on_line in sorted({1, effort}):  # little effort usually finds a survivor
-            longest = LongestLived(site, *longest_lived(kappa, theta, site, effort_on_line))
+            start = longest_lived(kappa, theta, site, effort_on_line, settings)
+            longest = LongestLived(site, *start)
             if longest.kicks == np.inf:
                 break
         else:
@@ -260,15 +305,18 @@ def around_strongest(kappa: ArrayLike) -> FloatArray:
     return np.roll(kappa, -np.abs(kappa).argmax())[np.arange(-reach, reach + 1) % kappa.size]
 
 
-def _sites_of_lines(size, from_middle):
+def _sites_of_lines(size, from_middle, settings):
     """Return the site of the largest |κ|, and in the middle those of the largest distinct |κ|."""
     order = np.lexsort((from_middle, -size))
-    inner = order[from_middle[order] < _MIDDLE_KICKS]
+    inner = order[from_middle[order] < settings.middle_kicks]
     _, distinct = np.unique(size[inner].round(12), return_index=True)
-    return list(dict.fromkeys([order[0].item(), *inner[np.sort(distinct)].tolist()]))[:_MAX_LINES]
+    sites = dict.fromkeys([order[0].item(), *inner[np.sort(distinct)].tolist()])
+    return list(sites)[: settings.max_lines]
 
 
-def critical_scale(profile: ArrayLike, tol: float = 1e-3) -> CriticalScale:
+def critical_scale(
+    profile: ArrayLike, tol: float = 1e-3, settings: AperiodicSettings = DEFAULT_SETTINGS
+) -> CriticalScale:
     """Compute the lowest scale at which no family of graphs survives the N kicks κ = s·profile.
 
     1. Bisect between a scale with survivors of the middle quarter of the kicks and one without: a
@@ -284,6 +332,8 @@ def critical_scale(profile: ArrayLike, tol: float = 1e-3) -> CriticalScale:
         Direction of the ray, not zero; N ≥ 64.
     tol : float
         Relative width of the bracket, 10⁻⁶ to 10⁻¹.
+    settings : AperiodicSettings
+        Lines, the search on them, and how lower scales are sought.
 
     Returns
     -------
@@ -307,15 +357,14 @@ def critical_scale(profile: ArrayLike, tol: float = 1e-3) -> CriticalScale:
     True
     """
     profile, tol = direction(profile), real("tol", tol, 1e-6, 0.1)
-    if profile.size < 2 * _MIDDLE_KICKS:
-        raise ValueError(
-            f"profile has {profile.size} kicks; it must have {2 * _MIDDLE_KICKS} or more"
-        )
+    min_kicks = 2 * settings.middle_kicks
+    if profile.size < min_kicks:
+        raise ValueError(f"profile has {profile.size} kicks; it must have {min_kicks} or more")
     reach = profile.size // 8
     inner = profile[profile.size // 2 - reach : profile.size // 2 + reach + 1]
 
     def eliminated(scale):
-        return last_survivor(scale * inner, 0.0, 1).kicks < np.inf
+        return last_survivor(scale * inner, 0.0, 1, settings).kicks < np.inf
 
     survived, upper = 0.0, 2 / np.abs(inner).max()
     if not eliminated(upper):
@@ -325,14 +374,14 @@ def critical_scale(profile: ArrayLike, tol: float = 1e-3) -> CriticalScale:
             scale = (survived + upper) / 2
             survived, upper = (survived, scale) if eliminated(scale) else (scale, upper)
         value, error, survived = (survived + upper) / 2, (upper - survived) / 2, 0.0
-        for below in upper * _LOWER_RATIOS:
+        for below in upper * np.array(settings.lower_ratios):
             if eliminated(below):
                 upper = below
                 break
             survived = below
         else:
             break
-    if last_survivor(upper * profile).kicks == np.inf:
+    if last_survivor(upper * profile, settings=settings).kicks == np.inf:
         return no_answer(None, Status.UNDECIDED, _METHOD)
     return CriticalScale(value, error, np.nan, upper, None, Status.OK, _METHOD)
 

@@ -46,7 +46,7 @@ The kernel advances 64 starts in lockstep, with the kick of `nasm.escape` and it
 w being the last difference of v. Times are exact: a block of kicks with v ≤ 0 is replayed.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,7 +74,9 @@ from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, dominant_centre
 from nasm.types import FloatArray
 
 __all__ = [
+    "LineSettings",
     "LongestLived",
+    "SearchSettings",
     "critical_scale",
     "elimination_time",
     "has_dominant_line",
@@ -84,33 +86,80 @@ __all__ = [
 _METHOD = "converse KAM"
 MAX_STEPS = 10**9
 
-_BLOCK_KICKS = 32
-"""Kicks between two tests for v ≤ 0; even, so that each block begins a period."""
-
-_SLOPE_BOUNDS = 0.4, 1.1
-"""Bounds of slope/s_c of the law, in kicks; the upper one for each kick of the period. On 63 random
-rays of 2 to 4 kicks and 88 next to the diagonal it was 0.68 or more, and 1.01 or less for each."""
-
-GRIDS = ((2048, 0.5), (1597, 0.382))
-"""Numbers of starts, and place of the start in its cell, of two grids without a common start."""
-
-BEAM_WIDTH = 32
-"""Starts from which a search goes on at each level."""
-
-_FINAL_WIDTH = 8
-"""The same for small cells."""
-
-_CHILDREN = 8
-"""New starts around each of these."""
-
-_CELL_RATIO = 0.15
-"""Cell size over that of the level before."""
-
 _LIFETIME_RATIO = 2 + 5**0.5
 """(1/γ)³, by which lifetimes grow from scale to scale."""
 
-_MAX_SCALES = 100
-"""Scales of a search, which needs 10."""
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """A beam search for the longest-lived start: more starts miss fewer, and take longer.
+
+    Attributes
+    ----------
+    grids : tuple of (int, float)
+        Numbers of starts, and place of the start in its cell, of grids without a common start.
+    width : int
+        Starts from which the search goes on at each level. `longest_lived` says how often which
+        width misses the longest lifetime.
+    final_width : int
+        The same for cells smaller than 100·resolution over T², T the longest lifetime.
+    children : int
+        New starts around each of these.
+    cell_ratio : float
+        Cell size over that of the level before.
+    resolution : float
+        The search ends if cells are smaller than this, over T².
+
+    Examples
+    --------
+    >>> from nasm.converse_kam.symmetry_line import LineSettings, SearchSettings, longest_lived
+    >>> narrow = LineSettings(search=SearchSettings(width=4))
+    >>> y, time = longest_lived((1.2, 0.9), 1000, narrow)
+    >>> time <= longest_lived((1.2, 0.9), 1000)[1]
+    True
+    """
+
+    grids: tuple[tuple[int, float], ...] = ((2048, 0.5), (1597, 0.382))
+    width: int = 32
+    final_width: int = 8
+    children: int = 8
+    cell_ratio: float = 0.15
+    resolution: float = 0.01
+
+
+@dataclass(frozen=True)
+class LineSettings:
+    """How the dominant line is searched, and when the law of lifetimes is believed.
+
+    Attributes
+    ----------
+    search : SearchSettings
+        The search for the longest-lived start.
+    block_kicks : int
+        Kicks between two tests for v ≤ 0; even, so that each block begins a period. It affects the
+        time only.
+    max_scales : int
+        Scales that `critical_scale` tries, which needs 10.
+    min_slope, max_slope : float
+        Bounds of slope/s_c of the law, in kicks; the upper one for each kick of the period. On 63
+        random rays of 2 to 4 kicks and 88 next to the diagonal it was 0.68 or more, and 1.01 or
+        less for each.
+
+    Examples
+    --------
+    >>> from nasm.converse_kam.symmetry_line import LineSettings, critical_scale
+    >>> critical_scale(1.0, 1000, LineSettings(max_scales=2)).status
+    Status.NOT_CONVERGED
+    """
+
+    search: SearchSettings = SearchSettings()
+    block_kicks: int = 32
+    max_scales: int = 100
+    min_slope: float = 0.4
+    max_slope: float = 1.1
+
+
+DEFAULT_SETTINGS = LineSettings()
 
 
 @dataclass(frozen=True)
@@ -139,7 +188,9 @@ class LongestLived:
     kicks: float
 
 
-def elimination_time(kappa: ArrayLike, y: ArrayLike, n_max: int) -> FloatArray:
+def elimination_time(
+    kappa: ArrayLike, y: ArrayLike, n_max: int, settings: LineSettings = DEFAULT_SETTINGS
+) -> FloatArray:
     """Compute when each start on the dominant symmetry line is eliminated.
 
     Parameters
@@ -150,6 +201,8 @@ def elimination_time(kappa: ArrayLike, y: ArrayLike, n_max: int) -> FloatArray:
         Starts on the dominant line, in turns.
     n_max : int
         Steps (periods of the forcing), 1 to 10⁹.
+    settings : LineSettings
+        Its `block_kicks`.
 
     Returns
     -------
@@ -171,19 +224,22 @@ def elimination_time(kappa: ArrayLike, y: ArrayLike, n_max: int) -> FloatArray:
     _, y = points(0.0, y)
     n_max = count("n_max", n_max, 1, MAX_STEPS)
     strengths = forcing(kappa)
-    kicks = _lifetimes(_line_coefficients(strengths), y.ravel(), strengths.size * n_max)
+    line = _line_coefficients(strengths, settings)
+    kicks = _lifetimes(line, y.ravel(), strengths.size * n_max)
     return kicks.reshape(y.shape) / strengths.size
 
 
-def longest_lived(kappa: ArrayLike, n_max: int, width: int = BEAM_WIDTH) -> tuple[float, float]:
+def longest_lived(
+    kappa: ArrayLike, n_max: int, settings: LineSettings = DEFAULT_SETTINGS
+) -> tuple[float, float]:
     """Find the start on the dominant symmetry line that takes longest to be eliminated.
 
     Parameters
     ----------
     kappa, n_max
         As for `elimination_time`.
-    width : int
-        Starts from which the search goes on at each level, at least 1.
+    settings : LineSettings
+        The search.
 
     Returns
     -------
@@ -211,13 +267,14 @@ def longest_lived(kappa: ArrayLike, n_max: int, width: int = BEAM_WIDTH) -> tupl
     """
     strengths = forcing(kappa)
     n_max = count("n_max", n_max, 1, MAX_STEPS)
-    line, n_kicks = _line_coefficients(strengths), strengths.size * n_max
-    width = count("width", width, 1, GRIDS[1][0])
-    y, time = search_grids(lambda y: _lifetimes(line, y, n_kicks), GRIDS, width)
+    line, n_kicks = _line_coefficients(strengths, settings), strengths.size * n_max
+    y, time = search_grids(lambda y: _lifetimes(line, y, n_kicks), settings.search)
     return y, time / strengths.size
 
 
-def critical_scale(profile: ArrayLike, n_max: int) -> CriticalScale:
+def critical_scale(
+    profile: ArrayLike, n_max: int, settings: LineSettings = DEFAULT_SETTINGS
+) -> CriticalScale:
     """Compute the scale at which the last circle breaks on κ = s·profile, and one without circles.
 
     1. Start where the largest strength is 2, and the first kick eliminates all starts.
@@ -232,6 +289,8 @@ def critical_scale(profile: ArrayLike, n_max: int) -> CriticalScale:
     n_max : int
         Steps (periods of the forcing), 100 to 10⁹. On the paper's plane upper/value - 1 is
         0.6/n_max to 1/n_max, on its diagonals half of that.
+    settings : LineSettings
+        The search for starts, and bounds of the law.
 
     Returns
     -------
@@ -262,13 +321,14 @@ def critical_scale(profile: ArrayLike, n_max: int) -> CriticalScale:
     n_kicks = profile.size * count("n_max", n_max, 100, MAX_STEPS)
 
     def lifetime(scale):
-        line = _line_coefficients(scale * profile)
-        return search_grids(lambda y: _lifetimes(line, y, n_kicks), GRIDS)[1]
+        line = _line_coefficients(scale * profile, settings)
+        return search_grids(lambda y: _lifetimes(line, y, n_kicks), settings.search)[1]
 
     top = 2 / np.abs(profile).max()
     # The slope is guessed; a bad guess only costs time.
-    upper, time, slope = _lower_scale(lifetime, top, 1.0, top / 2, n_kicks)
-    gap = _gap(lifetime, upper, time, slope, _SLOPE_BOUNDS[1] * profile.size)
+    upper, time, slope = _lower_scale(lifetime, top, 1.0, top / 2, n_kicks, settings.max_scales)
+    slopes = settings.min_slope, settings.max_slope * profile.size
+    gap = _gap(lifetime, upper, time, slope, *slopes)
     if np.isnan(gap):
         return no_answer(None, Status.NOT_CONVERGED, _METHOD)
     # Lifetimes follow the law of a similar forcing of shorter period until orbits resolve the
@@ -280,14 +340,14 @@ def critical_scale(profile: ArrayLike, n_max: int) -> CriticalScale:
     return CriticalScale(upper - gap, error, np.nan, upper, None, Status.OK, _METHOD)
 
 
-def _lower_scale(lifetime, scale, time, slope, n_kicks):
+def _lower_scale(lifetime, scale, time, slope, n_kicks, max_scales):
     """Lower the scale until starts live nearly n_kicks.
 
     Returns the lowest scale at which no start was found to survive, the longest lifetime there, and
-    the slope of the law; NaN if `_MAX_SCALES` do not suffice.
+    the slope of the law; NaN if `max_scales` do not suffice.
     """
     survived = 0.0  # the largest scale known at which a start survives
-    for _ in range(_MAX_SCALES):
+    for _ in range(max_scales):
         if time >= 0.8 * n_kicks or scale - survived < 0.05 * slope / time:
             return scale, time, slope
         target = min(0.9 * n_kicks, _LIFETIME_RATIO * time)
@@ -306,7 +366,7 @@ def _lower_scale(lifetime, scale, time, slope, n_kicks):
     return np.nan, np.nan, np.nan
 
 
-def _gap(lifetime, scale, time, slope, max_slope):
+def _gap(lifetime, scale, time, slope, min_slope, max_slope):
     """Return the distance from `scale` down to the breakup, by the law; NaN if it does not hold."""
     higher = scale + (_LIFETIME_RATIO - 1) * slope / time
     if np.isnan(higher):
@@ -315,7 +375,7 @@ def _gap(lifetime, scale, time, slope, max_slope):
     if not shorter_time < time:  # the search missed a survivor at the lower scale
         return np.nan
     gap = (higher - scale) / (time / shorter_time - 1)
-    return gap if _SLOPE_BOUNDS[0] < gap * time / (scale - gap) < max_slope else np.nan
+    return gap if min_slope < gap * time / (scale - gap) < max_slope else np.nan
 
 
 def has_dominant_line(kappa: ArrayLike) -> bool:
@@ -332,7 +392,7 @@ def has_dominant_line(kappa: ArrayLike) -> bool:
     return primitive(kappa).size <= 2
 
 
-def _line_coefficients(strengths):
+def _line_coefficients(strengths, settings=DEFAULT_SETTINGS):
     """Return the kernel's arguments for the dominant line.
 
     They are the coefficients of kick n of a block in row n, as in `nasm.escape`; a - 1/4; and v_0 -
@@ -346,7 +406,7 @@ def _line_coefficients(strengths):
         )
     site, a = dominant_centre(strengths)
     strengths = np.roll(strengths, -site)
-    rows = np.resize(strengths, _BLOCK_KICKS)
+    rows = np.resize(strengths, settings.block_kicks)
     w = float(strengths[0] if a else -strengths[0]) / 2
     return -rows[:, None] * np.array(SINE), a - 0.25, w
 
@@ -358,16 +418,12 @@ def _lifetimes(line, y, n_kicks):
 
 
 def search_grids(
-    lifetimes: Callable[[NDArray[np.floating]], FloatArray],
-    grids: Sequence[tuple[int, float]],
-    width: int = BEAM_WIDTH,
-    final_width: int = _FINAL_WIDTH,
-    resolution: float = 0.01,
+    lifetimes: Callable[[NDArray[np.floating]], FloatArray], settings: SearchSettings
 ) -> tuple[float, float]:
-    """Do a `beam_search` on each of the grids (starts, offset), until one finds a survivor."""
+    """Do a `beam_search` on each of the grids, until one finds a survivor."""
     starts = []
-    for grid in grids:
-        starts.append(beam_search(lifetimes, *grid, width, final_width, resolution))
+    for grid in settings.grids:
+        starts.append(beam_search(lifetimes, *grid, settings))
         if np.isinf(starts[-1][1]):
             break
     return max(starts, key=lambda start: start[1])
@@ -377,9 +433,7 @@ def beam_search(
     lifetimes: Callable[[NDArray[np.floating]], FloatArray],
     starts: int,
     offset: float,
-    width: int = BEAM_WIDTH,
-    final_width: int = _FINAL_WIDTH,
-    resolution: float = 0.01,
+    settings: SearchSettings,
 ) -> tuple[float, float]:
     """Find y in [0, 1/2] of the longest-lived start, or of a survivor, and its lifetime.
 
@@ -388,13 +442,8 @@ def beam_search(
     lifetimes : callable
         From a vector of y to their lifetimes in kicks, inf for a survivor.
     starts, offset
-        As in GRIDS.
-    width : int
-        As for `longest_lived`.
-    final_width : int
-        The same for cells smaller than 100·resolution over T², T the longest lifetime.
-    resolution : float
-        The search ends if cells are smaller than this, over T².
+        One of the grids of the settings.
+    settings : SearchSettings
 
     Returns
     -------
@@ -402,7 +451,8 @@ def beam_search(
     """
     cell = 0.5 / starts
     y = (np.arange(starts) + offset) * cell
-    offsets = np.arange(_CHILDREN) - (_CHILDREN - 1) / 2
+    children, width, resolution = settings.children, settings.width, settings.resolution
+    offsets = np.arange(children) - (children - 1) / 2
     best_y, best_time = 0.0, 0.0
     while True:
         times = lifetimes(y)
@@ -415,9 +465,9 @@ def beam_search(
         if np.isinf(best_time) or cell * best_time**2 < resolution or cell < np.spacing(0.5):
             return best_y, best_time
         if cell * best_time**2 < 100 * resolution:
-            width = min(width, final_width)
+            width = min(width, settings.final_width)
         parents = y[np.argsort(-times, kind="stable")[:width]]
-        cell *= _CELL_RATIO
+        cell *= settings.cell_ratio
         y = (parents[:, None] + cell * offsets).ravel()
 
 
@@ -444,7 +494,7 @@ def _advance(c, state):
     v = load(state, 2 * LANES)
     w = load(state, 3 * LANES)
     smallest = v
-    for n in range(0, _BLOCK_KICKS, 2):  # unrolled by two: 1.1 times faster
+    for n in range(0, c.shape[0], 2):  # unrolled by two: 1.1 times faster
         x, y, v, w = tangent_kick(c, n, x, y, v, w)
         smallest = minimum(smallest, v)
         x, y, v, w = tangent_kick(c, n + 1, x, y, v, w)
@@ -493,8 +543,8 @@ def _elimination_times(c, x, w, y, n_max, times):
         while not alarm:
             before[:] = state
             _advance(c, state)
-            age += _BLOCK_KICKS
-            oldest += _BLOCK_KICKS
+            age += c.shape[0]
+            oldest += c.shape[0]
             alarm = oldest >= n_max
             for lane in range(LANES):
                 alarm |= state[4, lane] <= 0
@@ -502,7 +552,7 @@ def _elimination_times(c, x, w, y, n_max, times):
             is_eliminated = state[4, lane] <= 0
             if start[lane] >= 0 and (is_eliminated or age[lane] >= n_max):
                 time = (
-                    age[lane] - _BLOCK_KICKS + _replay(c, before, lane)
+                    age[lane] - c.shape[0] + _replay(c, before, lane)
                     if is_eliminated
                     else n_max + 1
                 )

@@ -37,7 +37,7 @@ lifetimes are up to 130 steps there, while on 15 of 20 other lines x = a starts 
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache, partial
 from math import log
@@ -51,12 +51,18 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import FEW, load_state, minimum, own_frame, store_state
 from nasm.arithmetic.sine import SINE, cos2pi
 from nasm.checks import count, points, real
-from nasm.converse_kam.symmetry_line import LongestLived, beam_search, search_grids, tangent_kick
+from nasm.converse_kam.symmetry_line import (
+    LongestLived,
+    SearchSettings,
+    search_grids,
+    tangent_kick,
+)
 from nasm.maps import MAX_PERIOD, forcing, kick, segment
 from nasm.types import FloatArray
 
 __all__ = [
     "Transversal",
+    "TransversalSettings",
     "eliminated_transversals",
     "elimination",
     "longest_lived",
@@ -68,42 +74,76 @@ MAX_STEPS = 10**6
 EXCESS_BOUNDS = 0.6, 0.95
 """Least and largest C of the law, in steps."""
 
-_TYPICAL_EXCESS = 0.7
-"""C in most cases."""
-
-_BLOCK_KICKS = 32
-"""Kicks, roughly, between two tests of the starts."""
-
-_GRIDS = ((1024, 0.5), (797, 0.382))
-"""As those of `symmetry_line`."""
-
-_BEAM_WIDTH = 16
-"""Starts for each kick of a period from which the search goes on."""
-
-_FIRST_RATIO = 8
-"""Ratio of the beam width to that of the first search."""
-
-_SEARCH_GAP, _PROOF_GAP = 0.5, 1e-6
-"""Least gap, over the widest one before the kick of a site, in which a corner is placed: in
-searches for survivors, and in polygons for proofs."""
-
-_MAX_SITES = 8
-"""Sites whose transversals are tried."""
-
-_PERIOD_FACTOR = 4
-"""Period over √n_max of the minimax orbits up to which pieces are bent."""
-
-_SHORT_LIFETIME = 100
-"""Kicks: among shorter lifetimes the least of the transversals of all sites is sought."""
-
-_BRACKET_WIDTH = 0.2
-"""Width of the bracket, over the scale and times the steps, at which bisection ends."""
-
-_SCAN_STEP, _SCAN_STEPS = 0.1, 40
-"""Change of the largest strength in a step from a start, and number of steps."""
+DEFAULT_SEARCH = SearchSettings(grids=((1024, 0.5), (797, 0.382)), width=16)
 
 
-def longest_lived(kappa: ArrayLike, n_max: int, until: float = math.inf) -> LongestLived:
+@dataclass(frozen=True)
+class TransversalSettings:
+    """How transversals are bent and searched, and how the scale is lowered.
+
+    Attributes
+    ----------
+    search : SearchSettings
+        The search for the longest-lived start. Its width counts for each kick of a period, of two
+        at least, and all cells have that width.
+    first_ratio : int
+        Ratio of the width to that of the first search, which usually finds a survivor if one
+        exists.
+    block_kicks : int
+        Kicks, roughly, between two tests of the starts. It affects the time only.
+    min_gap, min_proof_gap : float
+        Least gap, over the widest one before the kick of a site, in which a corner is placed: in
+        searches for survivors, and in polygons for proofs.
+    max_sites : int
+        Sites whose transversals are tried.
+    period_factor : float
+        Period over √n_max of the minimax orbits up to which pieces are bent.
+    short_lifetime : float
+        Kicks: among shorter lifetimes the least of the transversals of all sites is sought.
+    typical_excess : float
+        C of the law in most cases; it only chooses the next scale.
+    bracket_width : float
+        Width of the bracket, over the scale and times the steps, at which bisection ends.
+    scan_step : float
+        Change of the largest strength in a step from a start.
+    scan_steps : int
+        Number of these steps.
+
+    Examples
+    --------
+    >>> from nasm.converse_kam.transversal import TransversalSettings, upper_scale
+    >>> rough, _ = upper_scale((0.9, 0.7, 0.8), 30, settings=TransversalSettings(bracket_width=2))
+    >>> bool(rough > 0.3)
+    True
+    """
+
+    search: SearchSettings = DEFAULT_SEARCH
+    first_ratio: int = 8
+    block_kicks: int = 32
+    min_gap: float = 0.5
+    min_proof_gap: float = 1e-6
+    max_sites: int = 8
+    period_factor: float = 4
+    short_lifetime: float = 100
+    typical_excess: float = 0.7
+    bracket_width: float = 0.2
+    scan_step: float = 0.1
+    scan_steps: int = 40
+
+    def search_of_width(self, width: int) -> SearchSettings:
+        """Return the search with this width for cells of all sizes."""
+        return replace(self.search, width=width, final_width=width)
+
+
+DEFAULT_SETTINGS = TransversalSettings()
+
+
+def longest_lived(
+    kappa: ArrayLike,
+    n_max: int,
+    until: float = math.inf,
+    settings: TransversalSettings = DEFAULT_SETTINGS,
+) -> LongestLived:
     """Find the start that takes longest to be eliminated, on the transversals of the module.
 
     Parameters
@@ -115,6 +155,8 @@ def longest_lived(kappa: ArrayLike, n_max: int, until: float = math.inf) -> Long
     until : float
         The `time.thread_time` from which on nothing is computed any more: then a start is called a
         survivor that may not be one.
+    settings : TransversalSettings
+        How transversals are bent and searched.
 
     Returns
     -------
@@ -135,7 +177,8 @@ def longest_lived(kappa: ArrayLike, n_max: int, until: float = math.inf) -> Long
     """
     strengths = forcing(kappa)
     n_max, until = count("n_max", n_max, 1, MAX_STEPS), real("until", until)
-    return _longest_lived(strengths, n_max, _by_strength(strengths), until)
+    sites = _by_strength(strengths, settings.max_sites)
+    return _longest_lived(strengths, n_max, sites, until, settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +225,10 @@ class Transversal:
 
 
 def eliminated_transversals(
-    kappa: ArrayLike, n_max: int, until: float = math.inf
+    kappa: ArrayLike,
+    n_max: int,
+    until: float = math.inf,
+    settings: TransversalSettings = DEFAULT_SETTINGS,
 ) -> Iterator[tuple[Transversal, float]]:
     """Yield transversals on which all starts were found to be eliminated, short lifetimes first.
 
@@ -194,6 +240,8 @@ def eliminated_transversals(
         Steps (periods of the forcing) in either direction.
     until : float
         The `time.thread_time` at which the search ends, within a bend or two.
+    settings : TransversalSettings
+        How transversals are bent and searched.
 
     Yields
     ------
@@ -211,11 +259,14 @@ def eliminated_transversals(
     """
     kappa, n_max = forcing(kappa), count("n_max", n_max, 1, MAX_STEPS)
     until = real("until", until)
-    sites, n_steps = _by_strength(kappa), 256
+    sites, n_steps = _by_strength(kappa, settings.max_sites), 256
+    # The caller tests every start, so one grid suffices.
+    search = replace(
+        settings.search_of_width(settings.search.width), grids=settings.search.grids[:1]
+    )
     while n_steps <= n_max:
-        for transversal in _transversals(kappa, list(sites), _PROOF_GAP):
-            # The caller tests every start, so one grid suffices.
-            _, kicks = _bend_while_surviving(transversal, n_steps, _GRIDS[:1], _BEAM_WIDTH, until)
+        for transversal in _transversals(kappa, list(sites), settings.min_proof_gap):
+            _, kicks = _bend_while_surviving(transversal, n_steps, search, until, settings)
             if time.thread_time() > until:
                 return
             if kicks < np.inf:
@@ -228,8 +279,9 @@ def upper_scale(
     profile: ArrayLike,
     n_max: int,
     start: ArrayLike | None = None,
-    n_sites: int = _MAX_SITES,
+    n_sites: int | None = None,
     until: float = math.inf,
+    settings: TransversalSettings = DEFAULT_SETTINGS,
 ) -> tuple[float, LongestLived | None]:
     """Find a scale just above the last breakup on κ = start + s·profile.
 
@@ -246,11 +298,13 @@ def upper_scale(
     start : array_like, shape (P,), optional
         Start of the segment; default 0. From another one the scale is just above the first breakup,
         s ≥ 0, found in steps of 0.1 of the largest strength.
-    n_sites : int
-        Number of sites, 1 to 8, on whose transversals survivors are sought. With two it takes half
-        the time, and the scale may be some per cent higher.
+    n_sites : int, optional
+        Number of sites, 1 to 8, on whose transversals survivors are sought; default 8, or P if that
+        is less. With two it takes half the time, and the scale may be some per cent higher.
     until : float
         The `time.thread_time` after which the scale is left as high as it is then.
+    settings : TransversalSettings
+        How transversals are bent and searched, and how the scale is lowered.
 
     Returns
     -------
@@ -276,24 +330,25 @@ def upper_scale(
     """
     start, profile = segment(start, profile)
     n_max = count("n_max", n_max, 30, MAX_STEPS)
-    sites = _by_strength(profile)[: count("n_sites", n_sites, 1, _MAX_SITES)]
+    max_sites = settings.max_sites if n_sites is None else n_sites
+    sites = _by_strength(profile, count("n_sites", max_sites, 1, settings.max_sites))
     until = real("until", until)
     size = np.abs(profile).max()
     # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
     upper, longest, step_ratio = 2 / size, None, 0.15
 
     def longest_at(scale, n_steps):
-        return _longest_lived(start + scale * profile, n_steps, sites, until)
+        return _longest_lived(start + scale * profile, n_steps, sites, until, settings)
 
     if start.any():
-        scales = (_SCAN_STEP * n / size for n in range(_SCAN_STEPS + 1))
+        scales = (settings.scan_step * n / size for n in range(settings.scan_steps + 1))
         upper = next((scale for scale in scales if longest_at(scale, n_max).kicks < np.inf), np.inf)
         if not 0 < upper < np.inf:
             return upper, None
     unit = np.abs(start + upper * profile).max() / size
     for level in range(int(log(n_max / 30, 4)), -1, -1):
         n_steps, survived = n_max // 4**level, None
-        while survived is None or upper - survived > _BRACKET_WIDTH / n_steps * unit:
+        while survived is None or upper - survived > settings.bracket_width / n_steps * unit:
             if time.thread_time() > until:
                 return upper, None
             scale = (
@@ -310,40 +365,40 @@ def upper_scale(
                 step_ratio = min(1.5 * step_ratio, 0.3)
         if longest is None:  # of fewer steps than the search before
             longest = longest_at(upper, 16 * n_max)
-        step_ratio = (
-            _TYPICAL_EXCESS / longest.kicks * profile.size
-        )  # by the law, the breakup is that far below
+        # By the law, the breakup is that far below.
+        step_ratio = settings.typical_excess / longest.kicks * profile.size
     return upper, longest
 
 
-def _by_strength(kappa):
+def _by_strength(kappa, max_sites):
     """Return the sites of the largest |κ|, in descending order."""
     if kappa.size > MAX_PERIOD:
         raise ValueError(
             f"a forcing with P={kappa.size} kicks is too long: P is at most {MAX_PERIOD}, "
             "unless it repeats after one or two kicks"
         )
-    return np.argsort(-np.abs(kappa), kind="stable").tolist()[:_MAX_SITES]
+    return np.argsort(-np.abs(kappa), kind="stable").tolist()[:max_sites]
 
 
-def _longest_lived(kappa, n_steps, sites, until=math.inf):
+def _longest_lived(kappa, n_steps, sites, until, settings):
     """Return the LongestLived of the transversal whose longest lifetime is the shortest.
 
     Of transversals without survivors and with a long lifetime, the first is taken. The last site
     that was better is moved to the front of `sites`.
     """
     best = None
-    width = _BEAM_WIDTH * max(2, kappa.size)  # all ω up to P/2 are there
-    for transversal in _transversals(kappa, list(sites), _SEARCH_GAP):
+    # All ω up to P/2 are there.
+    search = settings.search_of_width(settings.search.width * max(2, kappa.size))
+    for transversal in _transversals(kappa, list(sites), settings.min_gap):
         site, ((x, y), kicks) = (
             transversal.site,
-            _bend_while_surviving(transversal, n_steps, _GRIDS, width, until),
+            _bend_while_surviving(transversal, n_steps, search, until, settings),
         )
         if best is None or kicks < best.kicks:
             best = LongestLived(site, float(x), float(y), kicks)
             sites.remove(site)
             sites.insert(0, site)
-        if _SHORT_LIFETIME < best.kicks < np.inf or time.thread_time() > until:
+        if settings.short_lifetime < best.kicks < np.inf or time.thread_time() > until:
             break
     return best
 
@@ -364,12 +419,15 @@ def _transversals(kappa, sites, min_gap):
         yield Transversal(site, ahead, _first_orbits(ahead, minimax), minimax)
 
 
-def _bend_while_surviving(transversal, n_steps, grids, width, until=math.inf):
+def _bend_while_surviving(transversal, n_steps, search, until, settings):
     """Bend a transversal as long as a start survives, and time remains. Then all starts do.
 
     Returns (x, y) of the longest-lived start on it, and its lifetime in kicks.
     """
-    kappa = transversal.kappa
+    kappa, max_period = transversal.kappa, longest_period(n_steps, settings)
+    # A few starts usually find a survivor, if one exists.
+    few = settings.search_of_width(search.width // settings.first_ratio)
+    few = replace(few, grids=search.grids[:1])
     while True:
         at = np.array([float(omega) for omega, _ in transversal.orbits])
         at, corners = at * (0.5 / at[-1]), transversal.corners
@@ -380,21 +438,19 @@ def _bend_while_surviving(transversal, n_steps, grids, width, until=math.inf):
         def lifetimes(place, points_at=points_at):
             if time.thread_time() > until:
                 return np.full(place.size, np.inf)
-            return elimination(kappa, *points_at(place), n_steps * kappa.size, True)[0]
+            starts = points_at(place)
+            return elimination(kappa, *starts, n_steps * kappa.size, True, settings)[0]
 
-        # A few starts usually find a survivor, if one exists.
-        place, kicks = beam_search(
-            lifetimes, *grids[0], width // _FIRST_RATIO, width // _FIRST_RATIO
-        )
+        place, kicks = search_grids(lifetimes, few)
         if kicks < np.inf:
-            place, kicks = search_grids(lifetimes, grids, width, width)
+            place, kicks = search_grids(lifetimes, search)
         piece = int(np.clip(np.searchsorted(at, place), 1, at.size - 1)) - 1
         done = np.isfinite(kicks) or time.thread_time() > until
-        if done or not transversal.bend(piece, longest_period(n_steps)):
+        if done or not transversal.bend(piece, max_period):
             return points_at(place), kicks
 
 
-def longest_period(n_steps: float) -> float:
+def longest_period(n_steps: float, settings: TransversalSettings = DEFAULT_SETTINGS) -> float:
     """Return the period of the minimax orbits up to which pieces are bent, for such lifetimes.
 
     Examples
@@ -403,7 +459,7 @@ def longest_period(n_steps: float) -> float:
     >>> longest_period(100)
     40.0
     """
-    return _PERIOD_FACTOR * n_steps**0.5
+    return settings.period_factor * n_steps**0.5
 
 
 def _first_orbits(kappa, minimax):
@@ -458,7 +514,12 @@ def _minimax(ordered, period, site, min_gap, omega, target):
 
 
 def elimination(
-    kappa: ArrayLike, x: ArrayLike, y: ArrayLike, n_kicks: int, one_is_enough: bool = False
+    kappa: ArrayLike,
+    x: ArrayLike,
+    y: ArrayLike,
+    n_kicks: int,
+    one_is_enough: bool = False,
+    settings: TransversalSettings = DEFAULT_SETTINGS,
 ) -> tuple[FloatArray, FloatArray]:
     """Compute when each start before kick 0 is eliminated, and its slope γ.
 
@@ -476,6 +537,8 @@ def elimination(
         Most kicks.
     one_is_enough : bool
         End with the first survivor; the times of starts that are undecided then are 0.
+    settings : TransversalSettings
+        Its `block_kicks`.
 
     Returns
     -------
@@ -494,7 +557,7 @@ def elimination(
     kappa, (x, y) = forcing(kappa), points(x, y)
     n_kicks = count("n_kicks", n_kicks, 1, 10**12)
     times, slopes = np.zeros((2, x.size))
-    length = kappa.size * -(-_BLOCK_KICKS // kappa.size)
+    length = kappa.size * -(-settings.block_kicks // kappa.size)
     ahead = np.resize(np.roll(kappa, -1), length)[:, None] * -np.array(SINE)
     behind = np.resize(kappa[::-1], length)[:, None] * -np.array(SINE)
     _eliminate(

@@ -189,7 +189,9 @@ def missed_survivors(quick):
     for j, (angle, x) in enumerate(zip(angles, 10 ** random.uniform(-4, -2, n_rays), strict=True)):
         kappa = symmetry_line.critical_scale(ray(angle), 3000).value * (1 + x) * ray(angle)
         for i, number in enumerate(kept):
-            lifetimes[i, j] = symmetry_line.longest_lived(kappa, n_max, int(number))[1]
+            search = symmetry_line.SearchSettings(width=int(number))
+            settings = symmetry_line.LineSettings(search=search)
+            lifetimes[i, j] = symmetry_line.longest_lived(kappa, n_max, settings)[1]
     best = lifetimes.max(axis=0)
     known = np.isfinite(best)
     lost = 1 - lifetimes[:, known] / best[known]
