@@ -28,15 +28,43 @@ from nasm.tables import html_table, status_text
 from nasm.texts import rounded_value
 from nasm.types import FloatArray
 
-__all__ = ["Diffusion", "diffusion"]
+__all__ = ["Diffusion", "DiffusionSettings", "diffusion"]
 
 MIN_PERIODS = 8192
 """Least n_max; in fewer periods an accelerator mode may not stand out from the other orbits."""
 
-_MIN_MEAN_SQUARE = 4.0  # of displacements over the longer lag
-_N_PARTS = 8  # of the time, at whose ends momenta are recorded
-_MAX_GROWTH_EXPONENT = 1.2  # of n, in the growth of mean squares
-_MAX_SQUARE_RATIO = 100.0  # of the largest square to the mean: chance takes no orbit further
+
+@dataclass(frozen=True)
+class DiffusionSettings:
+    """When an ensemble has spread far enough, and which spreading is no diffusion.
+
+    Attributes
+    ----------
+    n_parts : int
+        Parts of the time, at whose ends momenta are recorded; a power of 2. The longer lag is half
+        of them, the shorter one a single part.
+    min_mean_square : float
+        Mean square of the displacements over the longer lag at which n suffices.
+    max_growth_exponent : float
+        Largest power of n in the growth of mean squares.
+    max_square_ratio : float
+        Ratio of the largest square to the mean: chance takes no orbit further.
+
+    Examples
+    --------
+    >>> from nasm.diffusion import DiffusionSettings, diffusion
+    >>> settings = DiffusionSettings(min_mean_square=1e9)
+    >>> diffusion((8.0,), 64, 8192, settings).status
+    Status.NOT_CONVERGED
+    """
+
+    n_parts: int = 8
+    min_mean_square: float = 4.0
+    max_growth_exponent: float = 1.2
+    max_square_ratio: float = 100.0
+
+
+DEFAULT_SETTINGS = DiffusionSettings()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,7 +107,12 @@ class Diffusion(Result):
         return f"{rounded_value(self.value, self.error)} per period"
 
 
-def diffusion(kappa: ArrayLike, n_orbits: int = 1024, n_max: int = 2**21) -> Diffusion:
+def diffusion(
+    kappa: ArrayLike,
+    n_orbits: int = 1024,
+    n_max: int = 2**21,
+    settings: DiffusionSettings = DEFAULT_SETTINGS,
+) -> Diffusion:
     """Estimate D by an ensemble of orbits that start evenly in the cell.
 
     Parameters
@@ -90,6 +123,8 @@ def diffusion(kappa: ArrayLike, n_orbits: int = 1024, n_max: int = 2**21) -> Dif
         64 to 10⁶.
     n_max : int
         Most periods, 8192 to 10¹². D of 4/n_max or more can be resolved.
+    settings : DiffusionSettings
+        When the ensemble has spread far enough.
 
     Raises
     ------
@@ -108,26 +143,27 @@ def diffusion(kappa: ArrayLike, n_orbits: int = 1024, n_max: int = 2**21) -> Dif
     n_max = count("n_max", n_max, MIN_PERIODS, MAX_STEPS)
     x, y = ensemble(-(-n_orbits // LANES) * LANES)
     x, y = x - 0.25, y / 0.3
-    momenta, part = [y.copy()], MIN_PERIODS // _N_PARTS
+    n_parts = settings.n_parts
+    momenta, part = [y.copy()], MIN_PERIODS // n_parts
     while True:
-        while len(momenta) <= _N_PARTS:
+        while len(momenta) <= n_parts:
             _iterate(kicks, x, y, part)
             momenta.append(y.copy())
-        estimate = _estimate(np.array(momenta), part)
-        if estimate.status is not Status.NOT_CONVERGED or 2 * _N_PARTS * part > n_max:
+        estimate = _estimate(np.array(momenta), part, settings)
+        if estimate.status is not Status.NOT_CONVERGED or 2 * n_parts * part > n_max:
             return estimate
         momenta, part = momenta[::2], 2 * part
 
 
-def _estimate(momenta: FloatArray, part: int) -> Diffusion:
+def _estimate(momenta: FloatArray, part: int, settings: DiffusionSettings) -> Diffusion:
     """Estimate D from momenta at the ends of equal parts of the time."""
-    lag = _N_PARTS // 2
+    lag = settings.n_parts // 2
     long, short = (np.mean((momenta[n:] - momenta[:-n]) ** 2, axis=0) for n in (lag, 1))
     slopes = (long - short) / (2 * part * (lag - 1))
-    if long.mean() < _MIN_MEAN_SQUARE:
+    if long.mean() < settings.min_mean_square:
         return Diffusion(np.nan, np.nan, Status.NOT_CONVERGED)
-    grows_faster = long.mean() > lag**_MAX_GROWTH_EXPONENT * short.mean()
-    if grows_faster or long.max() > _MAX_SQUARE_RATIO * long.mean():
+    grows_faster = long.mean() > lag**settings.max_growth_exponent * short.mean()
+    if grows_faster or long.max() > settings.max_square_ratio * long.mean():
         return Diffusion(np.nan, np.nan, Status.ANOMALOUS)
     error = slopes.std(ddof=1) / slopes.size**0.5
     return Diffusion(float(slopes.mean()), float(error), Status.OK)

@@ -21,6 +21,7 @@ is repeated step by step, so times are exact. In single precision p has degree 4
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit, types
@@ -36,7 +37,7 @@ from nasm.maps import direction, forcing
 from nasm.types import FloatArray
 
 __all__ = ["PAPER_WINDOW", "boundary", "critical_scale", "ensemble", "escape_time", "first_escape"]
-__all__ += ["onset_scale"]
+__all__ += ["IterationSettings", "onset_scale"]
 
 METHOD = "direct iteration"
 PAPER_WINDOW = (-2.0, 2.3)
@@ -50,8 +51,35 @@ MAX_SINGLE_STEPS = 10**6
 
 _ETA = 3.012  # exponent of the bias, k_N - k_c ~ N^(-1/η)
 
-_BLOCK_STEPS = 128  # between two tests for escape: fewer are slower, more make repetitions longer
-_MAX_CHUNK_STEPS = 4096  # between two compactions of the surviving orbits
+
+@dataclass(frozen=True)
+class IterationSettings:
+    """In which portions orbits are iterated; escape times do not depend on it.
+
+    Attributes
+    ----------
+    block_steps : int
+        Steps between two tests for escape: fewer are slower, more make repetitions longer.
+    max_chunk_steps : int
+        Most steps between two compactions of the surviving orbits. In the search for the first
+        escape, orbits are iterated up to so many steps beyond it.
+
+    Examples
+    --------
+    >>> from nasm.escape import IterationSettings, ensemble, escape_time
+    >>> times = [
+    ...     escape_time((2.0, 1.5), *ensemble(100), 1000, settings=IterationSettings(n))
+    ...     for n in (16, 128)
+    ... ]
+    >>> (times[0] == times[1]).all()
+    np.True_
+    """
+
+    block_steps: int = 128
+    max_chunk_steps: int = 4096
+
+
+DEFAULT_SETTINGS = IterationSettings()
 
 
 def ensemble(n_orbits: int) -> tuple[FloatArray, FloatArray]:
@@ -84,7 +112,12 @@ def ensemble(n_orbits: int) -> tuple[FloatArray, FloatArray]:
 
 
 def escape_time(
-    kappa: ArrayLike, x: ArrayLike, y: ArrayLike, n_max: int, window: ArrayLike = PAPER_WINDOW
+    kappa: ArrayLike,
+    x: ArrayLike,
+    y: ArrayLike,
+    n_max: int,
+    window: ArrayLike = PAPER_WINDOW,
+    settings: IterationSettings = DEFAULT_SETTINGS,
 ) -> FloatArray:
     """Compute the first step n at which each orbit is outside the window.
 
@@ -98,6 +131,8 @@ def escape_time(
         Most steps (periods of the forcing, P kicks each), 1 to 10¹².
     window : (lo, hi)
         An orbit is inside while lo ≤ y ≤ hi.
+    settings : IterationSettings
+        For the speed.
 
     Returns
     -------
@@ -119,7 +154,8 @@ def escape_time(
     strengths, x, y, n_max, lo, hi, shift = _checked(kappa, x, y, n_max, window)
     times = np.empty(x.size)
     starts = x.ravel() - 0.25, y.ravel() - shift
-    _escape_times(kick_series(strengths), *starts, n_max, lo, hi, False, times)
+    portions = settings.block_steps, settings.max_chunk_steps
+    _escape_times(kick_series(strengths), *starts, n_max, lo, hi, False, *portions, times)
     return times.reshape(x.shape)
 
 
@@ -131,6 +167,7 @@ def first_escape(
     n_max: int,
     window: ArrayLike = PAPER_WINDOW,
     precision: str = "double",
+    settings: IterationSettings = DEFAULT_SETTINGS,
 ) -> FloatArray:
     """Compute the first escape time of nested ensembles, for many forcings at once.
 
@@ -146,6 +183,8 @@ def first_escape(
         As for `escape_time`.
     precision : {"double", "single"}
         Floating-point precision. "single" is 2.5 times faster and allowed up to 10⁶ steps.
+    settings : IterationSettings
+        For the speed.
 
     Returns
     -------
@@ -190,7 +229,8 @@ def first_escape(
     sizes, (kind, series) = sizes.astype(np.int64), _PRECISIONS[precision]
     times = np.empty((len(flat), sizes.size))
     starts = (x - 0.25).astype(kind), (y - shift).astype(kind)
-    _first_escapes(kick_series(flat, series).astype(kind), *starts, sizes, n_max, lo, hi, times)
+    kicks, portions = kick_series(flat, series), (settings.block_steps, settings.max_chunk_steps)
+    _first_escapes(kicks.astype(kind), *starts, sizes, n_max, lo, hi, *portions, times)
     return times.T.reshape(sizes.size, *plane)
 
 
@@ -500,13 +540,17 @@ def _replay(c, x, y, n, lo, hi):
     return n + 1
 
 
-# (x, y) = (0, 0) is a fixed point for every forcing: parked lanes leave only a window without it,
-# and are never replayed.
-_PARK_X, _PARK_Y = -0.25, 0.0
+@njit(nogil=True)
+def _park(x, y, lane):
+    """Idle a lane on (x, y) = (0, 0), a fixed point for every forcing.
+
+    It leaves only a window without that point, and is never replayed.
+    """
+    x[lane], y[lane] = -0.25, 0.0
 
 
 @kernel
-def _escape_times(c, x0, y0, n_max, lo, hi, only_first, times):
+def _escape_times(c, x0, y0, n_max, lo, hi, only_first, block_steps, max_chunk_steps, times):
     """Write n* of every orbit to `times`, inf if beyond n_max; with `only_first` orbits that escape
     later than the first may be left at inf. Survivors are packed together after each chunk of time.
     """
@@ -514,7 +558,7 @@ def _escape_times(c, x0, y0, n_max, lo, hi, only_first, times):
     orbit, size = np.empty(x0.size, np.int64), (x0.size + LANES - 1) // LANES * LANES
     x, y, last = np.empty(size, x0.dtype), np.empty(size, x0.dtype), n_max
     for i in range(size):
-        x[i], y[i] = _PARK_X, _PARK_Y
+        _park(x, y, i)
     for i in range(x0.size):
         orbit[i], x[i], y[i] = i, x0[i], y0[i]
         times[i] = np.inf
@@ -528,11 +572,11 @@ def _escape_times(c, x0, y0, n_max, lo, hi, only_first, times):
     n = 0
     while n < last and alive > 0:
         # A quarter of the steps so far, at least one block.
-        chunk = min(max(n // 4, _BLOCK_STEPS), _MAX_CHUNK_STEPS, last - n)
+        chunk = min(max(n // 4, block_steps), max_chunk_steps, last - n)
         for start in range(0, alive, LANES):
             done = 0
             while done < chunk and n + done <= last:
-                block = min(_BLOCK_STEPS, chunk - done)
+                block = min(block_steps, chunk - done)
                 for lane in range(LANES):
                     x_before[lane], y_before[lane] = x[start + lane], y[start + lane]
                 advance(c, x, y, start, block, reach)
@@ -543,7 +587,7 @@ def _escape_times(c, x0, y0, n_max, lo, hi, only_first, times):
                         if t <= block:
                             times[orbit[i]] = n + done + t
                             last = min(last, n + done + t - 1) if only_first else last
-                            x[i], y[i] = _PARK_X, _PARK_Y
+                            _park(x, y, i)
                 done += block
         n += chunk
         survivors = 0
@@ -552,12 +596,12 @@ def _escape_times(c, x0, y0, n_max, lo, hi, only_first, times):
                 orbit[survivors], x[survivors], y[survivors] = orbit[i], x[i], y[i]
                 survivors += 1
         for i in range(survivors, alive):
-            x[i], y[i] = _PARK_X, _PARK_Y
+            _park(x, y, i)
         alive = survivors
 
 
 @kernel
-def _first_escapes(c, x, y, sizes, n_max, lo, hi, escapes):
+def _first_escapes(c, x, y, sizes, n_max, lo, hi, block_steps, max_chunk_steps, escapes):
     """Write the first escape of each nested ensemble (columns) for each forcing (rows)."""
     times = np.empty(x.size)
     for i in range(c.shape[0]):
@@ -565,7 +609,18 @@ def _first_escapes(c, x, y, sizes, n_max, lo, hi, escapes):
         for j in range(sizes.size):
             if first > 0:  # a larger ensemble matters only at times before the smaller one's
                 added, most = slice(start, sizes[j]), int(min(n_max, first - 1))
-                _escape_times(c[i], x[added], y[added], most, lo, hi, True, times[added])
+                _escape_times(
+                    c[i],
+                    x[added],
+                    y[added],
+                    most,
+                    lo,
+                    hi,
+                    True,
+                    block_steps,
+                    max_chunk_steps,
+                    times[added],
+                )
                 for k in range(start, sizes[j]):
                     first = min(first, times[k])
             start = sizes[j]

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nasm.checks import floats
+from nasm.checks import count, floats
 from nasm.maps import TWO_PI, step_tangent
 from nasm.types import FloatArray
 
@@ -27,9 +27,6 @@ __all__ = ["cubic_estimate", "primary_residue", "residue", "secondary", "seconda
 
 PRIMARY = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
 """x, y of the primary points I to IV; III and IV also have y = -1/2."""
-
-_N_SAMPLES = 1024  # in the search for sign changes in (0, π)
-_N_BISECTIONS = 60
 
 
 def _strengths(kappa1: ArrayLike, kappa2: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -89,19 +86,23 @@ def residue(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> FloatArray:
     return (2 - tangent[0, 0] - tangent[1, 1]) / 4
 
 
-def secondary(kappa1: ArrayLike, kappa2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+def secondary(
+    kappa1: ArrayLike, kappa2: ArrayLike, n_samples: int = 1024
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Compute the secondary point next to (1/2, 0), with x > 1/2; its mirror image is (1 - x, -y).
 
     Parameters
     ----------
     kappa1, kappa2 : array_like
         Finite strengths. Their shapes broadcast.
+    n_samples : int
+        Parts of (0, π) between which a change of sign is sought, 2 to 10⁶.
 
     Returns
     -------
     z : ndarray, at least one-dimensional
         The smallest solution of Eq. (38b) in (0, π), with z = 2πx - π. NaN if the sign changes
-        between no two of 1024 equally spaced samples.
+        between no two of these equally spaced samples.
     x, y : ndarray
         The point, in turns.
 
@@ -113,7 +114,8 @@ def secondary(kappa1: ArrayLike, kappa2: ArrayLike) -> tuple[FloatArray, FloatAr
     [1.1311] [0.68] [0.36]
     """
     kappa1, kappa2 = np.atleast_1d(*_strengths(kappa1, kappa2))
-    grid = np.pi * np.arange(1, _N_SAMPLES) / _N_SAMPLES
+    n_samples = count("n_samples", n_samples, 2, 10**6)
+    grid = np.pi * np.arange(1, n_samples) / n_samples
     left, right = np.full((2, *kappa1.shape), np.nan)
     before = secondary_equation(kappa1, kappa2, grid[0])
     for low, high in pairwise(grid):
@@ -122,7 +124,8 @@ def secondary(kappa1: ArrayLike, kappa2: ArrayLike) -> tuple[FloatArray, FloatAr
         left[first], right[first] = low, high
         before = after
     sign = np.sign(secondary_equation(kappa1, kappa2, left))
-    for _ in range(_N_BISECTIONS):
+    # z is larger than the first interval: after so many halvings its ends are neighbouring floats.
+    for _ in range(np.finfo(float).nmant + 2):
         z = (left + right) / 2
         on_the_left = np.sign(secondary_equation(kappa1, kappa2, z)) == sign
         left, right = np.where(on_the_left, z, left), np.where(on_the_left, right, z)

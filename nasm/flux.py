@@ -44,11 +44,33 @@ from nasm.tables import html_table, status_text
 from nasm.texts import rounded_value
 from nasm.types import OmegaLike
 
-__all__ = ["Flux", "action_difference", "flux"]
+__all__ = ["Flux", "FluxSettings", "action_difference", "flux"]
 
-# Relative change from one convergent to the next:
-_AIM = 1e-6  # at which the search ends
-_MAX_CHANGE = 0.01  # that is accepted if it cannot be continued
+
+@dataclass(frozen=True)
+class FluxSettings:
+    """Relative changes of ΔW from one convergent to the next.
+
+    Attributes
+    ----------
+    target_change : float
+        Change at which the search ends.
+    max_change : float
+        Change that is accepted if the search cannot be continued.
+
+    Examples
+    --------
+    >>> from nasm.flux import FluxSettings, flux
+    >>> rough = flux("gamma", (1.1,), settings=FluxSettings(target_change=1e-3))
+    >>> rough.period < flux("gamma", (1.1,)).period
+    True
+    """
+
+    target_change: float = 1e-6
+    max_change: float = 0.01
+
+
+DEFAULT_SETTINGS = FluxSettings()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,7 +126,12 @@ class Flux(Result):
         return f"{rounded_value(self.value, self.error)} per step"
 
 
-def flux(omega: OmegaLike, kappa: ArrayLike, q_max: int = 30_000) -> Flux:
+def flux(
+    omega: OmegaLike,
+    kappa: ArrayLike,
+    q_max: int = 30_000,
+    settings: FluxSettings = DEFAULT_SETTINGS,
+) -> Flux:
     """Compute ΔW of longer and longer convergents of ω, until it converges or is lost in rounding.
 
     Parameters
@@ -116,6 +143,8 @@ def flux(omega: OmegaLike, kappa: ArrayLike, q_max: int = 30_000) -> Flux:
     q_max : int
         Longest period used, up to 10⁶. From a relative 10⁻³ beyond the breakup on 30 000 suffice,
         from 10⁻⁴ on 200 000.
+    settings : FluxSettings
+        When ΔW has converged.
 
     Returns
     -------
@@ -160,10 +189,11 @@ def flux(omega: OmegaLike, kappa: ArrayLike, q_max: int = 30_000) -> Flux:
             status = Status.DISORDERED
             break
         value, error, period = difference, abs(difference - value) + rounding, chain.q
-        if chain.q >= min_period and error <= max(_AIM * value, 2 * rounding):
+        if chain.q >= min_period and error <= max(settings.target_change * value, 2 * rounding):
             status = Status.OK
             break
-    if status is Status.OK or (period >= min_period and error <= _MAX_CHANGE * value):
+    is_accepted = period >= min_period and error <= settings.max_change * value
+    if status is Status.OK or is_accepted:
         return Flux(steps * value, steps * error, period, omega, Status.OK)
     return Flux(np.nan, np.nan, period, omega, status)
 

@@ -2,11 +2,11 @@
 
 The minimizing orbit is hyperbolic, R < 0. Along the unstable direction v of one of its points z,
 
-    W(t) = T^{qk}(z + ε λ^{t-k} v) - (pk, 0),    k = ⌊t⌋,    ε = 10⁻⁶,
+    W(t) = T^{qk}(z + ε λ^{t-k} v) - (pk, 0),    k = ⌊t⌋,
 
-with λ > 1 the eigenvalue of DT^q, is its unstable manifold up to about ε², since T^q attracts
-points to it. T⁻¹ is T with the kicks in reversed order in the coordinates (y - x, y), so the stable
-manifold is the image of an unstable one.
+with a small ε and λ > 1 the eigenvalue of DT^q, is its unstable manifold up to about ε², since T^q
+attracts points to it. T⁻¹ is T with the kicks in reversed order in the coordinates (y - x, y), so
+the stable manifold is the image of an unstable one.
 
 The manifolds of neighbouring points of the orbit cross on a homoclinic orbit that minimizes the
 action and on a minimax one. Between one point of the former and the next they enclose two lobes of
@@ -36,17 +36,43 @@ from nasm.orbits import orbit
 from nasm.tables import html_table
 from nasm.types import FloatArray
 
-__all__ = ["Turnstile", "stable", "turnstile", "unstable"]
+__all__ = ["ManifoldSettings", "Turnstile", "stable", "turnstile", "unstable"]
 
-_EPSILON = 1e-6  # distance at which a branch begins, in turns
-_MAX_MISS = 1e-10  # relative to the norm of DT^q: by which a point of a periodic orbit returns
-MAX_POINTS = 2 * 10**5
-"""Most points of a curve."""
 
-# The homoclinic orbits of a turnstile are approximated by periodic orbits:
-_LOG_EXPANSION = 36.0  # ln λ^n, by which they agree to rounding
-_MAX_PERIOD = 20_000
-_MAX_LENGTH = 20.0  # turns along a manifold up to its turnstile
+@dataclass(frozen=True)
+class ManifoldSettings:
+    """How manifolds begin, and how far they are followed.
+
+    Attributes
+    ----------
+    epsilon : float
+        ε of the module, the distance at which a branch begins, in turns.
+    max_miss : float
+        Distance at which a point of a periodic orbit may return, relative to the norm of DT^q.
+    max_points : int
+        Most points of a curve.
+    max_period : int
+        Longest period of the orbits that approximate the homoclinic ones of a turnstile.
+    max_length : float
+        Turns along a manifold up to its turnstile.
+
+    Examples
+    --------
+    >>> from nasm.manifolds import ManifoldSettings, unstable
+    >>> branch = (0.5,), 0, 1, 0.0, 0.0, 0.3, 0.1
+    >>> x, _ = unstable(*branch, settings=ManifoldSettings(epsilon=1e-5))
+    >>> x.round(2)
+    array([0.  , 0.05, 0.09, 0.14, 0.19, 0.23])
+    """
+
+    epsilon: float = 1e-6
+    max_miss: float = 1e-10
+    max_points: int = 2 * 10**5
+    max_period: int = 20_000
+    max_length: float = 20.0
+
+
+DEFAULT_SETTINGS = ManifoldSettings()
 
 
 def unstable(
@@ -58,6 +84,7 @@ def unstable(
     length: float,
     spacing: float = 2e-3,
     toward: int = 1,
+    settings: ManifoldSettings = DEFAULT_SETTINGS,
 ) -> tuple[FloatArray, FloatArray]:
     """Compute one branch of the unstable manifold of a point of the minimizing p/q orbit.
 
@@ -75,6 +102,8 @@ def unstable(
         Largest distance from each of its points to the next, in turns, > 0.
     toward : {1, -1}
         1 for the branch that begins to the right, -1 for that to the left.
+    settings : ManifoldSettings
+        How the branch begins, and how many points it may have.
 
     Returns
     -------
@@ -93,8 +122,8 @@ def unstable(
     >>> x.round(2)
     array([0.  , 0.05, 0.09, 0.14, 0.18, 0.23])
     """
-    arguments = _checked(kappa, p, q, x, y, length, spacing, toward)
-    return _branch(*arguments)
+    arguments = _checked(kappa, p, q, x, y, length, spacing, toward, settings)
+    return _branch(*arguments, settings)
 
 
 def stable(
@@ -106,6 +135,7 @@ def stable(
     length: float,
     spacing: float = 2e-3,
     toward: int = 1,
+    settings: ManifoldSettings = DEFAULT_SETTINGS,
 ) -> tuple[FloatArray, FloatArray]:
     """Compute one branch of the stable manifold; parameters and results are those of `unstable`.
 
@@ -117,10 +147,10 @@ def stable(
     array([ 0.  , -0.02, -0.04, -0.07, -0.09, -0.11])
     """
     kappa, p, q, x, y, length, spacing, toward = _checked(
-        kappa, p, q, x, y, length, spacing, toward
+        kappa, p, q, x, y, length, spacing, toward, settings
     )
     # The coordinates (y - x, y) exchange left and right.
-    xs, ys = _branch(kappa[::-1], p, q, y - x, y, length, spacing, -toward)
+    xs, ys = _branch(kappa[::-1], p, q, y - x, y, length, spacing, -toward, settings)
     return ys - xs, ys
 
 
@@ -133,6 +163,7 @@ def _checked(
     length: float,
     spacing: float,
     toward: int,
+    settings: ManifoldSettings,
 ) -> tuple[FloatArray, int, int, float, float, float, float, int]:
     """Check the arguments of `unstable`."""
     kappa, q = forcing(kappa), count("q", q, 1, MAX_PERIOD)
@@ -145,7 +176,8 @@ def _checked(
     kicks = np.tile(kappa, q)
     (_, end_x), (_, end_y) = orbit(kicks, x, y, 1)
     miss = np.hypot(end_x - p - x, end_y - y)
-    if not miss < _MAX_MISS * max(1.0, float(np.linalg.norm(step_tangent(kicks, x, y)))):
+    norm = float(np.linalg.norm(step_tangent(kicks, x, y)))
+    if not miss < settings.max_miss * max(1.0, norm):
         raise ValueError(
             f"({x}, {y}) is not on an orbit of p/q = {p}/{q}: it misses itself by {miss:.2g}; take "
             f"a point of `action.ordered_orbits(kappa, {p}, {q})[0].points()`"
@@ -162,32 +194,33 @@ def _branch(
     length: float,
     spacing: float,
     toward: int,
+    settings: ManifoldSettings,
 ) -> tuple[FloatArray, FloatArray]:
     """Compute a branch of the unstable manifold, arguments checked."""
-    kicks = np.tile(kappa, q)
+    kicks, epsilon, max_points = np.tile(kappa, q), settings.epsilon, settings.max_points
     values, vectors = np.linalg.eig(step_tangent(kicks, x, y))
     largest = int(np.argmax(values.real))
     factor, (dx, dy) = values[largest].real, vectors[:, largest].real
     part = np.linspace(0, 1, 17)
-    if not np.log(max(factor, 1.0)) > -np.log(_EPSILON) * part.size / MAX_POINTS:
+    if not np.log(max(factor, 1.0)) > -np.log(epsilon) * part.size / max_points:
         raise ValueError(
             f"({x}, {y}) is not hyperbolic, with λ = {factor}; it has no manifolds that "
-            f"{MAX_POINTS} points resolve: take a point of a minimizing orbit with R < 0"
+            f"{max_points} points resolve: take a point of a minimizing orbit with R < 0"
         )
     dx, dy = (toward * np.sign(dx) * component for component in (dx, dy))
-    n = ceil(-np.log(_EPSILON) / np.log(factor))
+    n = ceil(-np.log(epsilon) / np.log(factor))
     while True:
-        distance = _EPSILON * factor**part
+        distance = epsilon * factor**part
         xs, ys = orbit(kicks, x + distance * dx, y + distance * dy, n)
         xs -= p * np.arange(n + 1)[:, None]
         gaps = np.hypot(np.diff(xs, axis=1), np.diff(ys, axis=1))
         lengths = np.cumsum(gaps.sum(axis=1))
-        if lengths[-1] < length and part.size * n <= MAX_POINTS:
+        if lengths[-1] < length and part.size * n <= max_points:
             n += 1 + n // 8
             continue
         n_images = min(int(np.searchsorted(lengths, length)) + 1, n + 1)
         wide = (gaps[:n_images] > spacing).any(axis=0)
-        if not wide.any() or part.size * n_images > MAX_POINTS:
+        if not wide.any() or part.size * n_images > max_points:
             break
         part = np.sort(np.concatenate([part, (part[1:] + part[:-1])[wide] / 2]))
     xs, ys = (np.r_[z, w[:n_images, :-1].ravel()] for z, w in ((x, xs), (y, ys)))
@@ -224,7 +257,14 @@ class Turnstile(Result):
         return " and ".join(f"{lobe.shape[1]}" for lobe in self.lobes)
 
 
-def turnstile(kappa: ArrayLike, p: int, q: int, above: bool, spacing: float = 1e-3) -> Turnstile:
+def turnstile(
+    kappa: ArrayLike,
+    p: int,
+    q: int,
+    above: bool,
+    spacing: float = 1e-3,
+    settings: ManifoldSettings = DEFAULT_SETTINGS,
+) -> Turnstile:
     """Compute the turnstile of the upper or lower edge of the resonance of p/q.
 
     Parameters
@@ -237,6 +277,8 @@ def turnstile(kappa: ArrayLike, p: int, q: int, above: bool, spacing: float = 1e
         True for the upper edge.
     spacing : float
         Distance of points on the lobes' edges, in turns, from 10⁻⁵ to 0.1.
+    settings : ManifoldSettings
+        How the manifolds begin, and how far they are followed.
 
     Raises
     ------
@@ -256,12 +298,13 @@ def turnstile(kappa: ArrayLike, p: int, q: int, above: bool, spacing: float = 1e
     if not resonant.residue < 0:
         raise LostError(f"the minimizing orbit of {p}/{q} is not hyperbolic up to rounding: R = 0")
     neighbour = _neighbour(p, q, above)
-    n = ceil(_LOG_EXPANSION / np.arccosh(1 - 2 * resonant.residue))
+    # λ^n = 1/eps: the homoclinic orbits of a turnstile are periodic ones to rounding.
+    n = ceil(-np.log(np.finfo(float).eps) / np.arccosh(1 - 2 * resonant.residue))
     long = n * p + neighbour.numerator, n * q + neighbour.denominator
-    if long[1] > _MAX_PERIOD:
+    if long[1] > settings.max_period:
         raise LostError(
             f"the resonance of {p}/{q} is too thin, R = {resonant.residue:.2g}: the orbits that "
-            f"approximate its homoclinic ones have periods above {_MAX_PERIOD}"
+            f"approximate its homoclinic ones have periods above {settings.max_period}"
         )
     minimizing, minimax = ordered_orbits(kappa, *long)
     if minimax.residue == 0:
@@ -281,8 +324,9 @@ def turnstile(kappa: ArrayLike, p: int, q: int, above: bool, spacing: float = 1e
         m += q
     middle = _at(minimax_points, m, long, p * (not above))
     crossings = [first, middle, last]
-    unstable_pieces = _pieces(unstable, kappa, p, q, ends, start, onward, crossings, spacing)
-    stable_pieces = _pieces(stable, kappa, p, q, ends, end, -onward, crossings, spacing)
+    resolution = spacing, settings
+    unstable_pieces = _pieces(unstable, kappa, p, q, ends, start, onward, crossings, *resolution)
+    stable_pieces = _pieces(stable, kappa, p, q, ends, end, -onward, crossings, *resolution)
     lower, upper = (
         np.hstack([there, back[:, ::-1]])
         for there, back in zip(unstable_pieces, stable_pieces, strict=True)
@@ -306,6 +350,7 @@ def _pieces(
     toward: int,
     crossings: Sequence[FloatArray],
     spacing: float,
+    settings: ManifoldSettings,
 ) -> list[FloatArray]:
     """Return the pieces of a branch between three crossings; it begins next to `start`."""
     offsets = start[:, None] - ends
@@ -313,15 +358,15 @@ def _pieces(
     x, y = start - offsets[:, np.hypot(*offsets).argmin()]
     length = 0.5 / q
     while True:
-        curve = np.array(branch(kappa, p, q, x, y, length, spacing, toward))
+        curve = np.array(branch(kappa, p, q, x, y, length, spacing, toward, settings))
         distances = np.hypot(*(curve[:, :, None] - np.transpose(crossings)[:, None]))
         if (distances.min(axis=0) < 2 * spacing).all():
             break
         length *= 1.5
-        if length > _MAX_LENGTH:
+        if length > settings.max_length:
             raise LostError(
                 f"the manifolds of {p}/{q} do not come within {2 * spacing} of the homoclinic "
-                f"orbits in {_MAX_LENGTH} turns"
+                f"orbits in {settings.max_length} turns"
             )
     nearest = distances.argmin(axis=0)
     pieces = []
