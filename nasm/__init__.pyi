@@ -19,6 +19,7 @@ from . import planes as planes
 from . import proofs as proofs
 from . import self_consistent as self_consistent
 from . import sources as sources
+from . import survivors as survivors
 from . import symmetries as symmetries
 from . import tables as tables
 from . import texts as texts

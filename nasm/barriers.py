@@ -34,7 +34,7 @@ that exists by its residues, the search goes on from there.
 
 from dataclasses import dataclass, replace
 from itertools import islice
-from math import floor, inf, nan
+from math import inf, nan
 from time import thread_time
 
 import numpy as np
@@ -44,95 +44,72 @@ from nasm import action, circles, escape, periodic
 from nasm.checks import floats, real
 from nasm.circles import continuation
 from nasm.converse_kam import aperiodic, symmetry_line, transversal
-from nasm.converse_kam.symmetry_line import LongestLived, has_dominant_line
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.farey import LONGEST_PERIOD, circle_exists, find_existing_circle
-from nasm.maps import MAX_PERIOD, direction, forcing, segment, unkick
+from nasm.maps import MAX_PERIOD, direction, segment
 from nasm.numbers import (
     RotationNumber,
-    as_rotation_number,
     convergents,
-    moebius,
     nobles_near,
     rational,
 )
-from nasm.orbits import rotation_number
-from nasm.symmetries import dominant_centre, equivalent_forcings, half_shift_nobles, ray, shorten
-from nasm.types import FloatArray, OmegaLike
+from nasm.survivors import candidates, longest_lived
+from nasm.symmetries import half_shift_nobles, per_period, ray, shorten
+from nasm.types import FloatArray
 
 __all__ = [
     "Effort",
     "boundary",
     "critical_scale",
-    "degenerate_partner",
-    "eliminates",
     "last_circle",
-    "longest_lived",
-    "longest_lived_start",
 ]
 
 
-_LOCATE = 1000
+_LOCATING_STEPS = 1000
 """Fewest steps of converse KAM, by which the last circle of one or two kicks is located."""
 
-_OUTSET = 0.93
-"""Scale, over one without circles, at which candidates exist."""
+_FIRST_STEPS = 100
+"""Steps of converse KAM on transversals in which the search begins: about 1/100 above the breakup,
+where the circle that the tree excludes last is mostly the last one. Scales that are tried above, if
+a circle exists there, differ by 1/100; and survivors that far above a value contradict it."""
 
 _LIFETIME = 1.6
 """Steps, times the relative distance beyond the breakup, in which converse KAM eliminates all
 starts: twice those of `transversal.EXCESS_BOUNDS`, as some orbits linger."""
 
-_REACH = 0.05
+_BREAKUP_DISTANCE = 0.05
 """Relative distance below a scale without circles within which its last circle broke."""
 
 _FINEST_STEP = 0.1
 """Shortest step, over tol."""
 
-_SEARCH_SHARE, _WITNESS_SHARE = 0.6, 0.8
-"""Shares of the CPU time after which the search ends, and then converse KAM."""
+_SEARCH_SHARE = 0.6
+"""Share of the CPU time after which the search ends."""
 
-_LOCATE_ANYWHERE = 100
-"""Steps of converse KAM on transversals in which the search begins: about 1% above the breakup,
-where the circle that the tree excludes last is mostly the last one."""
+_WITNESS_SHARE = (1 + _SEARCH_SHARE) / 2
+"""Share after which converse KAM ends; the certified circle has the rest."""
 
-_CLIMB = 0.01
-"""Relative distance between scales that are tried if a circle exists where it begins."""
-
-_BELOW = 0, 0.3, 0.6, 1, 1.5, 2, 2.5, 3, 9, 29
+_CERTIFIED_DISTANCES = 0, 0.3, 0.6, 1, 1.5, 2, 2.5, 3, 9, 29
 """Distances below a bracket, over tol, at which a circle is certified if not nearer to it."""
 
-_TRIED = 6
-"""Circles that are tried at each of them."""
+_CIRCLES_TRIED = 6
+"""Circles that are tried at each of them, at most."""
 
-_HULL_PERIOD, _HULL_POINTS, _MOST_POINTS = 20_000, 16_384, 65_536
-"""Period of the orbits, and points, first and at most, of circles certified from their hulls."""
+_HULL_PERIOD = 20_000
+"""Period of the orbits from whose hulls circles are certified."""
 
-_BANDS = 1e-3
+_BAND_ERROR = 1e-3
 """Relative error, unless tol is smaller, where circles break and come back."""
 
-_WIDE = 2
-"""Width of a bracket, over tol, that a caller must be told of."""
-
-_CONTRADICTION = 0.01
-"""Relative distance of `upper` from the value that contradicts it, if it is larger than tol."""
-
-_SIMPLER = 2e-4
+_SIMPLER_DISTANCE = 2e-4
 """Distance from the circle excluded last within which residues are asked about a simpler one."""
 
-_ROUGHEST = 1e-3
+_LONG_PERIOD_TOL = 1e-3
 """Least tolerance for long periods: lifetimes of some hundred kicks are as far beyond a breakup."""
 
-_ITERATED, _ORBITS = 10**7, 64
-"""Kicks and orbits of direct iteration under long periods: some CPU seconds. `upper` was 4 to 11%
-above the breakup on twelve random rays of three to six kicks, repeated beyond 64."""
-
-_NEAR = 2e-5
-"""Distance of candidates, relative to the measured rotation number."""
-
-_AVERAGED = 1000
-"""Steps over which it is averaged."""
-
-_CANDIDATES = 3
+_ITERATED_KICKS, _ITERATED_ORBITS = 10**7, 64
+"""Of direct iteration under long periods: some CPU seconds. `upper` was 4 to 11% above the breakup
+on twelve random rays of three to six kicks, repeated beyond 64."""
 
 
 @dataclass(frozen=True)
@@ -218,8 +195,8 @@ def critical_scale(
         upper : no start on the dominant line, or on a transversal, survives there; or if time was
         short, the Farey tree shows no circle.
         omega : rotation number of the last barrier per period, in [0, P/2]. It represents ±ω and
-        all ω + P·n, whose circles break together; of two partners by `degenerate_partner` it is
-        the one with the shorter text.
+        all ω + P·n, whose circles break together; of two partners by `degenerate_partner` (in
+        `nasm.symmetries`) it is the one with the shorter text.
         status : WIDE, with a value, if the bracket is more than twice as wide as tol, for example
         because no circle is certified close to the breakup, or time was short. NOT_CONVERGED,
         without a value, if the effort did not suffice; NEAR_CUSP if a shorter forcing is so close
@@ -266,8 +243,8 @@ def _upper_of_long_period(profile, tol):
     minutes. Where circles do not cross these lines steeply, orbits that escape show more.
     """
     kicks = aperiodic.around_strongest(profile)
-    without_graphs = aperiodic.critical_scale(kicks, max(tol, _ROUGHEST)).upper
-    escapes = escape.onset_scale(profile, _ITERATED // profile.size + 1, _ORBITS)
+    without_graphs = aperiodic.critical_scale(kicks, max(tol, _LONG_PERIOD_TOL)).upper
+    escapes = escape.onset_scale(profile, _ITERATED_KICKS // profile.size + 1, _ITERATED_ORBITS)
     # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
     least = np.fmin(escapes, 2 / np.abs(profile).max())
     method = "converse KAM" if not without_graphs > least else escape.METHOD
@@ -324,7 +301,7 @@ class _Tree:
         excluded = (s for s, (omega, *_) in self.answers.items() if omega is None and s > above)
         scale = min(excluded, default=inf)
         while scale == inf and not self.has_spent(_SEARCH_SHARE):
-            above += self.segment.length(above, _CLIMB)
+            above += self.segment.length(above, 1 / _FIRST_STEPS)
             scale = inf if self.exists(above) else above
         return scale
 
@@ -388,7 +365,7 @@ def _last_breakup(segment, tol, seconds, effort):
     is_contradicted = _contradicts(upper, value, error, tol)
     if upper > bracket.outside or cusp > effort.blurred_period:
         error = max(error, upper - value)
-    status = Status.OK if upper - lower <= _WIDE * tol * value else Status.WIDE
+    status = Status.OK if upper - lower <= 2 * tol * value else Status.WIDE
     if cusp > bracket.longest_period:
         status = Status.NEAR_CUSP
     elif survivor is not None or bracket.outside - bracket.inside > segment.length(value, tol):
@@ -402,7 +379,7 @@ def _last_breakup(segment, tol, seconds, effort):
 
 def _contradicts(upper, value, error, tol):
     """Whether survivors show that a circle may exist far above the value."""
-    return upper > value + max(error, tol * value, _CONTRADICTION * value)
+    return upper > value + max(error, tol * value, value / _FIRST_STEPS)
 
 
 def _value(segment, tol, bracket):
@@ -410,7 +387,7 @@ def _value(segment, tol, bracket):
     if bracket.breakup is not None:
         return bracket.breakup.value, bracket.breakup.error
     half = (bracket.outside - bracket.inside) / 2
-    return bracket.inside + half, max(half, segment.length(bracket.outside, min(tol, _BANDS)))
+    return bracket.inside + half, max(half, segment.length(bracket.outside, min(tol, _BAND_ERROR)))
 
 
 def _outermost(tree):
@@ -418,12 +395,12 @@ def _outermost(tree):
     segment = tree.segment
     if segment.profile.size <= 2 and not segment.start.any():
         # Next to a cusp. There are no bands above.
-        outside = symmetry_line.critical_scale(segment.profile, 16 * _LOCATE).upper
+        outside = symmetry_line.critical_scale(segment.profile, 16 * _LOCATING_STEPS).upper
         tree.eliminated = outside
         return 0.0, outside
     n_sites = 8 if segment.start.any() else 2  # any scale without circles will do on a ray
     outside, _ = transversal.upper_scale(
-        segment.profile, _LOCATE_ANYWHERE, segment.start, n_sites, tree.end(_SEARCH_SHARE)
+        segment.profile, _FIRST_STEPS, segment.start, n_sites, tree.end(_SEARCH_SHARE)
     )
     if outside == inf and tree.has_spent(_SEARCH_SHARE):
         return Status.NOT_CONVERGED
@@ -471,14 +448,14 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
 
 def _simplest_near(omega, kappa):
     """Return the noble with the shortest prefix near another one."""
-    near = float(omega), _SIMPLER, 1
+    near = float(omega), _SIMPLER_DISTANCE, 1
     return [*half_shift_nobles(kappa, *near), *nobles_near(*near)][0]
 
 
 def _breakup(tree, tol, omega, inside, outside):
     """Return the CriticalScale of a circle between two scales; None if residues do not tell it."""
     segment, effort = tree.segment, tree.effort
-    between = max(inside, outside - segment.length(outside, _REACH)), outside
+    between = max(inside, outside - segment.length(outside, _BREAKUP_DISTANCE)), outside
     found = periodic.critical_scale(
         omega, segment.profile, effort.orbit_period, segment.start, between
     )
@@ -514,17 +491,17 @@ def _search_by_survivors(segment, tol, effort):
     profile = segment.profile
     if segment.start.any() or profile.size > 2:
         return None
-    located = symmetry_line.critical_scale(profile, _LOCATE)
+    located = symmetry_line.critical_scale(profile, _LOCATING_STEPS)
     if located.status is not Status.OK:
         return None
-    # Lives end there at 1.2 to 1.5 times _LOCATE steps.
-    beyond = segment.at(located.value * (1 + 0.5 / _LOCATE))
-    names = candidates(beyond, longest_lived(beyond, 2 * _LOCATE))
+    # Lives end there at 1.2 to 1.5 times _LOCATING_STEPS.
+    beyond = segment.at(located.value * (1 + 0.5 / _LOCATING_STEPS))
+    names = candidates(beyond, longest_lived(beyond, 2 * _LOCATING_STEPS))
     last, seen = None, set()
     while new := [omega for omega in names if omega not in seen]:
         seen.update(new)
         for omega in new:
-            if circle_exists(omega, segment.at(_OUTSET * located.upper)):
+            if circle_exists(omega, segment.at((1 - _BREAKUP_DISTANCE) * located.upper)):
                 last = _later(last, _breakup_of_two_kicks(omega, profile, tol, effort))
         if last is None:
             return None
@@ -562,7 +539,7 @@ def _later(one, other):
 def _steps_to_eliminate(segment, distance, scale):
     """Return the steps in which converse KAM eliminates all starts beyond the breakup."""
     relative = distance / segment.length(scale, 1)
-    return int(np.clip(_LIFETIME / relative, _LOCATE, transversal.MAX_STEPS))
+    return int(np.clip(_LIFETIME / relative, _LOCATING_STEPS, transversal.MAX_STEPS))
 
 
 def _eliminated_above(tree, tol, bracket):
@@ -601,13 +578,13 @@ def _certified_below(tree, tol, bracket):
         begin = value - segment.length(value, tol)
         if lower >= begin:
             return lower
-    for distance in _BELOW:
+    for distance in _CERTIFIED_DISTANCES:
         scale = begin - segment.length(value, distance * tol)
         if scale <= np.fmax(lower, 0) or tree.has_spent(1):
             break
         circle, nobles, _ = tree.ask(scale)
         names = dict.fromkeys([*filter(None, (bracket.omega, circle)), *nobles])
-        for omega in islice(names, _TRIED):
+        for omega in islice(names, _CIRCLES_TRIED):
             if circle_exists(omega, segment.at(scale)) and _is_certified(omega, segment.at(scale)):
                 return scale
     return lower
@@ -629,83 +606,11 @@ def _is_certified(omega, kappa):
     mean = u[0].mean()
     phase = (ladder.chains[-1].theta[hits] - site * p / n_sites + mean) % 1
     order = np.argsort(phase, axis=1)
-    modes = np.fft.rfft(np.take_along_axis(u - mean, order, 1))[:, : _HULL_POINTS // 3] / u.shape[1]
+    n_points = continuation.DEFAULT_SETTINGS.max_points
+    modes = np.fft.rfft(np.take_along_axis(u - mean, order, 1))[:, : n_points // 3] / u.shape[1]
     modes = modes * np.exp(-2j * np.pi * phase.min(axis=1)[:, None] * np.arange(modes.shape[1]))
-    start = np.fft.irfft(modes, _HULL_POINTS) * _HULL_POINTS
-    return circles.invariant_circle(omega, kappa, _MOST_POINTS, start).certified
-
-
-def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLived:
-    """Find the start that converse KAM takes longest to eliminate.
-
-    Parameters
-    ----------
-    kappa : array_like, shape (P,)
-        Strengths of the kicks, first kick first.
-    n_max : int
-        Most steps (periods of the forcing).
-    until : float
-        The `time.thread_time` from which on a start on a transversal is called a survivor.
-
-    Returns
-    -------
-    LongestLived
-        Its kicks are inf if starts survive n_max steps on every line or transversal.
-
-    Examples
-    --------
-    >>> from nasm.barriers import longest_lived
-    >>> longest_lived((1.2, 0.9), 1000).kicks < 1000
-    True
-    """
-    kappa, until = forcing(kappa), real("until", until)
-    if has_dominant_line(kappa):
-        y, steps = symmetry_line.longest_lived(kappa, n_max)
-        site, x = dominant_centre(kappa)
-        return LongestLived(int(site), x, y, steps * kappa.size)
-    return transversal.longest_lived(kappa, n_max, until)
-
-
-def longest_lived_start(kappa: ArrayLike, n_max: int) -> tuple[float, float, float]:
-    """Find the start by `longest_lived`, and move it to the start of its period.
-
-    Beyond the breakup it is close to the remains of the last circle.
-
-    Returns
-    -------
-    x, y : float
-        The start.
-    steps : float
-        Steps until it is eliminated; inf if a start survives n_max steps, and it is one of those.
-
-    Examples
-    --------
-    >>> from nasm.barriers import longest_lived_start
-    >>> x, y, steps = longest_lived_start((1.2, 0.9), 1000)
-    >>> x, steps < 1000
-    (0.5, True)
-    """
-    strengths = forcing(kappa)
-    longest = longest_lived(strengths, n_max)
-    x, y = longest.x, longest.y
-    for strength in strengths[: longest.site][::-1]:
-        x, y = unkick(strength, x, y)
-    return float(x), float(y), float(longest.kicks / strengths.size)
-
-
-def eliminates(kappa: ArrayLike, n_max: int) -> bool:
-    """Return True if converse KAM eliminates all starts within n_max steps.
-
-    The starts are on the dominant line, or without one on a transversal. That is strong evidence,
-    not a proof, that no circle exists.
-
-    Examples
-    --------
-    >>> from nasm.barriers import eliminates
-    >>> eliminates((1.2, 0.9), 1000), eliminates((0.3, 0.4), 1000)
-    (True, False)
-    """
-    return bool(np.isfinite(longest_lived(forcing(kappa), n_max).kicks))
+    start = np.fft.irfft(modes, n_points) * n_points
+    return circles.invariant_circle(omega, kappa, 4 * n_points, start).certified
 
 
 def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCircle:
@@ -753,95 +658,6 @@ def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCi
         return circles.InvariantCircle(omega, scale.lower * profile, u, np.nan, status)
     error = np.abs(circles.residual(omega, reached * profile, u)).max()
     return circles.InvariantCircle(omega, reached * profile, u, error, Status.OK)
-
-
-def candidates(kappa: FloatArray, start: LongestLived, n: int = _AVERAGED) -> list[RotationNumber]:
-    """Return the nobles close to the rotation number of an orbit, averaged over n steps.
-
-    Parameters
-    ----------
-    kappa : ndarray, shape (P,)
-        The forcing.
-    start : LongestLived
-        Start of the orbit.
-    n : int
-        Steps.
-
-    Returns
-    -------
-    list of RotationNumber
-        Empty if the average has not converged.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from nasm.barriers import candidates, longest_lived
-    >>> kappa = np.array([0.972])
-    >>> candidates(kappa, longest_lived(kappa, 100_000))[0]
-    parse("[0;2,(1)]")
-    """
-    omega, _ = rotation_number(np.roll(kappa, -start.site), start.x, start.y, n)
-    if not np.isfinite(omega):
-        return []
-    near = float(omega), _NEAR, _CANDIDATES
-    return half_shift_nobles(kappa, *near) + nobles_near(*near)
-
-
-def per_period(
-    omega: RotationNumber, profile: FloatArray, short: FloatArray, zero: RotationNumber
-) -> RotationNumber:
-    """Convert ω of a shortened forcing to one per period of the long forcing, in [0, P/2].
-
-    Parameters
-    ----------
-    omega : RotationNumber
-        Per period of `short`.
-    profile, short : ndarrays, shapes (P,) and (P',)
-        The forcing, and its shorter form by `symmetries.shorten`.
-    zero : RotationNumber
-        ω under `short` of what is ω = 0 under `profile`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from nasm.barriers import per_period
-    >>> from nasm.numbers import parse, rational
-    >>> per_period(parse("gamma"), np.ones(2), np.ones(1), rational(0))
-    parse("[0;1,3,(4)]")
-    """
-    period, ratio = profile.size, profile.size // short.size
-    (*_, shift) = convergents(zero)
-    omega = moebius(
-        omega, ratio * shift.denominator, -ratio * shift.numerator, 0, shift.denominator
-    )
-    omega = moebius(omega, 1, -period * floor(float(omega) / period))
-    omega = omega if float(omega) <= period / 2 else moebius(omega, -1, period)
-    return min(
-        omega, degenerate_partner(omega, profile) or omega, key=lambda ω: len(ω.prefix + ω.tail)
-    )
-
-
-def degenerate_partner(omega: OmegaLike, profile: ArrayLike) -> RotationNumber | None:
-    """Return P/2 - ω if its circle breaks together with that of ω; otherwise None.
-
-    y → y + 1/2 changes the sign of every other kick (`symmetries.alternate`) and takes ω to ω +
-    P/2. The two circles break together if another symmetry restores the signs: a shift in time,
-    time reversal or x → x + 1/2. This is the case if every other kick is zero, or under
-    (1, 1, -1, -1). So γ and 1 - γ break together on the axes of the (κ1, κ2) plane, where the paper
-    writes γ.
-
-    Examples
-    --------
-    >>> from nasm.barriers import degenerate_partner
-    >>> degenerate_partner("gamma", (1, 0))
-    parse("[0;2,(1)]")
-    >>> degenerate_partner("gamma", (1, 0.5)) is None
-    True
-    """
-    profile, omega = forcing(profile, "profile"), as_rotation_number(omega)
-    equivalent = equivalent_forcings(profile[None])
-    same = (turn for turn, (kappa,) in equivalent if np.array_equal(kappa, profile))
-    return moebius(omega, -1, profile.size // 2) if any(same) else None
 
 
 def boundary(angles: ArrayLike, tol: float = 1e-4) -> list[CriticalScale]:

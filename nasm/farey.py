@@ -41,24 +41,46 @@ from nasm.types import OmegaLike
 
 __all__ = ["circle_exists", "find_existing_circle"]
 
-_SCANNED = 20  # period up to which the highest maximum is sought, and not that next to neighbours'
-_AGAIN = 300  # the same where joining fails
-_LOST = 0.25  # stands for the residue of a short orbit that is lost: it rules out nothing
-_LARGEST = 1.6  # residue next to a circle that stands,
-_PRODUCTS = (10, 100.0), (30, 1.0), (100, 0.5), (300, 0.3), (inf, 0.22)
-"""And product of two neighbours', up to the longer period. On the paths to the last circles of 100
-forcings of three to six kicks residues were at most 1.1, and products 0.26 from period 10 on; with
-11 kicks one residue was 1.57 at period 19, and a product 0.80. Up to period 9 products were at most
-1.3, on 143 paths with up to 33 kicks, and one residue 49."""
-_FEW = 10  # Up to that period any residue may be next to one.
-_FALLEN, _LONG = 0.05, 100  # residues that small, of periods that long: ask the circle itself
-_MOST = 3000  # mediants
 LONGEST_PERIOD = 3000
 """Period of the convergents whose residues show if a circle exists."""
 
-_TELLING = 60  # and the least of them
-_VANISHED = 1e-3  # residue below which rounding may hide that they fall
-_LONGER = 4  # times that: up to it residues that have not fallen to 0.1 must fall with each q
+_SCANNED_PERIOD = 20
+"""Period up to which the highest maximum of the action is sought, not that next to neighbours'."""
+
+_RESCANNED_PERIOD = 300
+"""The same where an orbit is not joined from those of its neighbours."""
+
+_LOST_RESIDUE = 0.25
+"""Stands for the residue of a short orbit that is lost: it excludes nothing."""
+
+_MAX_RESIDUE = 1.6
+"""Largest residue of a long orbit next to a circle that exists. With up to six kicks residues were
+at most 1.1 on the paths to the last circles of 100 forcings; with 11 kicks one was 1.57."""
+
+_ANY_RESIDUE_PERIOD = 10
+"""Period below which any residue may be next to a circle: one was 49."""
+
+_MAX_PRODUCTS = (10, 100.0), (30, 1.0), (100, 0.5), (300, 0.3), (inf, 0.22)
+"""Largest product of the residues of two neighbours with a circle between them, below each value of
+the longer period. On those paths products were at most 0.26 from period 10 on, with 11 kicks one
+was 0.80; below period 10 they were at most 1.3, on 143 paths with up to 33 kicks."""
+
+_SMALL_RESIDUE = 0.05
+"""Residue of neighbours below which the noble between them is tested itself."""
+
+_MAX_MEDIANTS = 3000
+"""Mediants that are asked; judged forcings took up to 1700."""
+
+_FIRST_PERIOD = 60
+"""Shortest period of the convergents whose residues are compared."""
+
+_VANISHING_RESIDUE = 1e-3
+"""Residue below which rounding may hide that they fall."""
+
+_LONGER = 4
+"""Periods up to that multiple of `longest` are used, if residues do not decide before. From
+`longest` on they must fall with each q."""
+
 _GAMMA = parse("gamma")
 
 
@@ -111,15 +133,15 @@ def find_existing_circle(
 
     def push(left, right):
         product, longer = left.residue * right.residue, max(left.q, right.q)
-        most = next(most for longest, most in _PRODUCTS if longer < longest)
-        near = max(left.residue, right.residue) < _LARGEST or longer < _FEW
+        most = next(most for longest, most in _MAX_PRODUCTS if longer < longest)
+        near = max(left.residue, right.residue) < _MAX_RESIDUE or longer < _ANY_RESIDUE_PERIOD
         if near and product < most:
             heappush(heap, (log(product), next(order), left, right))
 
     ordered = partial(ordered_orbits, kappa, minimizers={})
-    for last in _first(ordered, kappa.size):
+    for last in _integer_neighbours(ordered, kappa.size):
         push(*last)
-    for _ in range(_MOST):
+    for _ in range(_MAX_MEDIANTS):
         if not heap:
             break
         _, _, left, right = heappop(heap)
@@ -129,19 +151,22 @@ def find_existing_circle(
         middle = _between(ordered, left, right)
         if middle.q > period:
             period, last = middle.q, (left, right)
-        if middle.q > _LONG and max(left.residue, right.residue, middle.residue) < _FALLEN:
+        largest = max(node.residue for node in (left, right, middle))
+        if middle.q > SURE_PERIOD and largest < _SMALL_RESIDUE:
             longer = max(left, right, key=lambda node: node.q)
             for omega in _nobles(kappa, longer, middle):
-                if _stands(omega, kappa, (longer, middle)):
+                if _exists(omega, kappa, (longer, middle)):
                     return omega, [omega], period
         push(left, middle)
         push(middle, right)
-    left_over.sort(key=lambda found: len(found[0].prefix))
-    omega = next((omega for omega, pair in left_over if _stands(omega, kappa, pair)), None)
+    for *_, left, right in heap:  # not reached
+        left_over += [(omega, (left, right)) for omega in _nobles(kappa, left, right)]
+    left_over.sort(key=lambda noble: len(noble[0].prefix))
+    omega = next((omega for omega, pair in left_over if _exists(omega, kappa, pair)), None)
     return omega, [omega for omega, _ in left_over] or _nobles(kappa, *last)[:1], period
 
 
-def _stands(omega, kappa, nodes):
+def _exists(omega, kappa, nodes):
     return circle_exists(omega, kappa, known=[node.orbit for node in nodes if node.orbit])
 
 
@@ -177,7 +202,7 @@ def circle_exists(
     longest = count("longest", longest, 1, 10**6)
     fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
     fractions = [f for f in fractions if f.denominator < _LONGER * longest]
-    first = max(len(omega.prefix) - 1, sum(f.denominator < _TELLING for f in fractions))
+    first = max(len(omega.prefix) - 1, sum(f.denominator < _FIRST_PERIOD for f in fractions))
     orbits, residues = ConvergentOrbits(kappa, 0 * kappa, fractions, known=known), [nan]
     for n in range(first, len(fractions)):
         if fractions[n].denominator >= longest and not _fall(residues):
@@ -192,7 +217,7 @@ def circle_exists(
         if residue > before and residue > 1.5:
             return False
         # Next to an exchange of orbits residues pass through 0, and three may be small by chance.
-        if max(residues[-3:]) < 0.1 and (_fall(residues) or residue < _VANISHED):
+        if max(residues[-3:]) < 0.1 and (_fall(residues) or residue < _VANISHING_RESIDUE):
             return True
     return _fall(residues)
 
@@ -201,7 +226,7 @@ def _fall(residues):
     return len(residues) > 3 and residues[-1] < min(residues[-3:-1])
 
 
-def _first(ordered, period):
+def _integer_neighbours(ordered, period):
     """Pairs of neighbours that have all ω from 0 to P/2 between them."""
     nodes = [_scanned(ordered, Fraction(p)) for p in range((period + 1) // 2 + 1)]
     if period % 2:
@@ -212,16 +237,16 @@ def _first(ordered, period):
 def _between(ordered, left, right):
     (p, q), (r, s) = (node.fraction.as_integer_ratio() for node in (left, right))
     fraction = Fraction(p + r, q + s)
-    if q + s <= _SCANNED:
-        found = _scanned(ordered, fraction)
-        if found.orbit:
-            return found
+    if q + s <= _SCANNED_PERIOD:
+        node = _scanned(ordered, fraction)
+        if node.orbit:
+            return node
     if left.orbit and right.orbit:
         chain = Chain(left.orbit.chain.period, fraction)
-        for last, one in (left, right), (right, left):
-            if orbit := joined(last.orbit, one.orbit, chain, -1):
+        for first, second in (left, right), (right, left):
+            if orbit := joined(first.orbit, second.orbit, chain, -1):
                 return _node(fraction, orbit)
-    if _SCANNED < q + s < _AGAIN:
+    if _SCANNED_PERIOD < q + s < _RESCANNED_PERIOD:
         return _scanned(ordered, fraction)
     return _node(fraction, None)
 
@@ -234,7 +259,7 @@ def _scanned(ordered, fraction):
 
 
 def _node(fraction, orbit):
-    lost = _LOST if fraction.denominator <= SURE_PERIOD else inf
+    lost = _LOST_RESIDUE if fraction.denominator <= SURE_PERIOD else inf
     return _Node(fraction, orbit, max(orbit.residue, 1e-6) if orbit else lost)
 
 
@@ -244,5 +269,5 @@ def _nobles(kappa, one, other):
     (p, q), (r, s) = sorted(
         (node.fraction.as_integer_ratio() for node in (one, other)), key=lambda f: f[1]
     )
-    found = half_shift_nobles(kappa, (p / q + r / s) / 2, 0.5 / (q * s), 1)
-    return [*found, moebius(_GAMMA, p, r, q, s)]
+    of_half_shift = half_shift_nobles(kappa, (p / q + r / s) / 2, 0.5 / (q * s), 1)
+    return [*of_half_shift, moebius(_GAMMA, p, r, q, s)]

@@ -44,17 +44,14 @@ _ROUNDING = 4e-17
 _ORDER = 2.04
 """Crossings converge like q^-2.04."""
 
-_SHEET_PERIODS = 100, 300, 1000
-"""Periods from which orbits resolve the sheets of a boundary, tried in turn."""
+_SHEET_PERIOD = 100
+"""Period from which orbits resolve the sheets of a boundary."""
 
 _SINGLE_SHEET_PERIOD = 8
 """The same with one or two kicks, whose boundaries have one sheet."""
 
 _MIN_BROKEN_RESIDUE = 0.05
 """Least residue that shows a breakup. Where the dominant line changes, residues pass through 0."""
-
-_TARGET_ERROR = 1e-6
-"""Relative error from which the search does not start again with longer orbits."""
 
 _MAX_LOG_RATIO = 0.1
 """Logarithm of a ratio of residues; a larger one shows that they do not cross."""
@@ -198,61 +195,43 @@ def _shorten_arguments(omega, profile, q_max, start):
 
 
 def _breakup(omega, start, profile, q_max, between=None):
-    """Return the CriticalScale, and the crossings of minimax orbits.
-
-    Next to exchanges of the dominant line short orbits mislead: the search starts again with longer
-    ones.
-    """
-    no_crossings, single_sheet, status = np.empty((2, 0)), profile.size <= 2, Status.NOT_CONVERGED
+    """Return the CriticalScale, and the crossings of minimax orbits."""
+    no_crossings, has_one_sheet = np.empty((2, 0)), profile.size <= 2
     q_max = min(q_max, 10 * q_max // profile.size)
     fractions = distinct_convergents(omega, q_max)
-    if any(
+    orbits, period = ConvergentOrbits(start, profile, fractions), len(omega.tail)
+    unit = 1 / np.abs(profile).max()
+    limits = between or (0.0, (2 + np.abs(start).max()) * unit)
+    shortest = inf if between else _SINGLE_SHEET_PERIOD if has_one_sheet else _SHEET_PERIOD
+    long_enough = [n for n, f in enumerate(fractions[:-period]) if f.denominator >= shortest]
+    n = long_enough[0] if long_enough else len(fractions) - 1 - period
+    if n < 1 or any(
         b.denominator > _MAX_PERIOD_RATIO * a.denominator > 2 * _MAX_PERIOD_RATIO
         for a, b in pairwise(fractions)
     ):
-        return no_answer(None, status), no_crossings
-    orbits, period = ConvergentOrbits(start, profile, fractions), len(omega.tail)
-    best, tried = None, set()
-    unit = 1 / np.abs(profile).max()
-    limits = between or (0.0, (2 + np.abs(start).max()) * unit)
-    for min_period in (
-        (_SINGLE_SHEET_PERIOD,) if single_sheet else (inf,) if between else _SHEET_PERIODS
-    ):
-        long_enough = [n for n, f in enumerate(fractions[:-period]) if f.denominator >= min_period]
-        n = long_enough[0] if long_enough else len(fractions) - 1 - period
-        if n < 1 or n in tried:
-            break
-        near = sum(between) / 2 if between else _first_breakup(orbits, n, n + period)
-        if isinstance(near, Status):
-            return best or (no_answer(None, near), no_crossings)
-        first = n if tried else 0
-        tried.add(n)
-        crossed = _crossings(orbits, omega, -1, near, first, *limits)
-        scale = _estimate(crossed, profile)
-        if single_sheet:
-            return scale, crossed[0]
-        if scale.status is Status.OK:
-            minimizing_scale = _estimate(
-                _crossings(orbits, omega, 1, near, first, *limits), profile
-            )
-            difference = abs(scale.value - minimizing_scale.value)
-            scale = min(scale, minimizing_scale, key=attrgetter("error"))
-            scale = replace(
-                scale, error=max(scale.error, difference), status=minimizing_scale.status
-            )
-        if scale.status is not Status.OK:
-            status = scale.status
-            continue
-        # Between two sheets of the boundary residues may cross although no circle breaks.
-        step = max(4 * scale.error, 2 * scale.value / fractions[n].denominator)
-        decays_below, decays_above = (
-            _residues_decay(orbits, n, n + period, scale.value + sign * step) for sign in (-1, 1)
-        )
-        if decays_below and decays_above is False and not (best and best[0].error < scale.error):
-            best = scale, crossed[0]
-        if best and best[0].error < _TARGET_ERROR * best[0].value:
-            break
-    return best or (no_answer(None, status), no_crossings)
+        return no_answer(None, Status.NOT_CONVERGED), no_crossings
+    near = sum(between) / 2 if between else _first_breakup(orbits, n, n + period)
+    if isinstance(near, Status):
+        return no_answer(None, near), no_crossings
+    crossed = _crossings(orbits, omega, -1, near, *limits)
+    scale = _estimate(crossed, profile)
+    if scale.status is not Status.OK:
+        return scale, no_crossings
+    if has_one_sheet:
+        return scale, crossed[0]
+    other = _estimate(_crossings(orbits, omega, 1, near, *limits), profile)
+    if other.status is not Status.OK:
+        return other, no_crossings
+    error = max(abs(scale.value - other.value), min(scale.error, other.error))
+    scale = replace(min(scale, other, key=attrgetter("error")), error=error)
+    # Between two sheets of the boundary residues may cross although no circle breaks.
+    step = max(4 * scale.error, 2 * scale.value / fractions[n].denominator)
+    decays_below, decays_above = (
+        _residues_decay(orbits, n, n + period, scale.value + sign * step) for sign in (-1, 1)
+    )
+    if decays_below and decays_above is False:
+        return scale, crossed[0]
+    return no_answer(None, Status.NOT_CONVERGED), no_crossings
 
 
 def _residue(orbits, n, scale):
@@ -310,8 +289,8 @@ def _estimate(crossings, profile):
     return CriticalScale(value, error, np.nan, np.nan, None, Status.OK)
 
 
-def _crossings(orbits, omega, kind, near, first, lower_limit, upper_limit):
-    """Return the crossings of orbits of one kind near a scale, from the fraction `first` on.
+def _crossings(orbits, omega, kind, near, lower_limit, upper_limit):
+    """Return the crossings of orbits of one kind near a scale.
 
     Returns ((periods, scales), status, (m, ratio), period): m is the length of the tail of ω, ratio
     that of steps m crossings apart, and period the one that resolves a cusp nearby.
@@ -322,7 +301,8 @@ def _crossings(orbits, omega, kind, near, first, lower_limit, upper_limit):
     ratio = (-1) ** period * growth**-_ORDER
     n_needed = max(2 * period, 3) if abs(ratio) < _MAX_TRUSTED_RATIO else 2 * period + 2
     crossings, status, longest, cusp = [], Status.NOT_CONVERGED, 0, 0.0
-    first = max(first, next((n for n, chain in enumerate(chains) if chain.q >= 3), len(chains)))
+    n_disordered = 0  # pairs whose orbits are lost; longer ones, joined from them, will be too
+    first = next((n for n, chain in enumerate(chains) if chain.q >= 3), len(chains))
     for n in range(first, len(chains) - period):
         pair, scales = (n, n + period), [scale for _, scale in crossings]
         scale = _crossing(orbits, *pair, kind, near, scales, lower_limit, upper_limit)
@@ -331,6 +311,9 @@ def _crossings(orbits, omega, kind, near, first, lower_limit, upper_limit):
                 break  # longer orbits are out of reach; there are enough without them
             # Near a cusp the shortest orbits are not yet on the way to the limit: start afresh.
             crossings, status = [], scale
+            n_disordered += scale is Status.DISORDERED
+            if n_disordered > period + 1:
+                break
         else:
             longest, cusp = chains[n + period].q, cusp_period(orbits.start + scale * orbits.profile)
             crossings.append((longest, scale))

@@ -13,17 +13,19 @@ is invariant up to ω → ω + 1. `nasm.planes` determines which of them another
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import chain, product
+from math import floor
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from nasm.checks import count, floats, points, real
 from nasm.maps import forcing, kick, unkick
-from nasm.numbers import RotationNumber, moebius, nobles_near
+from nasm.numbers import RotationNumber, as_rotation_number, convergents, moebius, nobles_near
 from nasm.types import FloatArray, OmegaLike
 
 __all__ = [
     "alternate",
+    "degenerate_partner",
     "dominant_centre",
     "half_shift_nobles",
     "lengthen",
@@ -442,3 +444,60 @@ def _alternated(kappas: FloatArray, spacing: int, first: int) -> FloatArray:
 @lru_cache
 def _divisors(n: int) -> list[int]:
     return [divisor for divisor in range(1, n + 1) if n % divisor == 0]
+
+
+def per_period(
+    omega: RotationNumber, profile: FloatArray, short: FloatArray, zero: RotationNumber
+) -> RotationNumber:
+    """Convert ω of a shortened forcing to one per period of the long forcing, in [0, P/2].
+
+    Parameters
+    ----------
+    omega : RotationNumber
+        Per period of `short`.
+    profile, short : ndarrays, shapes (P,) and (P',)
+        The forcing, and its shorter form by `shorten`.
+    zero : RotationNumber
+        ω under `short` of what is ω = 0 under `profile`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.symmetries import per_period
+    >>> from nasm.numbers import parse, rational
+    >>> per_period(parse("gamma"), np.ones(2), np.ones(1), rational(0))
+    parse("[0;1,3,(4)]")
+    """
+    period, ratio = profile.size, profile.size // short.size
+    (*_, shift) = convergents(zero)
+    omega = moebius(
+        omega, ratio * shift.denominator, -ratio * shift.numerator, 0, shift.denominator
+    )
+    omega = moebius(omega, 1, -period * floor(float(omega) / period))
+    omega = omega if float(omega) <= period / 2 else moebius(omega, -1, period)
+    return min(
+        omega, degenerate_partner(omega, profile) or omega, key=lambda ω: len(ω.prefix + ω.tail)
+    )
+
+
+def degenerate_partner(omega: OmegaLike, profile: ArrayLike) -> RotationNumber | None:
+    """Return P/2 - ω if its circle breaks together with that of ω; otherwise None.
+
+    y → y + 1/2 changes the sign of every other kick (`alternate`) and takes ω to ω +
+    P/2. The two circles break together if another symmetry restores the signs: a shift in time,
+    time reversal or x → x + 1/2. This is the case if every other kick is zero, or under
+    (1, 1, -1, -1). So γ and 1 - γ break together on the axes of the (κ1, κ2) plane, where the paper
+    writes γ.
+
+    Examples
+    --------
+    >>> from nasm.symmetries import degenerate_partner
+    >>> degenerate_partner("gamma", (1, 0))
+    parse("[0;2,(1)]")
+    >>> degenerate_partner("gamma", (1, 0.5)) is None
+    True
+    """
+    profile, omega = forcing(profile, "profile"), as_rotation_number(omega)
+    equivalent = equivalent_forcings(profile[None])
+    same = (turn for turn, (kappa,) in equivalent if np.array_equal(kappa, profile))
+    return moebius(omega, -1, profile.size // 2) if any(same) else None

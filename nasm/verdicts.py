@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nasm import barriers, circles, escape
-from nasm.barriers import critical_scale, per_period
+from nasm import circles, escape, survivors
+from nasm.barriers import critical_scale
 from nasm.circles import continuation
 from nasm.converse_kam import aperiodic
 from nasm.critical import CriticalScale, Result, Status, no_answer
 from nasm.maps import MAX_PERIOD, MIN_SIZE, forcing
 from nasm.numbers import rational
-from nasm.symmetries import lengthen, shorten
+from nasm.symmetries import lengthen, per_period, shorten
 from nasm.tables import html_table, omega_text
 from nasm.texts import rounded_bracket, rounded_value
 from nasm.types import FloatArray
@@ -244,8 +244,7 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
             continue  # a tighter tolerance before deciding
         end = boundary.value if np.isfinite(boundary.value) else boundary.upper
         if end < 1:
-            n_max = min(max(1.6 / (1 / end - 1), _MIN_STEPS), _MAX_STEPS)
-            steps = barriers.longest_lived(short, int(n_max)).kicks / kappa.size
+            steps = _steps_to_eliminate(short, end) / kappa.size
             if steps < inf:
                 answer, evidence = Answer.TRANSPORT, Evidence.CONVERSE_KAM
                 boundary = replace(boundary, upper=min(boundary.upper, 1.0))
@@ -264,7 +263,7 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
     if (
         answer is Answer.UNDECIDED
         and boundary.lower >= 1
-        and not barriers.eliminates(short, _MIN_STEPS)
+        and not survivors.eliminates(short, _MIN_STEPS)
     ):
         answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
     if boundary.upper == inf:  # the boundary is out of the range of floats, in units of kappa
@@ -280,6 +279,20 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
 
             below, _ = proved_below(circle.omega, short, boundary.value, _BUDGET)
     return Verdict(kappa, answer, evidence, boundary, graph, steps, proof, below)
+
+
+def _steps_to_eliminate(kappa: FloatArray, boundary: float) -> float:
+    """Return the kicks in which converse KAM eliminates all starts; inf if some survive.
+
+    The steps are those that suffice beyond most boundaries, and 4 and 16 times as many: next to
+    bands in which circles break and come back starts survive longer.
+    """
+    first = max(1.6 / (1 / boundary - 1), _MIN_STEPS)
+    for factor in (1, 4, 16):
+        kicks = survivors.longest_lived(kappa, int(min(factor * first, _MAX_STEPS))).kicks
+        if kicks < inf or factor * first >= _MAX_STEPS:
+            break
+    return kicks
 
 
 def _verdict_on_long_period(kappa: FloatArray, short: FloatArray, prove: bool) -> Verdict:
@@ -327,7 +340,7 @@ def _prove(
 
 def _circle_under(kappa: FloatArray, boundary: CriticalScale) -> circles.InvariantCircle | None:
     """Return a certified circle under kappa; None without one, or if converse KAM excludes it."""
-    if barriers.eliminates(kappa, _MIN_STEPS):
+    if survivors.eliminates(kappa, _MIN_STEPS):
         return None
     omega, distance = boundary.omega, 1 - 1 / boundary.value
     if omega is not None and _MIN_DISTANCE <= distance < _TOLERANCES[0]:
@@ -340,6 +353,6 @@ def _circle_under(kappa: FloatArray, boundary: CriticalScale) -> circles.Invaria
         omegas = [omega]
     else:  # as next to a cusp, where residues give no value
         beyond = boundary.upper * kappa
-        omegas = barriers.candidates(beyond, barriers.longest_lived(beyond, 2 * _MIN_STEPS))
+        omegas = survivors.candidates(beyond, survivors.longest_lived(beyond, 2 * _MIN_STEPS))
     solutions = (circles.invariant_circle(omega, kappa, _MAX_POINTS) for omega in omegas)
     return next((circle for circle in solutions if circle.certified), None)

@@ -10,11 +10,12 @@ import pytest
 from cases import thirds
 from oracles import KAPPA_G
 
-from nasm import barriers, circles, escape, orbits, periodic
+from nasm import barriers, circles, escape, orbits, periodic, survivors, symmetries
 from nasm.barriers import critical_scale
 from nasm.circles import continuation
 from nasm.converse_kam import transversal
 from nasm.critical import CriticalScale, Status
+from nasm.farey import circle_exists
 from nasm.maps import rotating_forcing
 from nasm.numbers import moebius, parse
 from nasm.planes import two_kicks
@@ -42,8 +43,8 @@ def first_escapes(found, profile):
 
 def test_on_the_axes_gamma_and_one_minus_gamma_are_degenerate():
     for profile in ((1, 0), (0, 1), (-1, 0)):
-        assert barriers.degenerate_partner(GAMMA, profile) == moebius(GAMMA, -1, 1)
-    assert barriers.degenerate_partner(parse("[0;1,3,(4)]"), (1, 1)) is None
+        assert symmetries.degenerate_partner(GAMMA, profile) == moebius(GAMMA, -1, 1)
+    assert symmetries.degenerate_partner(parse("[0;1,3,(4)]"), (1, 1)) is None
     one, other = (periodic.critical_scale(omega, (1, 0)) for omega in (GAMMA, parse("[0;2,(1)]")))
     assert abs(one.value - other.value) < one.error + other.error
 
@@ -137,7 +138,7 @@ def disguised(profile, rng):
 def assert_both_ways_agree(profile, rng, tol, monkeypatch):
     expected = critical_scale(profile, tol)
     with monkeypatch.context() as patch:
-        patch.setattr(barriers, "has_dominant_line", lambda kappa: False)
+        patch.setattr(survivors, "has_dominant_line", lambda kappa: False)
         found = critical_scale(disguised(np.array(profile), rng), tol)
     for scale in (expected, found):
         assert scale.status is not Status.OK or is_shown(scale)
@@ -430,8 +431,26 @@ def test_the_longest_lived_start_keeps_the_last_rotation_number_a_while(kappa):
     """At the start of the period, whichever site the search began at."""
     scale = barriers.critical_scale(kappa, 1e-3)
     beyond = scale.value * 1.0005 * np.array(kappa)
-    x, y, steps = barriers.longest_lived_start(beyond, 10_000)
+    x, y, steps = survivors.longest_lived_start(beyond, 10_000)
     assert 600 < steps < 6000
     omega, _ = orbits.rotation_number(beyond, x, y, 1000)
     images = [abs(omega - sign * float(scale.omega)) % len(kappa) for sign in (1, -1)]
     assert min(min(image, len(kappa) - image) for image in images) < 1e-3
+
+
+@pytest.mark.slow
+def test_no_circle_exists_just_above_the_upper_end_of_a_bracket_in_bands():
+    profile = np.array((1, 0.37, 1, 0.37, 1))
+    upper = critical_scale(profile, 1e-3).upper
+    above = upper * (1 + np.array([1e-6, 1e-5, 1e-4])) * profile[:, None]
+    for kappa in above.T:
+        assert not circle_exists("[1;3,1,2,4,1,2,1,3,(1)]", kappa, 10_000)
+
+
+@pytest.mark.slow
+def test_a_coarse_tolerance_knows_a_breakup_in_bands_too():
+    scale = critical_scale((1, 0.63, 1), 1e-2)
+    # A circle exists at 0.62595, by the search of a referee.
+    assert scale.status in (Status.OK, Status.WIDE)
+    assert scale.value + scale.error > 0.62595
+    assert scale.upper > 0.62595

@@ -16,7 +16,7 @@ import xarray as xr
 from browser import columns, needed, pages, picture, ready, wait
 from test_explore import escapes
 
-from nasm import barriers, maps, orbits, periodic
+from nasm import barriers, maps, orbits, periodic, survivors
 from nasm.numbers import convergents, parse
 from nasm.verdicts import verdict
 from workflows.explore.field import View
@@ -287,7 +287,7 @@ def test_a_click_beyond_the_boundary_shows_the_longest_lived_start(opened):
     kappa = np.array(point, float)
     assert kappa == pytest.approx([0.86 * 1.15, 0.4 * 1.15], abs=0.02)
     ready(tab, SLOW)
-    x, y, steps = barriers.longest_lived_start(kappa, 1000)
+    x, y, steps = survivors.longest_lived_start(kappa, 1000)
     found = columns(tab, "longest_lived")
     traced = orbits.orbit(kappa, x, y, int(steps))
     dots = np.size(found["x"])

@@ -7,7 +7,7 @@ import pytest
 from cases import thirds
 from oracles import KAPPA_G, LITERATURE
 
-from nasm import barriers, periodic
+from nasm import periodic, survivors
 from nasm.action import ordered_orbits
 from nasm.circles import continuation
 from nasm.critical import Status
@@ -110,7 +110,7 @@ def test_starts_survive_where_a_circle_is_claimed_near_a_shorter_forcing(distanc
             if found.status is Status.OK:
                 answered += 1
                 below = (found.value - found.error) * np.array(profile)
-                assert not barriers.eliminates(below, 500)  # a search of 1000 misses survivors
+                assert not survivors.eliminates(below, 500)  # a search of 1000 misses survivors
     assert answered >= 6
 
 
@@ -147,3 +147,8 @@ def test_tori_of_one_and_two_kicks_are_circles_of_the_map(vector, mean, amplitud
     kappa = periodic.torus_scale(*vector, mean, amplitude).value * np.array(kicks)
     residues = [orbit.refined_residue() for orbit in ordered_orbits(kappa, p, q)]
     assert min(abs(abs(residue) - 0.25) for residue in residues) < 1e-8
+
+
+def test_orbits_that_are_lost_end_the_search():
+    kappa = (0.9093983570983439, 0.5378622878701697, 0.039093429353188165, 1.0)
+    assert periodic.critical_scale("[0;1,1,83,(1)]", kappa, 1500).status is not Status.OK

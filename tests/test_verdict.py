@@ -133,7 +133,7 @@ def test_starts_that_never_go_leave_no_verdict(monkeypatch):
 
 @pytest.mark.usefixtures("briefly")
 def test_converse_kam_against_a_certified_circle_is_no_verdict(monkeypatch):
-    monkeypatch.setattr("nasm.barriers.eliminates", lambda kappa, n_max: True)
+    monkeypatch.setattr("nasm.survivors.eliminates", lambda kappa, n_max: True)
     assert verdict((0.3, 0.4)).boundary.lower > 1
     assert verdict((0.3, 0.4)).answer is Answer.UNDECIDED
 
@@ -314,3 +314,9 @@ def test_the_circle_is_drawn_over_the_whole_period():
     assert x[0] <= 0 < 1 <= x[-1]
     assert (np.diff(x) > 0).all()
     assert (x[-2] - 1, y[-2]) == pytest.approx((x[0], y[0]))
+
+
+@pytest.mark.slow
+def test_starts_that_survive_long_beyond_bands_are_eliminated_by_more_steps():
+    answer = verdict(0.62708 * np.array((1, 0.63, 1)))
+    assert (answer.answer, answer.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)

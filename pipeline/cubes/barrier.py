@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from nasm import barriers
+from nasm import barriers, symmetries
 from nasm.critical import CriticalScale
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import Plane, plane_of, two_kicks
@@ -239,7 +239,7 @@ def degenerate_circle(plane: Plane, circle: str, angle: float, scale: float) -> 
     """
     start, profile = plane.ray(angle)
     return (
-        str(barriers.degenerate_partner(parse(circle), start + scale * profile) or "")
+        str(symmetries.degenerate_partner(parse(circle), start + scale * profile) or "")
         if circle
         else ""
     )

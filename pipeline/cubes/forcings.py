@@ -17,7 +17,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import xarray as xr
 
-from nasm import barriers, escape
+from nasm import barriers, escape, survivors
 from nasm.types import FloatArray
 from pipeline.cubes.barrier import circle_arrays, last_circles
 from pipeline.cubes.breakdown import blank_scales, scale_fields
@@ -158,7 +158,7 @@ def scale_without_barrier(profile: FloatArray, golden: float) -> float:
     """
     low, high = _MIN_SCALE * golden, 1.001 * golden  # a barrier at high would outlast theirs
     if not any_orbit_escapes(profile, high):
-        is_excluded = any(barriers.eliminates(high * profile, n) for n in _MAX_PERIODS)
+        is_excluded = any(survivors.eliminates(high * profile, n) for n in _MAX_PERIODS)
         return high if is_excluded else np.inf
     while high > 1.02 * low:
         middle = np.sqrt(low * high)

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from nasm import barriers, escape, orbits
+from nasm import escape, orbits, survivors
 from nasm.critical import Status
 from nasm.verdicts import Answer, verdict
 from workflows.shared.phase_space import portrait
@@ -47,7 +47,7 @@ def drawn(kappa, point, verdict, escaping):
     is_long = verdict.boundary.status is Status.TOO_LONG  # its minimax orbits are not known
     if verdict.answer is Answer.TRANSPORT and not is_long:
         n_max = int(min(max(1000, 2 * verdict.steps), _STEPS))
-        x, y, steps = barriers.longest_lived_start(kappa, n_max)
+        x, y, steps = survivors.longest_lived_start(kappa, n_max)
         lifetime = lifetime_text(kappa, steps)
         longest = (lifetime, *orbits.orbit(kappa, x, y, int(min(steps, _TRACED))))
     return draw_verdict(kappa, point, name, verdict, portrait(kappa), longest, escaping)

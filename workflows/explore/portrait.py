@@ -7,7 +7,7 @@ from bokeh import models
 from bokeh.events import Tap
 from bokeh.plotting import figure
 
-from nasm import barriers, orbits, symmetries
+from nasm import orbits, survivors, symmetries
 from nasm.circles import fourier
 from nasm.numbers import distinct_convergents
 from nasm.verdicts import Answer
@@ -295,7 +295,7 @@ def _decisive(kappa, verdict):
         name = f"Certified circle, ω = {verdict.boundary.omega}"
         return {"circle": _curve((x, fourier.resample(y, more)))}, {"last circle": name}
     if verdict.answer is Answer.TRANSPORT:
-        x, y, steps = barriers.longest_lived_start(kappa, max(1000, int(2 * verdict.steps)))
+        x, y, steps = survivors.longest_lived_start(kappa, max(1000, int(2 * verdict.steps)))
         traced = orbits.orbit(kappa, x, y, int(min(steps, _MAX_STEPS)))
         lifetime = lifetime_text(kappa, steps)
         name = f"No barrier: the longest-lived start is eliminated after {lifetime} (dots)"
