@@ -13,8 +13,17 @@ import pipeline
 from nasm.critical import Status
 from nasm.numbers import parse
 from nasm.planes import two_kicks
-from pipeline.cubes import barrier, beyond, breakdown, escape, forcings, proved
-from pipeline.cubes.cube import Job
+from pipeline.cubes import (
+    barrier,
+    beyond,
+    breakdown,
+    escape,
+    forcings,
+    frequency_map,
+    proved,
+    rotating_maps,
+)
+from pipeline.cubes.cube import Job, status_code
 from pipeline.sweep.grid import Axis
 from workflows.gallery.exhibits import command_of, listed
 from workflows.shared.cli import commands
@@ -43,9 +52,12 @@ def jobs() -> list[Job]:
         breakdown.by_escape(plane, angles, 1000, 100),
         proved.proved_barrier(plane, angles, 1.0),
         proved.proved_map([(0.0, 1.0), (45.0, 1.2)], 64, 1.0),
+        proved.proved_triangles([(0.0, 1.0), (45.0, 1.2)], ["gamma", "2gamma"], 0.1),
         beyond.flux(plane, scales, circles, excesses, 3000),
         beyond.diffusion(scales, excesses, 100, 10_000),
         forcings.last_barriers("patterns", random, "parameter", 1e-3),
+        frequency_map.frequency_map((0.3, 0.2), axes, 1000, 8),
+        rotating_maps.breakups([(0.618, 0.414)], angles, 1e-2),
     ]
 
 
@@ -68,7 +80,7 @@ def cubes() -> str:
 def statuses() -> str:
     return markdown(
         ("code", "status", "meaning, and what to do"),
-        ((code, f"`{status.name}`", status.value) for code, status in enumerate(Status)),
+        ((status_code(status), f"`{status.name.lower()}`", status.value) for status in Status),
     )
 
 

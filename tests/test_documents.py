@@ -1,6 +1,7 @@
 """The documents agree with the program: README, checklists, versions."""
 
 import ast
+import doctest
 import os
 import re
 import shlex
@@ -8,12 +9,15 @@ import signal
 import subprocess
 import sys
 import tomllib
-from contextlib import suppress
+from contextlib import chdir, suppress
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 import nasm
+from pipeline.cubes.cube import FLAGS
 from workflows.shared.cli import commands, main_of
 
 ROOT = Path(__file__).parents[1]
@@ -28,6 +32,26 @@ CALLS += [line for line in LINES if line.startswith("python -m workflows.")]
 def blocks(language, text):
     """Return the code blocks of a language in a Markdown text."""
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.S | re.M)
+
+
+def test_the_cluster_of_the_pipeline_is_that_of_the_readme():
+    """Whose lines are run."""
+    pipeline = (ROOT / "pipeline" / "README.md").read_text(encoding="utf-8")
+    assert blocks("sh", pipeline) == blocks("sh", README.partition("## On a cluster")[2])[:1]
+
+
+def test_the_example_of_the_proofs_prints_what_it_says():
+    text = (ROOT / "nasm" / "proofs" / "README.md").read_text(encoding="utf-8")
+    (block,) = blocks("python", text)
+    example = doctest.DocTestParser().get_doctest(block, {}, "README", None, None)
+    assert doctest.DocTestRunner().run(example) == (0, 2)
+
+
+def test_the_site_lists_the_codes_that_cubes_have(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / ".docs")
+    rows = re.findall(r"^\| (\d+) \| `(\w+)` \|", import_module("tables").statuses(), re.M)
+    codes = zip(FLAGS["flag_values"].tolist(), FLAGS["flag_meanings"].split(), strict=True)
+    assert [("-128", "not_computed"), *rows] == [(str(code), name) for code, name in codes]
 
 
 def test_the_readme_is_short():
@@ -48,6 +72,22 @@ def test_a_command_of_the_readme_is_one(call):
     assert name in commands()
     if "--scheduler" not in options:  # a path of a cluster, which is looked for
         main_of(name).make_context(name, options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("call", dict.fromkeys(CALLS))
+def test_a_command_of_the_readme_plans_its_run(call, tmp_path):
+    """Dry, as it stands but for the place of its results."""
+    _, _, module, *options = shlex.split(call)
+    main = main_of(module.removeprefix("workflows."))
+    flags = [flag for parameter in main.params for flag in parameter.opts]
+    if "--dry-run" not in flags or "--scheduler" in options:
+        pytest.skip("it does not sweep, or the cluster's lines run it")
+    with chdir(tmp_path):
+        result = CliRunner().invoke(main, [*options, "--dry-run"])
+    assert result.exit_code == 0, result.output
+    assert "in all" in result.output
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_the_readme_computes_is_what_it_shows(capsys):
@@ -114,16 +154,20 @@ def test_python_on_a_page_is_run_by_the_build(page):
         ast.parse(cell)
 
 
-# Lines of shell that the tests do not run: `.ci/run` runs those that install, test and build, and
-# `test_explore_page` opens the explorer.
-RUN_ELSEWHERE = (
-    "python3 -m venv",
-    "pip ",
-    "python -m pytest",
-    "ruff ",
-    "python -m workflows.explore",
-)
+# Lines of shell that the tests do not run: `.ci/run` runs those that install, test and build.
+RUN_ELSEWHERE = "python3 -m venv", "pip ", "python -m pytest", "ruff "
+EXPLORE = "python -m workflows.explore"
 DOCUMENTS = [ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md", *PAGES]
+# Start a process, wait for what it does when it is ready, and let it go on.
+SCHEDULER_FILE = "{} & while [ ! -e scheduler.json ]; do kill -0 $!; sleep 0.2; done"
+PAGE_OF_LOG = (
+    "import re, sys, urllib.request as u; u.urlopen(re.search(r'http://\\S+', sys.stdin.read())[0])"
+)
+EXPLORED = f"""{{}} 2> explore.log &
+until grep -q "Ctrl-C ends it" explore.log; do kill -0 $!; sleep 0.2; done
+python -c "{PAGE_OF_LOG}" < explore.log
+kill -INT $!
+wait $!"""
 
 
 def shell_lines(page):
@@ -139,14 +183,19 @@ WITH_SHELL = [page for page in DOCUMENTS if shell_lines(page)]
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_SHELL, ids=lambda path: path.stem)
 def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
-    """In one folder, which has the page's JSON as its file; a cluster's are processes here."""
+    """In one folder, which has the page's JSON as its file; a cluster's are processes here.
+
+    The explorer is asked for its page, and stopped by Ctrl-C.
+    """
     for block in blocks("json", page.read_text(encoding="utf-8")):
         (tmp_path / "pairs.json").write_text(block, encoding="utf-8")
     script = []
     for line in shell_lines(page):
         line = line.replace("/shared", str(tmp_path)).replace("--nworkers 16", "--nworkers 2")
         if line.startswith("dask "):
-            script.append(f"{line} & while [ ! -e scheduler.json ]; do sleep 0.2; done")
+            script.append(SCHEDULER_FILE.format(line))
+        elif line == EXPLORE:
+            script.append(EXPLORED.format(line))
         else:
             script.append(line)
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
@@ -156,7 +205,7 @@ def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
             stdout=log,
             stderr=log,
             cwd=tmp_path,
-            env=os.environ | {"PATH": path},
+            env=os.environ | {"PATH": path, "BROWSER": "true"},  # a program that opens nothing
             start_new_session=True,
         )
         code = shell.wait()

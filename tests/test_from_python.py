@@ -109,6 +109,17 @@ def test_the_page_of_a_cube_selects_by_status(run, tmp_path, monkeypatch):
     assert told.getvalue()
 
 
+@pytest.mark.slow
+def test_the_page_of_object_stores_opens_a_cube(bucket, here):
+    job = pipeline.escape("two-kicks", "0:1:8", "0:1:8", n_max=100, n_orbits=(8,))
+    filled = pipeline.fill(job, str(bucket), here())
+    path = bucket.cube("escape").removeprefix("s3://cubes/")
+    names = {}
+    text = page("Object stores").replace('"BUCKET"', '"cubes"')
+    exec(text.replace("PREFIX/escape.zarr", path), names)
+    np.testing.assert_array_equal(names["cube"].escape_time, filled.escape_time)
+
+
 def test_a_maker_notes_its_call():
     job = pipeline.escape("two-kicks", "0:1:8", second="0:1:6", n_max=100, n_orbits=(8, 16))
     assert job.call == (
