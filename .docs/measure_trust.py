@@ -1,22 +1,28 @@
-"""Measure how often each method keeps its promise: python .docs/measure_trust.py [--method NAME]
+"""Measure how often each method keeps its promise: python .docs/measure_trust.py [--only NAME]
 
-The sample is the table of judged forcings, `tests/judged_forcings.csv`. Each method is asked about
+One sample is the table of judged forcings, `tests/judged_forcings.csv`. Each method is asked about
 its forcings in a random order that is always the same, so that the first of them, all that a short
-run reaches, are a fair sample. Writes .docs/trust.csv, which the page Trust of the site shows.
+run reaches, are a fair sample. The other samples are those of `workflows.stability` and
+`workflows.work_precision`, which are run. `workflows.claims` judges the claims of the paper. Writes
+.docs/trust.csv and .docs/claims.csv, which the page Trust of the site shows.
 """
 
 import argparse
 import csv
 import random
 import re
+import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import date
-from math import isfinite
+from importlib import import_module
+from math import isfinite, nan
 from pathlib import Path
+from pkgutil import resolve_name
 from statistics import median
+from tempfile import TemporaryDirectory
 
 from nasm import barriers, escape, periodic
 from nasm.circles import continuation
@@ -24,30 +30,60 @@ from nasm.converse_kam import symmetry_line
 from nasm.critical import CriticalScale
 from pipeline.provenance import job_code
 from pipeline.provenance.sources import digest
+from workflows.shared.judgement import Verdict
 
 HERE = Path(__file__).parent
 MEASURED = HERE / "trust.csv"
-sys.path.insert(0, str(HERE.parent / "tests"))
+JUDGED = HERE / "claims.csv"
+sys.path[:0] = [str(HERE), str(HERE.parent / "tests")]
 
+import studies  # noqa: E402  (beside this file)
 from judged import Row, table  # noqa: E402  (in the folder above)
 from score_search import contradictions  # noqa: E402
 
 SEED = 57
 ROWS = table()
+COMMAND = "python .docs/measure_trust.py"
+STUDIES = {
+    "python -m workflows.stability": studies.stability,
+    "python -m workflows.work_precision": studies.work_precision,
+}
+CLAIMS = "python -m workflows.claims"
 HEAD = (
     "method",
-    "call",
-    "promises",
-    "forcings",
+    "promise",
+    "sample",
     "asked",
-    "with a value",
+    "answered",
     "broken",
     "worst ratio",
     "CPU s, median",
     "CPU s, largest",
+    "command",
     "date",
     "code",
 )
+CLAIMS_HEAD = ("section", *(verdict.value for verdict in Verdict), "date", "code")
+
+
+def name_of(function: Callable[..., object]) -> str:
+    """Return the shortest name by which users call a function of `nasm`."""
+    name, parts = function.__name__, function.__module__.split(".")
+    packages = [".".join(parts[:end]) for end in range(1, len(parts) + 1)]
+    known = (home for home in packages if getattr(import_module(home), name, None) is function)
+    return f"{next(known)}.{name}"
+
+
+def code_of(function: Callable[..., object]) -> str:
+    """Return the digest of all modules that a function depends on."""
+    return digest(job_code.code_of(function).modules)
+
+
+def has_changed(row: Mapping[str, str]) -> bool:
+    """Return whether the code of a row's method, or of the claims, is another one than it was."""
+    if "method" in row:
+        return row["code"] != code_of(resolve_name(row["method"]))
+    return row["code"] != digest(job_code.EVERYTHING.modules)
 
 
 @dataclass(frozen=True)
@@ -58,7 +94,7 @@ class Method:
     ----------
     function : callable
         The method itself.
-    call : str
+    arguments : str
         How it is called, for the page.
     answer : callable
         Its answer about a row of the table.
@@ -69,20 +105,10 @@ class Method:
     """
 
     function: Callable[..., CriticalScale]
-    call: str
+    arguments: str
     answer: Callable[[Row], CriticalScale]
     applies: Callable[[Row], bool]
     fields: tuple[str, ...]
-
-    @property
-    def name(self) -> str:
-        """The name by which the method is called, without arguments."""
-        return self.call.partition("(")[0]
-
-    @property
-    def code(self) -> str:
-        """The digest of all modules that the method depends on."""
-        return digest(job_code.code_of(self.function).modules)
 
 
 def is_ray(row: Row) -> bool:
@@ -100,35 +126,35 @@ def has_circle(row: Row) -> bool:
 METHODS = (
     Method(
         symmetry_line.critical_scale,
-        "nasm.converse_kam.symmetry_line.critical_scale(profile, 1000)",
+        "(profile, 1000)",
         lambda row: symmetry_line.critical_scale(row.profile, 1000),
         lambda row: is_ray(row) and len(row.profile) <= 2,
         ("value", "upper"),
     ),
     Method(
         continuation.critical_scale,
-        "nasm.circles.continuation.critical_scale(omega, profile)",
+        "(omega, profile)",
         lambda row: continuation.critical_scale(row.omega, row.profile),
         lambda row: is_ray(row) and has_circle(row),
         ("value", "lower"),
     ),
     Method(
         periodic.critical_scale,
-        "nasm.periodic.critical_scale(omega, profile)",
+        "(omega, profile)",
         lambda row: periodic.critical_scale(row.omega, row.profile, start=row.start),
         has_circle,
         ("value",),
     ),
     Method(
         escape.critical_scale,
-        "nasm.escape.critical_scale(profile, 10_000, 300)",
+        "(profile, 10_000, 300)",
         lambda row: escape.critical_scale(row.profile, 10_000, 300),
         is_ray,
         ("value",),
     ),
     Method(
         barriers.critical_scale,
-        "nasm.critical_scale(profile, 1e-3)",
+        "(profile, 1e-3)",
         lambda row: barriers.critical_scale(row.profile, 1e-3, start=row.start),
         lambda row: True,
         ("value", "lower", "upper"),
@@ -136,8 +162,18 @@ METHODS = (
 )
 
 
-def measure(method: Method, seconds: float) -> dict[str, object]:
-    """Return a method's line of the table; rows not reached within the CPU time are not asked."""
+def row_of(function: Callable[..., object], *cells: object) -> dict[str, str]:
+    """Return a row of the table: its cells between the method and the date."""
+    cells = name_of(function), *cells, date.today().isoformat(), code_of(function)
+    return dict(zip(HEAD, map(str, cells), strict=True))
+
+
+def short(number: float) -> str:
+    return f"{number:.2g}" if isfinite(number) else ""
+
+
+def measure(method: Method, seconds: float) -> dict[str, str]:
+    """Return a method's row; forcings not reached within the CPU time are not asked."""
     rows = [row for row in ROWS.values() if method.applies(row)]
     random.Random(SEED).shuffle(rows)
     method.answer(rows[0])  # kernels compile before the clock starts
@@ -154,51 +190,115 @@ def measure(method: Method, seconds: float) -> dict[str, object]:
         if set(contradictions(row, scale)) & set(method.fields):
             broken.append(row.number)
     if broken:
-        print(f"{method.call} breaks its promise on rows {broken}", file=sys.stderr)
-    line = (
-        method.name,
-        method.call,
-        ", ".join(method.fields),
-        len(rows),
+        print(f"{method.arguments} breaks its promise on rows {broken}", file=sys.stderr)
+    sample = "judged forcings"
+    if len(times) < len(rows):
+        sample += f", the first {len(times)} of {len(rows)}"
+    return row_of(
+        method.function,
+        f"{', '.join(method.fields)}: `{method.arguments}`",
+        sample,
         len(times),
         len(ratios),
         len(broken),
-        f"{max(ratios):.2g}" if ratios else "",
-        f"{median(times):.2g}" if times else "",
-        f"{max(times):.2g}" if times else "",
-        date.today().isoformat(),
-        method.code,
+        short(max(ratios, default=nan)),
+        short(median(times) if times else nan),
+        short(max(times, default=nan)),
+        COMMAND,
     )
-    return dict(zip(HEAD, line, strict=True))
 
 
-def kept() -> dict[str, dict[str, object]]:
-    """Return the lines measured before, by their methods."""
-    if not MEASURED.exists():
-        return {}
-    with MEASURED.open(encoding="utf-8", newline="") as file:
-        return {line["method"]: line for line in csv.DictReader(file)}
+def run(command: str, folder: Path) -> Path:
+    """Run a command of `workflows`; return the folder with its results."""
+    module = command.split()[-1]
+    out = folder / module
+    subprocess.run([sys.executable, "-m", module, "--quiet", "--out", out], check=True)
+    return out
+
+
+def rows_of_study(command: str, folder: Path) -> list[dict[str, str]]:
+    """Run a study; return its rows of the table."""
+    return [
+        row_of(
+            each.method,
+            each.promise,
+            each.sample,
+            each.asked,
+            each.answered,
+            each.broken,
+            short(each.worst),
+            "",
+            "",
+            command,
+        )
+        for each in STUDIES[command](run(command, folder))
+    ]
+
+
+def rows_of_claims(folder: Path) -> list[dict[str, str]]:
+    """Judge the claims of the paper; return a row for each section."""
+    code = digest(job_code.EVERYTHING.modules)
+    rows = []
+    for section, counts in studies.claims(run(CLAIMS, folder)):
+        cells = section, *(counts[verdict] for verdict in Verdict), date.today(), code
+        rows.append(dict(zip(CLAIMS_HEAD, map(str, cells), strict=True)))
+    return rows
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    """Return the rows measured before."""
+    if not path.exists():
+        return []
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def write(path: Path, head: Iterable[str], rows: Iterable[Mapping[str, str]]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, head)
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--minutes", type=float, default=12.0, help="CPU time in all")
-    parser.add_argument("--method", default="", help="only those with this in their name")
+    parser.add_argument("--minutes", type=float, default=12.0, help="CPU time for judged forcings")
+    parser.add_argument(
+        "--only", default="", help="only methods, or workflows.COMMAND, with this in their name"
+    )
+    parser.add_argument("--studies", default="", help="folder of runs of the studies to go on with")
     options = parser.parse_args()
-    methods = [method for method in METHODS if options.method in method.call]
-    if not methods:
-        parser.error(f"no method has {options.method!r} in its name")
-    lines, seconds = kept(), 60 * options.minutes
+    methods = [method for method in METHODS if options.only in name_of(method.function)]
+    commands = [command for command in (*STUDIES, CLAIMS) if options.only in command]
+    if not [*methods, *commands]:
+        parser.error(f"no method and no study has {options.only!r} in its name")
+    measured, seconds = [], 60 * options.minutes
     for number, method in enumerate(methods):
         begun = time.process_time()
-        line = measure(method, seconds / (len(methods) - number))
+        measured.append(measure(method, seconds / (len(methods) - number)))
         seconds = max(0.0, seconds - (time.process_time() - begun))
-        lines[method.name] = line
-        print(*line.values(), sep="  ", flush=True)
-    with MEASURED.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, HEAD)
-        writer.writeheader()
-        writer.writerows(lines[method.name] for method in METHODS if method.name in lines)
+        print(*measured[-1].values(), sep="  ", flush=True)
+    with TemporaryDirectory() as temporary:
+        folder = Path(options.studies or temporary)
+        for command in commands:
+            if command == CLAIMS:
+                write(JUDGED, CLAIMS_HEAD, rows_of_claims(folder))
+            else:
+                measured += rows_of_study(command, folder)
+    if measured:
+        renewed = {row["method"] for row in measured if row["command"] == COMMAND}
+        kept = [
+            row
+            for row in read(MEASURED)
+            if row["command"] not in commands
+            and not (row["command"] == COMMAND and row["method"] in renewed)
+        ]
+        write(MEASURED, HEAD, sorted([*kept, *measured], key=order))
+
+
+def order(row: Mapping[str, str]) -> tuple[str, bool, str]:
+    """Sort rows by method, the judged forcings first."""
+    return row["method"], row["command"] != COMMAND, row["command"]
 
 
 if __name__ == "__main__":

@@ -1,9 +1,8 @@
 """The parts of the site that the program writes: tables, modules, the gallery."""
 
-import csv
 import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from pkgutil import walk_packages
@@ -85,24 +84,45 @@ def statuses() -> str:
 
 
 def trust() -> str:
-    """Return the table that `measure_trust.py` left, and whether the code has changed since."""
-    from measure_trust import HEAD, MEASURED, METHODS
+    """Return the table of promises that `measure_trust.py` left, and what has changed since."""
+    from measure_trust import MEASURED, has_changed, read
 
-    current = {method.name: method.code for method in METHODS}
-    with MEASURED.open(encoding="utf-8", newline="") as file:
-        lines = list(csv.DictReader(file))
-    outdated = [f"`{line['method']}`" for line in lines if line["code"] != current[line["method"]]]
-    for line in lines:
-        line["method"] = f"`{line['method']}`".replace("nasm.", "", 1)
-        line["CPU s"] = f"{line['CPU s, median']} ({line['CPU s, largest']})"
-        line["asked"] = f"{line['asked']} of {line['forcings']}"
-    hidden = "call", "forcings", "CPU s, median", "CPU s, largest", "date", "code"
-    shown = [*(name for name in HEAD if name not in hidden), "CPU s"]
-    dates = " and ".join(sorted({line["date"] for line in lines}))
-    changed = f"; this code has changed since: {', '.join(outdated)}" if outdated else ""
-    calls = ", ".join(f"`{line['call'].removeprefix('nasm.')}`" for line in lines)
-    table = markdown(shown, [[line[name] for name in shown] for line in lines])
-    return f"{table}\nMeasured on {dates}{changed}. The calls are {calls}.\n"
+    rows = read(MEASURED)
+    head = "method", "promise", "sample", "kept", "worst ratio", "CPU s", "command"
+    lines = [
+        (
+            f"`{'.'.join(row['method'].split('.')[1:][-2:])}`{' †' * has_changed(row)}",
+            row["promise"],
+            f"{row['asked']} {row['sample']}",
+            f"{int(row['answered']) - int(row['broken'])} of {row['answered']}",
+            row["worst ratio"],
+            f"{row['CPU s, median']} ({row['CPU s, largest']})" if row["CPU s, median"] else "",
+            row["command"].split()[-1].removeprefix("workflows.").removeprefix(".docs/"),
+        )
+        for row in rows
+    ]
+    return markdown(head, lines) + "\n" + measured(rows)
+
+
+def measured(rows: Sequence[Mapping[str, str]]) -> str:
+    """Return a sentence on when rows were measured, and whether code has changed since."""
+    from measure_trust import has_changed
+
+    dates = " and ".join(sorted({row["date"] for row in rows}))
+    changed = " †: the code has changed since." if any(map(has_changed, rows)) else ""
+    return f"Measured on {dates}.{changed}\n"
+
+
+def claims() -> str:
+    """Return the verdicts on the paper's claims by section, and whether code has changed since."""
+    from measure_trust import CLAIMS_HEAD, JUDGED, has_changed, read
+
+    rows, shown = read(JUDGED), CLAIMS_HEAD[:-2]
+    if not rows:
+        return "*This copy of the site was built before they were judged.*\n"
+    total = ["all", *(sum(int(row[name]) for row in rows) for name in shown[1:])]
+    lines = [[row["section"] + " †" * has_changed(row), *map(row.get, shown[1:])] for row in rows]
+    return markdown(shown, [*lines, total]) + "\n" + measured(rows)
 
 
 def sample() -> str:
@@ -175,5 +195,5 @@ def write(folder: Path) -> None:
     """Write all tables into a folder, as files that pages include."""
     folder.mkdir(exist_ok=True)
     (folder / "modules.md").write_text(write_modules(folder / "api"), encoding="utf-8")
-    for table in command_options, cubes, statuses, trust, sample, gallery:
+    for table in command_options, cubes, statuses, trust, claims, sample, gallery:
         (folder / f"{table.__name__}.md").write_text(table(), encoding="utf-8")

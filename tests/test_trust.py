@@ -1,0 +1,71 @@
+"""The page Trust: broken promises are counted, and each row names a method that exists."""
+
+from importlib import import_module
+from pathlib import Path
+from pkgutil import resolve_name
+
+import pytest
+import xarray as xr
+
+from nasm import barriers
+
+NAN = float("nan")
+
+
+@pytest.fixture
+def page(monkeypatch):
+    """A function that imports a module of the site."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / ".docs")
+    return import_module
+
+
+def test_a_ratio_above_one_breaks_a_promise_and_nan_is_no_answer(page):
+    ratio = xr.DataArray([0.5, 1.5, NAN, 2.0])
+    seen = page("studies").by_ratio(barriers.critical_scale, "value", "rays", ratio)
+    assert (seen.asked, seen.answered, seen.broken, seen.worst) == (4, 3, 2, 2.0)
+    nothing = page("studies").by_ratio(barriers.critical_scale, "value", "rays", ratio[2:3])
+    assert (nothing.answered, nothing.broken, page("measure_trust").short(nothing.worst)) == (
+        0,
+        0,
+        "",
+    )
+
+
+def test_a_lower_end_beyond_the_breakup_breaks_a_promise(page):
+    lower, most = xr.DataArray([0.5, 1.0, NAN, 0.2]), xr.DataArray([0.6, 1.0, 0.3, NAN])
+    seen = page("studies").below(barriers.critical_scale, "lower", "rays", lower, most)
+    assert (seen.asked, seen.answered, seen.broken) == (4, 2, 1)
+
+
+def test_verdicts_are_counted_by_section(page, tmp_path):
+    lines = [
+        "place,verdict",
+        '"Sec. II, Eq. (7)",holds',
+        '"Sec. II",holds',
+        "Sec. III.A,not decided",
+    ]
+    (tmp_path / "claims.csv").write_text("\n".join(lines), encoding="utf-8")
+    seen = page("studies").claims(tmp_path)
+    assert [(section, sum(counts.values())) for section, counts in seen] == [
+        ("Sec. II", 2),
+        ("Sec. III.A", 1),
+    ]
+
+
+def test_each_measured_row_names_a_method_of_nasm_and_counts_no_more_than_it_asked(page):
+    trust = page("measure_trust")
+    rows = trust.read(trust.MEASURED)
+    assert {row["command"] for row in rows} <= {trust.COMMAND, *trust.STUDIES}
+    for row in rows:
+        method = resolve_name(row["method"])
+        assert trust.name_of(method) == row["method"]
+        assert 0 <= int(row["broken"]) <= int(row["answered"]) <= int(row["asked"]) > 0
+        if row["worst ratio"]:
+            assert (float(row["worst ratio"]) > 1) == (int(row["broken"]) > 0)
+
+
+def test_a_row_of_other_code_is_called_outdated(page):
+    trust = page("measure_trust")
+    row = {"method": "nasm.critical_scale", "code": trust.code_of(barriers.critical_scale)}
+    assert not trust.has_changed(row)
+    assert trust.has_changed(row | {"code": "0" * 12})
