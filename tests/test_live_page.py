@@ -2,12 +2,14 @@
 
 import json
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 import pytest
 
 import nasm
 from nasm import maps, orbits, verdict
+from nasm.proofs import barrier, transport
 
 PAGE = Path(__file__).parents[1] / ".docs" / "live" / "live.html"
 
@@ -70,6 +72,35 @@ def test_verdicts_contradict_none_of_nasm(page, n):
     assert {"BARRIER", "TRANSPORT"} <= set(seen)
 
 
+@pytest.mark.parametrize("n", [6, pytest.param(60, marks=pytest.mark.slow)])
+def test_what_the_page_calls_proved_can_be_proved(page, n):
+    """Again, for single forcings; the page's regions are those of `workflows.proved_map`."""
+    random = np.random.default_rng(n)
+    kappas = random.uniform(-1.125, 1.125, (20 * n, 2))
+    seen = page.evaluate("(kappas) => kappas.map(proved)", kappas.tolist())
+    chosen = {answer: kappas[np.array(seen) == answer][:n] for answer in ("BARRIER", "TRANSPORT")}
+    assert min(map(len, chosen.values())) == n
+    for kappa in chosen["TRANSPORT"]:
+        assert transport.prove(kappa).proved, kappa
+    for kappa in chosen["BARRIER"]:
+        omega = nasm.critical_scale(kappa, 1e-2).omega
+        assert barrier.prove(omega, kappa).proved, kappa
+
+
+def test_proved_regions_lie_on_their_sides_of_the_boundary(page):
+    program = """() => {
+      const size = Math.hypot, turn = (x, y) => (Math.atan2(y, x) * 180) / Math.PI;
+      const on = (x, y) => neighbours(turn(x, y)).map((ray) => BOUNDARY.value[ray]);
+      const far = PROVED.triangles.flatMap(([a, b, c, d]) => [[a, b], [c, d]]);
+      const cells = PROVED.runs.map(([row, from]) => [(from + 1) / PROVED.n, (row + 1) / PROVED.n]);
+      return [far.map(([x, y]) => Math.max(...on(x, y)) / size(x, y)),
+              cells.map(([x, y]) => size(x, y) / Math.min(...on(x, y)))];
+    }"""
+    for ratios, most in zip(page.evaluate(program), (1.25, 1.1), strict=True):
+        assert len(ratios) >= 12
+        assert 1 < min(ratios) <= median(ratios) < most  # and are not much smaller than they can be
+
+
 def test_a_click_chooses_the_forcing_and_the_address_keeps_it(page):
     box = page.locator("#plane").bounding_box()
     page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 0.25 * box["height"])
@@ -77,6 +108,7 @@ def test_a_click_chooses_the_forcing_and_the_address_keeps_it(page):
     assert chosen == pytest.approx([0.6, 0.6], abs=0.01)
     assert json.loads(f"[{page.evaluate('location.hash.slice(1)')}]") == chosen
     assert page.locator("#verdict").inner_text().startswith("A barrier exists")
+    assert "proved" in page.locator("#verdict").inner_text()
 
 
 def test_the_page_is_small_and_loads_nothing_from_elsewhere(page):

@@ -53,8 +53,20 @@ function neighbours(angle) {
   return angles[right] === angle ? [right, right] : [Math.max(right - 1, 0), right];
 }
 
-// Look the forcing up between `lower` and `upper` of the two rays next to it.
+// Which answer is proved for all forcings of a triangle with the corner 0, or of a cell; or "".
+function proved(kappa) {
+  const [large, small] = kappa.map(Math.abs).sort((a, b) => b - a);
+  const holds = ([a, b, c, d]) => // on the inner side of its three sides
+    a * small >= b * large && large * d >= small * c && (c - a) * (small - b) >= (d - b) * (large - a);
+  if (PROVED.triangles.some(holds)) return "BARRIER";
+  const [column, row] = [large, small].map((each) => Math.floor(each * PROVED.n));
+  const cells = PROVED.runs.some(([on, from, to]) => on === row && from <= column && column < to);
+  return cells ? "TRANSPORT" : "";
+}
+
+// What is proved; elsewhere look the forcing up between `lower` and `upper` of the rays next to it.
 function verdict(kappa) {
+  if (proved(kappa)) return proved(kappa);
   const { size, angle } = fold(kappa);
   const rays = neighbours(angle);
   if (size <= Math.min(...rays.map((ray) => BOUNDARY.lower[ray]))) return "BARRIER";
@@ -80,6 +92,34 @@ function context(name) {
   return [pen, canvas.width, canvas.height];
 }
 
+// One path for each answer, so that images which meet are not drawn twice.
+function drawProved(pen, place) {
+  const n = PROVED.n;
+  const triangles = PROVED.triangles.map(([a, b, c, d]) => [[0, 0], [a, b], [c, d]]);
+  const strips = PROVED.runs.map(([row, from, to]) =>
+    [[from, row], [to, row], [to, row + 1], [from, row + 1]].map(([a, b]) => [a / n, b / n]));
+  for (const [answer, shapes] of [["BARRIER", triangles], ["TRANSPORT", strips]]) {
+    pen.beginPath();
+    for (const shape of shapes) {
+      for (const [right, up] of [[1, 1], [1, -1], [-1, 1], [-1, -1]]) {
+        for (const [first, second] of [[0, 1], [1, 0]]) {
+          // Mirror images are run through the other way, so that their areas add up.
+          const image = shape.map((point) => [right * point[first], up * point[second]]);
+          if (right * up * (first ? -1 : 1) < 0) image.reverse();
+          pen.moveTo(...place(image[0]));
+          for (const point of image.slice(1)) pen.lineTo(...place(point));
+          pen.closePath();
+        }
+      }
+    }
+    pen.globalAlpha = 0.25;
+    pen.fillStyle = LINES[answer];
+    pen.fill();
+    pen.globalAlpha = 1;
+  }
+  pen.fillStyle = pen.strokeStyle;
+}
+
 function drawPlane() {
   const [pen, width, height] = context("plane");
   const place = ([a, b]) => [((a / RANGE + 1) / 2) * width, ((1 - b / RANGE) / 2) * height];
@@ -94,13 +134,10 @@ function drawPlane() {
     octants.map(([a, b]) => [-a, -b]),
     octants.map(([a, b]) => [a, -b]).reverse(),
   ];
+  drawProved(pen, place);
   pen.beginPath();
   for (const point of quarters.flat()) pen.lineTo(...place(point));
   pen.closePath();
-  pen.globalAlpha = 0.15;
-  pen.fillStyle = LINES.BARRIER;
-  pen.fill();
-  pen.globalAlpha = 1;
   pen.stroke();
   pen.globalAlpha = 0.3;
   pen.strokeRect(0.5, 0.5, width - 1, height - 1);
@@ -158,7 +195,8 @@ function show() {
   document.getElementById("kappa2").value = kappa[1];
   const ray = neighbours(fold(kappa).angle)[0];
   const words = document.getElementById("verdict");
-  words.textContent = `${WORDS[answer]} Last circle on this ray: ${BOUNDARY.circle[ray]}.`;
+  const sure = proved(kappa) ? " This is proved." : "";
+  words.textContent = `${WORDS[answer]}${sure} Last circle on this ray: ${BOUNDARY.circle[ray]}.`;
   words.style.borderColor = LINES[answer];
   history.replaceState(null, "", `#${kappa.join(",")}`);
   drawPlane();
