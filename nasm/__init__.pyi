@@ -42,6 +42,7 @@ from .periodic import residue as residue
 from .verdicts import Answer as Answer
 from .verdicts import Evidence as Evidence
 from .verdicts import Verdict as Verdict
+from .verdicts import VerdictSettings as VerdictSettings
 from .verdicts import verdict as verdict
 from .versions import show_versions as show_versions
 

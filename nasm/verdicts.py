@@ -31,33 +31,56 @@ if TYPE_CHECKING:  # 0.2 s to import, and mostly not needed
     from nasm.proofs.barrier import BarrierProof
     from nasm.proofs.transport import TransportProof
 
-__all__ = ["Answer", "Evidence", "Verdict", "verdict"]
+__all__ = ["Answer", "Evidence", "Verdict", "VerdictSettings", "verdict"]
 
-_FIRST_TOLERANCE = 1e-2
-"""Tolerance of the boundary at first, with three kicks or more."""
 
-_CLEAR_DISTANCE = 0.05
-"""Distance |value - 1| of the forcing from the boundary from which `_FIRST_TOLERANCE` is enough."""
+@dataclass(frozen=True)
+class VerdictSettings:
+    """How hard a verdict is tried.
 
-_TOLERANCES = (1e-3, 1e-4, 2e-5)
-"""Tolerances of the boundary, in turn, until its error is less than the distance."""
+    Attributes
+    ----------
+    first_tol : float
+        Tolerance of the boundary at first, with three kicks or more.
+    clear_distance : float
+        Distance |value - 1| of the forcing from the boundary from which `first_tol` is enough.
+    tols : tuple of float
+        Tolerances of the boundary, in turn, until its error is less than the distance.
+    unrelated_ratio : float
+        Lower scale of the boundary from which a tighter tolerance cannot change the verdict.
+    min_steps, max_steps : int
+        Steps of converse KAM: the most take a second or two, and reach to 4·10⁻⁶ above the
+        boundary.
+    max_points : int
+        Points of a circle that is further than the first of `tols` from its breakup.
+    min_distance : float
+        Distance below the boundary under which certificates fail, after 5 s.
+    proof_seconds : float
+        CPU seconds of a proof.
+    n_orbits, n_kicks : int
+        Orbits, and kicks of each, of direct iteration under long periods; some CPU seconds.
 
-_UNRELATED_RATIO = 1.1
-"""Lower scale of the boundary from which a tighter tolerance cannot change the verdict."""
+    Examples
+    --------
+    >>> from nasm.verdicts import VerdictSettings, verdict
+    >>> verdict((0.3, 0.4), settings=VerdictSettings(tols=(1e-3,))).answer
+    Answer.BARRIER
+    """
 
-_MIN_STEPS, _MAX_STEPS = 1000, 400_000
-"""Steps of converse KAM: the most take a second or two, and reach to 4e-6 above the boundary."""
+    first_tol: float = 1e-2
+    clear_distance: float = 0.05
+    tols: tuple[float, ...] = (1e-3, 1e-4, 2e-5)
+    unrelated_ratio: float = 1.1
+    min_steps: int = 1000
+    max_steps: int = 400_000
+    max_points: int = 2**15
+    min_distance: float = 1.5e-5
+    proof_seconds: float = 20.0
+    n_orbits: int = 64
+    n_kicks: int = 4 * 10**7
 
-_MAX_POINTS = 2**15
-"""Points of a circle that is further than the first of `_TOLERANCES` from its breakup."""
 
-_MIN_DISTANCE = 1.5e-5
-"""Distance below the boundary under which certificates fail, after 5 s."""
-
-_BUDGET = 20.0  # CPU seconds of a proof
-
-_ORBITS, _KICKS = 64, 4 * 10**7
-"""Orbits, and kicks of each, of direct iteration under long periods; some CPU seconds."""
+DEFAULT_SETTINGS = VerdictSettings()
 
 
 class Answer(Enum):
@@ -179,7 +202,9 @@ class Verdict(Result):
         return f"{rounded_value(value, error)} times the forcing" if isfinite(value) else "unknown"
 
 
-def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
+def verdict(
+    kappa: ArrayLike, prove: bool = False, settings: VerdictSettings = DEFAULT_SETTINGS
+) -> Verdict:
     """Decide whether a barrier exists under a forcing, or transport is global.
 
     1. Find the boundary on the ray through kappa, more precisely the nearer it is to kappa; with
@@ -196,6 +221,8 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
         TRANSPORT, by converse KAM or by an orbit that escapes, or UNDECIDED.
     prove : bool
         Evidence is CIRCLE_PROVED or TRANSPORT_PROVED if a proof succeeds.
+    settings : VerdictSettings
+        How hard a verdict is tried.
 
     Returns
     -------
@@ -226,10 +253,11 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
         return Verdict(kappa, Answer.BARRIER, Evidence.INTEGRABLE, no_breakup)
     (short,), zero = shorten([kappa], rational(0))
     if short.size > MAX_PERIOD:
-        return _verdict_on_long_period(kappa, short, prove)
+        return _verdict_on_long_period(kappa, short, prove, settings)
     answer, evidence = Answer.UNDECIDED, Evidence.NONE
     circle, graph, steps, proof = None, None, inf, None
-    for tol in [_FIRST_TOLERANCE] * (short.size > 2) + [*_TOLERANCES]:
+    first_tol, min_distance = settings.first_tol, settings.min_distance
+    for tol in [first_tol] * (short.size > 2) + [*settings.tols]:
         unit = critical_scale(short / size, tol)
         boundary = replace(
             unit,
@@ -238,32 +266,32 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
             lower=unit.lower / size,
             upper=unit.upper / size,
         )
-        if tol == _FIRST_TOLERANCE and not abs(boundary.value - 1) > _CLEAR_DISTANCE:
+        if tol == first_tol and not abs(boundary.value - 1) > settings.clear_distance:
             continue
-        if abs(boundary.value - 1) <= boundary.error and tol > _TOLERANCES[-1]:
+        if abs(boundary.value - 1) <= boundary.error and tol > settings.tols[-1]:
             continue  # a tighter tolerance before deciding
         end = boundary.value if np.isfinite(boundary.value) else boundary.upper
         if end < 1:
-            steps = _steps_to_eliminate(short, end) / kappa.size
+            steps = _steps_to_eliminate(short, end, settings) / kappa.size
             if steps < inf:
                 answer, evidence = Answer.TRANSPORT, Evidence.CONVERSE_KAM
                 boundary = replace(boundary, upper=min(boundary.upper, 1.0))
                 break
         elif end > 1:
-            circle = _circle_under(short, boundary)
+            circle = _circle_under(short, boundary, settings)
             if circle is not None:
                 answer, evidence = Answer.BARRIER, Evidence.CIRCLE
                 lower = float(np.fmax(boundary.lower, 1.0))
                 boundary = replace(boundary, omega=circle.omega, lower=lower)
                 graph = lengthen(kappa, *circles.graph(circle))
                 break
-        too_close = boundary.error < end - 1 < _MIN_DISTANCE
-        if too_close or (boundary.lower > _UNRELATED_RATIO and np.isnan(boundary.value)):
+        too_close = boundary.error < end - 1 < min_distance
+        if too_close or (boundary.lower > settings.unrelated_ratio and np.isnan(boundary.value)):
             break  # a tighter tolerance would not decide either
     if (
         answer is Answer.UNDECIDED
         and boundary.lower >= 1
-        and not survivors.eliminates(short, _MIN_STEPS)
+        and not survivors.eliminates(short, settings.min_steps)
     ):
         answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
     if boundary.upper == inf:  # the boundary is out of the range of floats, in units of kappa
@@ -272,30 +300,33 @@ def verdict(kappa: ArrayLike, prove: bool = False) -> Verdict:
         boundary = replace(boundary, omega=per_period(boundary.omega, kappa, short, zero))
     below = nan
     if prove:
-        answer, evidence, proof = _prove(kappa, short, circle, answer, evidence)
+        seconds = settings.proof_seconds
+        answer, evidence, proof = _prove(kappa, short, circle, answer, evidence, seconds)
         is_ray = boundary.value > 1 and size >= MIN_SIZE  # as a profile must be
         if circle is not None and evidence is Evidence.CIRCLE_PROVED and is_ray:
             from nasm.proofs.patches import proved_below
 
-            below, _ = proved_below(circle.omega, short, boundary.value, _BUDGET)
+            below, _ = proved_below(circle.omega, short, boundary.value, seconds)
     return Verdict(kappa, answer, evidence, boundary, graph, steps, proof, below)
 
 
-def _steps_to_eliminate(kappa: FloatArray, boundary: float) -> float:
+def _steps_to_eliminate(kappa: FloatArray, boundary: float, settings: VerdictSettings) -> float:
     """Return the kicks in which converse KAM eliminates all starts; inf if some survive.
 
     The steps are those that suffice beyond most boundaries, and 4 and 16 times as many: next to
     bands in which circles break and come back starts survive longer.
     """
-    first = max(1.6 / (1 / boundary - 1), _MIN_STEPS)
+    first, max_steps = max(1.6 / (1 / boundary - 1), settings.min_steps), settings.max_steps
     for factor in (1, 4, 16):
-        kicks = survivors.longest_lived(kappa, int(min(factor * first, _MAX_STEPS))).kicks
-        if kicks < inf or factor * first >= _MAX_STEPS:
+        kicks = survivors.longest_lived(kappa, int(min(factor * first, max_steps))).kicks
+        if kicks < inf or factor * first >= max_steps:
             break
     return kicks
 
 
-def _verdict_on_long_period(kappa: FloatArray, short: FloatArray, prove: bool) -> Verdict:
+def _verdict_on_long_period(
+    kappa: FloatArray, short: FloatArray, prove: bool, settings: VerdictSettings
+) -> Verdict:
     """Return the Verdict on more than 64 kicks, by converse KAM and direct iteration alone."""
     size = float(np.abs(kappa).max())
     unit = critical_scale(kappa / size)
@@ -305,15 +336,17 @@ def _verdict_on_long_period(kappa: FloatArray, short: FloatArray, prove: bool) -
     if steps < inf:
         answer, evidence = Answer.TRANSPORT, Evidence.CONVERSE_KAM
     else:
-        x, y = escape.ensemble(_ORBITS)
-        escapes = escape.first_escape(kappa, x, y, [_ORBITS], _KICKS // kappa.size + 1)
+        x, y = escape.ensemble(settings.n_orbits)
+        n_max = settings.n_kicks // kappa.size + 1
+        escapes = escape.first_escape(kappa, x, y, [x.size], n_max)
         if escapes[0] < inf:
             answer, evidence = Answer.TRANSPORT, Evidence.ESCAPE
     if answer is Answer.TRANSPORT:
         boundary = replace(boundary, upper=min(boundary.upper, 1.0))
     proof = None
     if prove:  # which says what the theorem needs
-        answer, evidence, proof = _prove(kappa, short, None, answer, evidence)
+        seconds = settings.proof_seconds
+        answer, evidence, proof = _prove(kappa, short, None, answer, evidence, seconds)
     return Verdict(kappa, answer, evidence, boundary, steps=steps, proof=proof)
 
 
@@ -323,27 +356,30 @@ def _prove(
     circle: circles.InvariantCircle | None,
     answer: Answer,
     evidence: Evidence,
+    seconds: float,
 ) -> tuple[Answer, Evidence, BarrierProof | TransportProof | None]:
     """Try to prove the answer, and return it with its evidence and the proof."""
     from nasm.proofs import barrier, transport
 
     if circle is not None:
-        proof = barrier.prove(circle.omega, short, start=circle.u, budget=_BUDGET)
+        proof = barrier.prove(circle.omega, short, start=circle.u, budget=seconds)
         return answer, Evidence.CIRCLE_PROVED if proof.proved else evidence, proof
     if answer is Answer.BARRIER:
         return answer, evidence, None
-    transport_proof = transport.prove(kappa, _BUDGET)
+    transport_proof = transport.prove(kappa, seconds)
     if transport_proof.proved:
         return Answer.TRANSPORT, Evidence.TRANSPORT_PROVED, transport_proof
     return answer, evidence, transport_proof
 
 
-def _circle_under(kappa: FloatArray, boundary: CriticalScale) -> circles.InvariantCircle | None:
+def _circle_under(
+    kappa: FloatArray, boundary: CriticalScale, settings: VerdictSettings
+) -> circles.InvariantCircle | None:
     """Return a certified circle under kappa; None without one, or if converse KAM excludes it."""
-    if survivors.eliminates(kappa, _MIN_STEPS):
+    if survivors.eliminates(kappa, settings.min_steps):
         return None
     omega, distance = boundary.omega, 1 - 1 / boundary.value
-    if omega is not None and _MIN_DISTANCE <= distance < _TOLERANCES[0]:
+    if omega is not None and settings.min_distance <= distance < settings.tols[0]:
         scale, u = continuation.certified_circle(omega, kappa, boundary.value, distance)
         if u is None or not scale > 1 - 1e-12:  # certified at weaker kicks only
             return None
@@ -353,6 +389,7 @@ def _circle_under(kappa: FloatArray, boundary: CriticalScale) -> circles.Invaria
         omegas = [omega]
     else:  # as next to a cusp, where residues give no value
         beyond = boundary.upper * kappa
-        omegas = survivors.candidates(beyond, survivors.longest_lived(beyond, 2 * _MIN_STEPS))
-    solutions = (circles.invariant_circle(omega, kappa, _MAX_POINTS) for omega in omegas)
+        start = survivors.longest_lived(beyond, 2 * settings.min_steps)
+        omegas = survivors.candidates(beyond, start)
+    solutions = (circles.invariant_circle(omega, kappa, settings.max_points) for omega in omegas)
     return next((circle for circle in solutions if circle.certified), None)

@@ -1,7 +1,9 @@
 """A verdict on one forcing: consistent with the boundary, symmetric, and never a guess."""
 
 import re
+from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import MAX_STRENGTH
 from nasm.numbers import parse
 from nasm.symmetries import ray
-from nasm.verdicts import Answer, Evidence, verdict
+from nasm.verdicts import Answer, Evidence, VerdictSettings, verdict
 from workflows.ask import period
 from workflows.shared.verdict_words import bracket_of, sentences
 
@@ -93,19 +95,12 @@ def test_next_to_a_cusp_the_points_themselves_still_decide():
     assert (inside.answer, outside.answer) == (Answer.BARRIER, Answer.TRANSPORT)
 
 
-@pytest.fixture
-def a_second(monkeypatch):
-    """CPU seconds for proofs; 20 would be used up to prove barriers further out on the ray."""
-    monkeypatch.setattr("nasm.verdicts._BUDGET", 1.0)
+# 20 CPU seconds would be used up to prove barriers further out on the ray.
+SHORT_PROOFS = VerdictSettings(proof_seconds=1.0)
+# Only the first look at the boundary: a verdict that fails takes 0.2 s, not 4.
+ONE_TOLERANCE = VerdictSettings(tols=(1e-3,))
 
 
-@pytest.fixture
-def briefly(monkeypatch):
-    """Only the first look at the boundary: a verdict that is not found takes 0.2 s, not 4."""
-    monkeypatch.setattr("nasm.verdicts._TOLERANCES", (1e-3,))
-
-
-@pytest.mark.usefixtures("briefly")
 @pytest.mark.parametrize("kappa", [(0.3, 0.45), (0.526, 0.69)])
 def test_without_a_certified_circle_there_is_no_barrier(monkeypatch, kappa):
     def failing(omega, kappa, *args):
@@ -115,27 +110,25 @@ def test_without_a_certified_circle_there_is_no_barrier(monkeypatch, kappa):
     monkeypatch.setattr(circles, "invariant_circle", failing)
     monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
     monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)  # which asks long for others
-    found = verdict(kappa)
+    found = verdict(kappa, settings=ONE_TOLERANCE)
     assert (found.answer, found.evidence) == (Answer.UNDECIDED, Evidence.NONE)
 
 
-@pytest.mark.usefixtures("briefly")
 def test_a_circle_further_out_is_a_barrier_on_an_assumption(monkeypatch):
     monkeypatch.setattr(continuation, "certified_circle", lambda *given: (given[2], None))
-    assert verdict((0.526, 0.69)).evidence is Evidence.CIRCLE_BEYOND
+    assert verdict((0.526, 0.69), settings=ONE_TOLERANCE).evidence is Evidence.CIRCLE_BEYOND
 
 
-@pytest.mark.usefixtures("briefly")
 def test_starts_that_never_go_leave_no_verdict(monkeypatch):
     monkeypatch.setattr(symmetry_line, "longest_lived", lambda kappa, n_max: (0.2, np.inf))
-    assert verdict((1.2, 0.9)).answer is Answer.UNDECIDED
+    assert verdict((1.2, 0.9), settings=ONE_TOLERANCE).answer is Answer.UNDECIDED
 
 
-@pytest.mark.usefixtures("briefly")
 def test_converse_kam_against_a_certified_circle_is_no_verdict(monkeypatch):
     monkeypatch.setattr("nasm.survivors.eliminates", lambda kappa, n_max: True)
-    assert verdict((0.3, 0.4)).boundary.lower > 1
-    assert verdict((0.3, 0.4)).answer is Answer.UNDECIDED
+    found = verdict((0.3, 0.4), settings=ONE_TOLERANCE)
+    assert found.boundary.lower > 1
+    assert found.answer is Answer.UNDECIDED
 
 
 def test_without_residues_only_the_point_itself_decides(monkeypatch):
@@ -145,7 +138,6 @@ def test_without_residues_only_the_point_itself_decides(monkeypatch):
     assert verdict((1.2, 0.9)).answer is Answer.TRANSPORT
 
 
-@pytest.mark.usefixtures("a_second")
 @pytest.mark.parametrize(
     ("kappa", "evidence"),
     [
@@ -155,7 +147,7 @@ def test_without_residues_only_the_point_itself_decides(monkeypatch):
     ],
 )
 def test_a_proof_is_evidence_of_its_own(kappa, evidence):
-    found, sampled = verdict(kappa, prove=True), verdict(kappa)
+    found, sampled = verdict(kappa, prove=True, settings=SHORT_PROOFS), verdict(kappa)
     assert found.evidence is evidence
     assert found.proof.proved
     assert found.answer is sampled.answer
@@ -165,13 +157,11 @@ def test_a_proof_is_evidence_of_its_own(kappa, evidence):
     assert "proved" not in " ".join(sentences(np.array(kappa), None, sampled))
 
 
-@pytest.mark.usefixtures("briefly")
 @pytest.mark.parametrize(
     ("kappa", "evidence"), [((0.3, 0.45), Evidence.CIRCLE), ((-0.75, 0.6), Evidence.CONVERSE_KAM)]
 )
-def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evidence):
-    monkeypatch.setattr("nasm.verdicts._BUDGET", 1e-9)
-    found = verdict(kappa, prove=True)
+def test_a_proof_that_fails_changes_nothing_and_says_why(kappa, evidence):
+    found = verdict(kappa, prove=True, settings=replace(ONE_TOLERANCE, proof_seconds=1e-9))
     assert found.evidence is evidence
     assert not found.proof.proved
     assert "A proof was attempted: not proved: " in " ".join(
@@ -179,7 +169,6 @@ def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evi
     )
 
 
-@pytest.mark.usefixtures("a_second")
 @pytest.mark.parametrize(
     ("point", "told"),
     [
@@ -198,7 +187,9 @@ def test_a_proof_that_fails_changes_nothing_and_says_why(monkeypatch, kappa, evi
         (("1e-310", "0"), ["BARRIER", "is not known: no breakup found"]),
     ],
 )
-def test_the_answer_in_words_and_as_a_figure(tmp_path, point, told):
+def test_the_answer_in_words_and_as_a_figure(monkeypatch, tmp_path, point, told):
+    briefly = partial(verdict, settings=SHORT_PROOFS)
+    monkeypatch.setattr("workflows.ask.period.verdict", briefly)
     result = invoke("ask", tmp_path / "out", *point)
     assert result.exit_code == 0, result.output + repr(result.exception)
     for words in told:
@@ -235,7 +226,6 @@ def test_kicks_that_come_once_get_an_answer_of_their_own(tmp_path):
     assert "UNDECIDED for these 70 kicks" in said
 
 
-@pytest.mark.usefixtures("briefly")
 @pytest.mark.parametrize(
     ("kappa", "name", "unit"),
     [
