@@ -36,10 +36,6 @@ __all__ = [
     "symmetry_lines",
 ]
 
-# Distances from κ_{j+P/2} = -κ_j, relative to the largest strength:
-_HALF_SHIFT_DISTANCE = 3e-6  # up to which half-shift nobles break last; at 1e-4 others do
-_ROUNDING_DISTANCE = 1e-15  # due to rounding of cosines
-
 CUSP_EXPONENT = 0.6
 """At a relative distance d from a forcing of shorter period the boundary is lower by about d^0.6
 than at that forcing: it has cusps there, as CB_gt has on |κ1| = |κ2|."""
@@ -314,7 +310,9 @@ def shorten(
     return list(short), RotationNumber((whole % length, *rest), omega.tail)
 
 
-def half_shift_nobles(kappa: ArrayLike, value: float, width: float, n: int) -> list[RotationNumber]:
+def half_shift_nobles(
+    kappa: ArrayLike, value: float, width: float, n: int, max_distance: float = 3e-6
+) -> list[RotationNumber]:
     """List rotation numbers ω close to a float for which (ω + 1)/2 is noble.
 
     Under an antiperiodic forcing, κ_{j+P/2} = -κ_j exactly or nearly, a period is two steps of half
@@ -331,6 +329,9 @@ def half_shift_nobles(kappa: ArrayLike, value: float, width: float, n: int) -> l
         Largest distance from `value`, > 0.
     n : int
         Most numbers to return.
+    max_distance : float
+        Distance from κ_{j+P/2} = -κ_j, relative to the largest strength, up to which these circles
+        break last; at 10⁻⁴ others do.
 
     Returns
     -------
@@ -344,7 +345,8 @@ def half_shift_nobles(kappa: ArrayLike, value: float, width: float, n: int) -> l
     [parse("[0;(4)]")]
     """
     value, width, n = real("value", value), real("width", width), count("n", n, 0, 10**6)
-    if not _distance_to_antiperiodic(forcing(kappa)) <= _HALF_SHIFT_DISTANCE:
+    max_distance = real("max_distance", max_distance)
+    if not _distance_to_antiperiodic(forcing(kappa)) <= max_distance:
         return []
     return [moebius(rho, 2, -1) for rho in nobles_near((value + 1) / 2, width / 2, n)]
 
@@ -379,11 +381,18 @@ def lengthen(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, 
     return x - before, y - above
 
 
-def distances_to_shorter(kappa: ArrayLike) -> FloatArray:
+def distances_to_shorter(kappa: ArrayLike, rounding: float = 1e-15) -> FloatArray:
     """Compute the distances of a forcing from those that `shorten` shortens.
 
     There is one for each shorter period, and one from antiperiodic forcings, κ_{j+P/2} = -κ_j,
     unless kappa is one of them to rounding.
+
+    Parameters
+    ----------
+    kappa : array_like, shape (P,)
+        The forcing, first kick first.
+    rounding : float
+        Distance from antiperiodic forcings that the rounding of cosines explains.
 
     Returns
     -------
@@ -394,7 +403,7 @@ def distances_to_shorter(kappa: ArrayLike) -> FloatArray:
     size = np.abs(strengths).max()
     distances = [change / size if size > 0 else 0.0 for change, *_ in _shorter(strengths[None])]
     antiperiodic = _distance_to_antiperiodic(strengths)
-    if _ROUNDING_DISTANCE < antiperiodic < np.inf:
+    if rounding < antiperiodic < np.inf:
         distances.append(antiperiodic)
     return np.array(distances)
 
