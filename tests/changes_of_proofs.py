@@ -144,6 +144,8 @@ def draw(seed, count):
     random.Random(seed).shuffle(found)
     chosen = []
     for change in found:
+        if len(chosen) == count:
+            break
         if change[:3] not in places:
             places.add(change[:3])
             try:
@@ -151,7 +153,7 @@ def draw(seed, count):
             except SyntaxError:  # as of x[*rows]
                 continue
             chosen.append(change)
-    return chosen[:count]
+    return chosen
 
 
 def noticed_by(change, seconds=3600):
