@@ -28,6 +28,7 @@ from pipeline import store
 
 SIDE = 32
 NAME = "least_residue"
+PATIENCE = 600  # seconds, in which workers may have to compile kernels
 
 
 def least_residue(kappa):
@@ -76,7 +77,7 @@ def cluster(folder):
             command = map(str, [sys.executable, "-m", "dask", *part, *shared])
             process = running.enter_context(subprocess.Popen(command, stdout=log, stderr=log))
             running.callback(process.terminate)
-            toy.wait_until(lambda: file.exists() and file.read_text())
+            toy.wait_until(lambda: file.exists() and file.read_text(), PATIENCE)
         yield file, pem
 
 
@@ -109,13 +110,13 @@ def sweep_with_interruptions(folder, side):
                 assert process.poll() is None
                 return committed(place) > before + side * side / 10
 
-            toy.wait_until(is_further)
+            toy.wait_until(is_further, PATIENCE)
             reached.append(committed(place))
 
         with driver(here, url, side) as stopped:
             advance(stopped)
             stopped.send_signal(signal.SIGINT)
-            assert stopped.wait(60) == 130
+            assert stopped.wait(PATIENCE) == 130
             remaining = json.load(stopped.stdout)["remaining"]
         assert remaining == side * side - committed(place)
 
@@ -131,7 +132,7 @@ def sweep_with_interruptions(folder, side):
             kill_server()
             time.sleep(2)
             start_server()
-            report, _ = last.communicate(timeout=600)
+            report, _ = last.communicate(timeout=PATIENCE)
         assert last.returncode == 0, (folder / "log").read_text()[-2000:]
         assert sorted(reached) == reached
         return (

@@ -137,8 +137,8 @@ def commit_times(out):
     return {path: path.stat().st_mtime_ns for path in records if "#" not in path.name}
 
 
-def wait_until(condition):
-    deadline = time.monotonic() + 60
+def wait_until(condition, patience=60):
+    deadline = time.monotonic() + patience
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)
