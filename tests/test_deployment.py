@@ -7,7 +7,6 @@ a user, which sweeps a function of their own. It prints what it needed.
 
 import json
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -55,8 +54,8 @@ def main(file, pem, url, side):
         except pipeline.Interrupted as stopped:
             print(json.dumps({"remaining": stopped.remaining}))
             sys.exit(130)
-    peak = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print(json.dumps({"seconds": time.process_time() - begun, "bytes": peak}))
+    seconds = time.process_time() - begun
+    print(json.dumps({"seconds": seconds, "bytes": toy.peak_memory()}))
 
 
 @contextmanager

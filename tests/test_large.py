@@ -5,11 +5,9 @@ prints what it did, and what the driver needed for it, with dask's scheduler in 
 """
 
 import json
-import re
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 import toy
@@ -38,10 +36,8 @@ def main(out, n_tiles):
         line = Counting("line", sys.stderr)
         outcome = sweep(client, place, job, line)
         seconds = time.process_time() - start
-    # getrusage would count its parent's memory.
-    peak = 1024 * int(re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())[1])
     done = {"committed": outcome.committed, "remaining": outcome.remaining}
-    needed = {"batches": line.batches, "seconds": seconds, "bytes": peak}
+    needed = {"batches": line.batches, "seconds": seconds, "bytes": toy.peak_memory()}
     print(json.dumps(done | needed))
 
 

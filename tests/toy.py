@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import signal
 import time
 from contextlib import contextmanager
@@ -153,6 +154,11 @@ def kept_memory():
     before = resident()
     np.ones(2**24).sum()
     return (resident() - before) / 2**20
+
+
+def peak_memory():
+    """Bytes that this process had at most; getrusage would count its parent's."""
+    return 1024 * int(re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())[1])
 
 
 def line(n_tiles):
