@@ -47,22 +47,12 @@ from nasm.converse_kam import aperiodic, symmetry_line, transversal
 from nasm.critical import CriticalScale, Status, no_answer
 from nasm.farey import LONGEST_PERIOD, circle_exists, find_existing_circle
 from nasm.maps import MAX_PERIOD, direction, segment
-from nasm.numbers import (
-    RotationNumber,
-    convergents,
-    nobles_near,
-    rational,
-)
-from nasm.survivors import candidates, longest_lived
+from nasm.numbers import RotationNumber, convergents, nobles_near, rational
+from nasm.survivors import LONGEST_LIFETIME, candidates, longest_lived
 from nasm.symmetries import half_shift_nobles, per_period, ray, shorten
 from nasm.types import FloatArray
 
-__all__ = [
-    "Effort",
-    "boundary",
-    "critical_scale",
-    "last_circle",
-]
+__all__ = ["Effort", "boundary", "critical_scale", "last_circle"]
 
 
 _LOCATING_STEPS = 1000
@@ -72,10 +62,6 @@ _FIRST_STEPS = 100
 """Steps of converse KAM on transversals in which the search begins: about 1/100 above the breakup,
 where the circle that the tree excludes last is mostly the last one. Scales that are tried above, if
 a circle exists there, differ by 1/100; and survivors that far above a value contradict it."""
-
-_LIFETIME = 1.6
-"""Steps, times the relative distance beyond the breakup, in which converse KAM eliminates all
-starts: twice those of `transversal.EXCESS_BOUNDS`, as some orbits linger."""
 
 _BREAKUP_DISTANCE = 0.05
 """Relative distance below a scale without circles within which its last circle broke."""
@@ -494,7 +480,7 @@ def _search_by_survivors(segment, tol, effort):
     located = symmetry_line.critical_scale(profile, _LOCATING_STEPS)
     if located.status is not Status.OK:
         return None
-    # Lives end there at 1.2 to 1.5 times _LOCATING_STEPS.
+    # Lifetimes are there 1.2 to 1.5 times _LOCATING_STEPS.
     beyond = segment.at(located.value * (1 + 0.5 / _LOCATING_STEPS))
     names = candidates(beyond, longest_lived(beyond, 2 * _LOCATING_STEPS))
     last, seen = None, set()
@@ -539,7 +525,7 @@ def _later(one, other):
 def _steps_to_eliminate(segment, distance, scale):
     """Return the steps in which converse KAM eliminates all starts beyond the breakup."""
     relative = distance / segment.length(scale, 1)
-    return int(np.clip(_LIFETIME / relative, _LOCATING_STEPS, transversal.MAX_STEPS))
+    return int(np.clip(LONGEST_LIFETIME / relative, _LOCATING_STEPS, transversal.MAX_STEPS))
 
 
 def _eliminated_above(tree, tol, bracket):

@@ -22,6 +22,10 @@ from nasm.types import FloatArray
 
 __all__ = ["eliminates", "longest_lived", "longest_lived_start"]
 
+LONGEST_LIFETIME = 1.6
+"""Steps, times the relative distance beyond the breakup, in which converse KAM eliminates all
+starts: twice those of `transversal.EXCESS_BOUNDS`, as some orbits linger."""
+
 
 def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLived:
     """Find the start that converse KAM takes longest to eliminate.

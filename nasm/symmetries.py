@@ -492,11 +492,10 @@ def per_period(
 def degenerate_partner(omega: OmegaLike, profile: ArrayLike) -> RotationNumber | None:
     """Return P/2 - ω if its circle breaks together with that of ω; otherwise None.
 
-    y → y + 1/2 changes the sign of every other kick (`alternate`) and takes ω to ω +
-    P/2. The two circles break together if another symmetry restores the signs: a shift in time,
-    time reversal or x → x + 1/2. This is the case if every other kick is zero, or under
-    (1, 1, -1, -1). So γ and 1 - γ break together on the axes of the (κ1, κ2) plane, where the paper
-    writes γ.
+    y → y + 1/2 changes the sign of every other kick (`alternate`) and takes ω to ω + P/2. The two
+    circles break together if another symmetry restores the signs: a shift in time, time reversal or
+    x → x + 1/2. This is the case if every other kick is zero, or under (1, 1, -1, -1). So γ and
+    1 - γ break together on the axes of the (κ1, κ2) plane, where the paper writes γ.
 
     Examples
     --------

@@ -272,7 +272,7 @@ def verdict(
             continue  # a tighter tolerance before deciding
         end = boundary.value if np.isfinite(boundary.value) else boundary.upper
         if end < 1:
-            steps = _steps_to_eliminate(short, end, settings) / kappa.size
+            steps = _kicks_to_eliminate(short, end, settings) / kappa.size
             if steps < inf:
                 answer, evidence = Answer.TRANSPORT, Evidence.CONVERSE_KAM
                 boundary = replace(boundary, upper=min(boundary.upper, 1.0))
@@ -310,13 +310,14 @@ def verdict(
     return Verdict(kappa, answer, evidence, boundary, graph, steps, proof, below)
 
 
-def _steps_to_eliminate(kappa: FloatArray, boundary: float, settings: VerdictSettings) -> float:
+def _kicks_to_eliminate(kappa: FloatArray, boundary: float, settings: VerdictSettings) -> float:
     """Return the kicks in which converse KAM eliminates all starts; inf if some survive.
 
     The steps are those that suffice beyond most boundaries, and 4 and 16 times as many: next to
     bands in which circles break and come back starts survive longer.
     """
-    first, max_steps = max(1.6 / (1 / boundary - 1), settings.min_steps), settings.max_steps
+    max_steps = settings.max_steps
+    first = max(survivors.LONGEST_LIFETIME / (1 / boundary - 1), settings.min_steps)
     for factor in (1, 4, 16):
         kicks = survivors.longest_lived(kappa, int(min(factor * first, max_steps))).kicks
         if kicks < inf or factor * first >= max_steps:

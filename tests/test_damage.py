@@ -73,9 +73,8 @@ def test_a_copy_made_during_a_sweep_is_completed_by_the_same_command(here, tmp_p
     for name in ("zarr.json", "digests.json"):
         shutil.copy(out / "toy.zarr" / name, copy / "toy.zarr" / name)
     (state,) = store.status(store.place_of(copy))
-    # How many depends on how far the other worker went during a copy.
-    assert state.done > 0
-    assert state.lost > 0
+    assert 0 < state.done <= 5
+    assert state.lost >= 10
     assert toy.watched_sweep(here, copy, plan).committed == 25 - state.done == len(toy.COMPUTED)
     toy.assert_complete(copy, plan)
 

@@ -1,5 +1,6 @@
 """Tori, and the last barrier of rotating maps, against circles, orbits and residues; refusals."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,7 +9,6 @@ from cases import thirds
 from oracles import KAPPA_G
 
 from nasm import circles, maps, orbits, periodic, tori
-from nasm.circles.newton import NewtonSettings
 from nasm.converse_kam import aperiodic
 from nasm.critical import Status
 from nasm.numbers import parse
@@ -83,7 +83,7 @@ def test_orbits_stay_on_the_torus_and_measure_its_rotation_vector(torus):
 
 
 def test_newton_error_squares():
-    one_step = tori.TorusSettings(newton=NewtonSettings(max_steps=1, min_divisor=1e-6))
+    one_step = tori.TorusSettings(newton=replace(tori.TorusSettings().newton, max_steps=1))
     u, errors = np.zeros((64, 256)), []
     for _ in range(6):
         u, _, error = tori.newton._newton(*TRIBONACCI, 0.1, 0.1, u, one_step)

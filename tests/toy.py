@@ -8,6 +8,7 @@ import time
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from threading import Lock
 
 import dask
 import numpy as np
@@ -71,12 +72,14 @@ def compute(coords, settings):
 
 COMPUTED = []  # first coordinates of tiles, in the order in which `watched` computed them
 EVENTS = {}  # what is to happen before it computes the tile of that number
+_ONE_BY_ONE = Lock()  # the other worker commits at most the tile that it has during an event
 
 
 def watched(coords, settings):
-    COMPUTED.append((coords["row"][0], coords["column"][0]))
-    EVENTS.pop(len(COMPUTED), no_warm_up)()
-    return compute(coords, settings)
+    with _ONE_BY_ONE:
+        COMPUTED.append((coords["row"][0], coords["column"][0]))
+        EVENTS.pop(len(COMPUTED), no_warm_up)()
+        return compute(coords, settings)
 
 
 def watched_sweep(client, place, plan, events=()):

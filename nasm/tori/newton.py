@@ -62,7 +62,7 @@ _METHOD = "continuation of tori"
 MAX_POINTS = 2**22
 """Largest `n_max`; the certificate uses four times as many."""
 
-DEFAULT_NEWTON_SETTINGS = NewtonSettings(min_divisor=1e-6)
+TORUS_NEWTON_SETTINGS = NewtonSettings(min_divisor=1e-6)
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class TorusSettings:
     kept_tori: int = 10
     step_ratio: float = 0.35
     error_factor: float = 2
-    newton: NewtonSettings = DEFAULT_NEWTON_SETTINGS
+    newton: NewtonSettings = TORUS_NEWTON_SETTINGS
 
 
 DEFAULT_SETTINGS = TorusSettings()

@@ -101,9 +101,13 @@ def _shapes(n):
     """Return {kind: f_n, from -1 to 1}."""
     phase, odd = n * _GOLDEN % 1, range(1, 60, 2)
     shapes = {"period two": 1 - 2 * (n % 2), "cosine": np.cos(2 * np.pi * phase)}
+
+    def waves(phase, power):
+        # Not numbers of Python, whose sum has another rounding from 3.12 on.
+        return sum(np.cos(2 * np.pi * k * phase) / k**power for k in odd)
+
     for power in (4, 3, 2):
-        waves = sum(np.cos(2 * np.pi * k * phase) / k**power for k in odd)
-        shapes[f"k^-{power}"] = waves / sum(1 / k**power for k in odd)
+        shapes[f"k^-{power}"] = waves(phase, power) / waves(0.0, power)
     return shapes | {
         "square": np.where(phase < 0.5, 1, -1),
         "Fibonacci": np.where(phase < _GOLDEN, 1, -1),
