@@ -8,7 +8,7 @@ import seaweed
 import toy
 from browser import chromium, served, store  # noqa: F401
 from hypothesis import settings
-from matplotlib.figure import Figure
+from sketches import sketches
 
 from pipeline.store import place_of
 
@@ -19,22 +19,11 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
 
-SAVE = Figure.savefig
-
 
 @pytest.fixture(scope="session", autouse=True)
-def sketches():
-    """Draw figures with few dots and once: PDFs, which take as long again, are left empty.
-
-    Commands draw theirs in full in `test_every_command`, and `test_figures` looks at them.
-    """
-
-    def save(figure, file, **how):
-        if how["format"] != "pdf":
-            SAVE(figure, file, **how | {"dpi": 40})
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Figure, "savefig", save)
+def drawn_as_sketches():
+    """Commands draw figures in full in `test_every_command`, and `test_figures` looks at them."""
+    with sketches():
         yield
 
 

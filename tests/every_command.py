@@ -11,6 +11,7 @@ is stopped, if Bokeh is not hidden.
 import json
 import shlex
 import sys
+from contextlib import nullcontext
 from importlib import import_module
 from itertools import product
 from pathlib import Path
@@ -93,6 +94,7 @@ def compute_nothing(patch, but_look):
 def look_at_figures():
     """Draw each figure in a column too, and return the list in which its faults are put."""
     from figure_faults import faults
+    from sketches import sketches
 
     from workflows.figures import style
 
@@ -105,7 +107,8 @@ def look_at_figures():
         return paths
 
     def twice(draw, out, name, caption="", column=False):
-        drawn(draw, out, name, caption, not column)
+        with sketches():
+            drawn(draw, out, name, caption, not column)
         return drawn(draw, out, name, caption, column)
 
     style.save, style.drawn = looked_at, twice
@@ -116,6 +119,7 @@ def main(out, commands, runs, *hidden):
     sys.meta_path.insert(0, finder := Hidden(hidden))
     faults = look_at_figures()
     from commands import invoke
+    from sketches import sketches
     from toy import workers_here
 
     from workflows.shared.cli import main_of
@@ -129,7 +133,7 @@ def main(out, commands, runs, *hidden):
                 continue
             there = Path(out, {"status": "last_barrier", "verify": "last_barrier"}.get(name, name))
             sweeps = "scheduler" in [option.name for option in main_of(name).params]
-            with pytest.MonkeyPatch.context() as patch:
+            with pytest.MonkeyPatch.context() as patch, sketches() if run else nullcontext():
                 if run:
                     compute_nothing(patch, name in LOOKING)
                 result = invoke(name, there, *shlex.split(SMALLEST[name]), *workers * sweeps)

@@ -15,7 +15,7 @@ from numba.core.dispatcher import Dispatcher
 
 from pipeline.sweep.grid import tile_coords
 
-N_TILES = 4
+N_TILES = 2
 
 
 def loaded():

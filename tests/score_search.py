@@ -1,7 +1,8 @@
 """Score a search for the last barrier against the table of judged forcings.
 
     python tests/score_search.py [--tol 1e-3] [--search nasm.barriers:critical_scale]
-                                 [--classes "two kicks,zeros"] [--minutes 10]
+                                 [--classes "two kicks,zeros"] [--images 5]
+                                 [--minutes 10]
 
 A search is a function of (profile, tol, start=None) that returns a CriticalScale. By class the
 script prints
@@ -18,8 +19,10 @@ there is a contradiction. Rows left over after the minutes of CPU time are named
 """
 
 import argparse
+import re
 import sys
 import time
+from collections import Counter
 from dataclasses import dataclass
 from importlib import import_module
 from math import inf, isfinite
@@ -99,11 +102,24 @@ def report(scores):
     return lines
 
 
+def with_images(rows, n_images):
+    """The rows that were judged themselves, and the first n_images exact images of each."""
+    kept, seen = [], Counter()
+    for row in rows:
+        judged = re.match(r"image of (\d+)", row.method)
+        if judged:
+            seen[judged[1]] += 1
+        if not judged or seen[judged[1]] <= n_images:
+            kept.append(row)
+    return kept
+
+
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--tol", type=float, default=1e-3)
     parser.add_argument("--search", default="nasm.barriers:critical_scale", metavar="MODULE:NAME")
     parser.add_argument("--classes", help="only these, separated by commas")
+    parser.add_argument("--images", type=int, help="only so many exact images of each judged row")
     parser.add_argument("--minutes", type=float, default=10.0, help="CPU time to stop after")
     options = parser.parse_args(arguments)
     module, _, name = options.search.partition(":")
@@ -114,6 +130,8 @@ def main(arguments=None):
         if unknown := set(kinds) - {row.kind for row in rows}:
             parser.error(f"no rows of class {', '.join(sorted(unknown))}")
         rows = [row for row in rows if row.kind in kinds]
+    if options.images is not None:
+        rows = with_images(rows, options.images)
     for profile in WARM:
         search(profile, 1e-2)
     end = time.process_time() + 60 * options.minutes

@@ -60,8 +60,12 @@ def nobles(bound):
 
 SAMPLES = [(13.7, 12, 400), pytest.param(40.6, 20, 400, marks=pytest.mark.slow)]
 SAMPLES += [
-    pytest.param(angle, 60, 800, marks=pytest.mark.slow)  # a thousand nobles
-    for angle in np.random.default_rng(16).uniform(0, 44, 3)
+    pytest.param(angle, 60, 800, marks=mark)  # a thousand nobles
+    for angle, mark in zip(
+        np.random.default_rng(16).uniform(0, 44, 3),
+        [pytest.mark.slow, pytest.mark.release, pytest.mark.release],
+        strict=True,
+    )
 ]
 
 

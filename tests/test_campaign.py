@@ -125,8 +125,10 @@ def test_a_sweep_outlives_a_worker_and_its_driver(here, tmp_path):
     toy.assert_complete(out, plan)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 13))
+@pytest.mark.parametrize("seed", [
+    *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 5)),
+    *(pytest.param(seed, marks=pytest.mark.release) for seed in range(5, 13)),
+])  # fmt: skip
 def test_a_sweep_outlives_a_schedule_of_faults(tmp_path, seed):
     choose, out = random.Random(seed), tmp_path / "out"
     schedule = [choose.choices(list(ENDS), k=choose.randint(1, 3)) for _ in range(2)]

@@ -185,13 +185,16 @@ WITH_SHELL = [page for page in DOCUMENTS if shell_lines(page)]
 def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
     """In one folder, which has the page's JSON as its file; a cluster's are processes here.
 
-    The explorer is asked for its page, and stopped by Ctrl-C.
+    The explorer is asked for its page, and stopped by Ctrl-C. The sweep on the cluster has few
+    rays: the main job before it computes as many as a user would.
     """
     for block in blocks("json", page.read_text(encoding="utf-8")):
         (tmp_path / "pairs.json").write_text(block, encoding="utf-8")
     script = []
     for line in shell_lines(page):
         line = line.replace("/shared", str(tmp_path)).replace("--nworkers 16", "--nworkers 2")
+        if "--scheduler " in line:
+            line = line.partition("#")[0] + " --n-rays 9 --n-cusp-rays 0"
         if line.startswith("dask "):
             script.append(SCHEDULER_FILE.format(line))
         elif line == EXPLORE:

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from commands import invoke
-from conftest import SAVE
 from figure_faults import faults
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
+from sketches import SAVE
 
 from nasm.numbers import NAMES, parse
 from nasm.planes import three_kicks as three_kicks_plane

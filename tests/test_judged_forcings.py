@@ -153,9 +153,20 @@ def test_the_search_contradicts_no_cheap_row(row):
     assert not isnan(found.found.lower)
 
 
-@pytest.mark.slow
-def test_the_search_contradicts_no_row(capsys):
-    code = score_search.main(["--minutes", "30"])
+def test_of_each_judged_row_so_many_images_are_scored():
+    direct = [row for row in ROWS.values() if not row.method.startswith("image")]
+    assert score_search.with_images(list(ROWS.values()), 0) == direct
+    some = score_search.with_images(list(ROWS.values()), 1)
+    assert len(direct) < len(some) <= 2 * len(direct)
+    assert score_search.with_images(list(ROWS.values()), len(ROWS)) == list(ROWS.values())
+
+
+@pytest.mark.parametrize("images", [
+    pytest.param("1", marks=pytest.mark.slow),
+    pytest.param(str(len(ROWS)), marks=pytest.mark.release),
+])  # fmt: skip
+def test_the_search_contradicts_no_row(images, capsys):
+    code = score_search.main(["--images", images, "--minutes", "30"])
     print(capsys.readouterr().out)
     assert code == 0
 

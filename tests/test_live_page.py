@@ -60,7 +60,11 @@ def test_escape_times_agree_where_they_are_short(page):
     np.testing.assert_array_equal(np.array(seen, float), expected)
 
 
-@pytest.mark.parametrize("n", [20, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [
+    20,
+    pytest.param(200, marks=pytest.mark.slow),
+    pytest.param(1000, marks=pytest.mark.release),
+])  # fmt: skip
 def test_verdicts_contradict_none_of_nasm(page, n):
     """Next to the line the page says UNDECIDED; that it may do on few forcings only."""
     kappas = np.random.default_rng(n).uniform(-1.2, 1.2, (n, 2))

@@ -469,11 +469,16 @@ def test_several_kicks_are_proved_beyond_their_breakup_and_not_below_it(profile)
     assert tried(profile, 0.05, True).proved
 
 
-@pytest.mark.slow
-def test_random_kicks_are_proved_beyond_their_breakup_and_not_below_it():
+_RANDOM = np.random.default_rng(8)
+RANDOM = [_RANDOM.uniform(-1, 1, n) for n in (3, 3, 3, 3, 4, 4, 4, 5, 5, 6, 6, 8)]
+RANDOM += np.array([0.838, 0.654, 0.771]), np.array([-0.064, -0.015, -0.444, -0.504])
+
+
+@pytest.mark.parametrize("profiles", [
+    pytest.param(RANDOM[::-2], id="every second", marks=pytest.mark.slow),
+    pytest.param(RANDOM[-2::-2], id="the others", marks=pytest.mark.release),
+])  # fmt: skip
+def test_random_kicks_are_proved_beyond_their_breakup_and_not_below_it(profiles):
     """1% beyond it; next to (0, 0, 1, 1) the polygon is nearly along what lives longest."""
-    random = np.random.default_rng(8)
-    profiles = [random.uniform(-1, 1, n) for n in (3, 3, 3, 3, 4, 4, 4, 5, 5, 6, 6, 8)]
-    profiles += np.array([0.838, 0.654, 0.771]), np.array([-0.064, -0.015, -0.444, -0.504])
     found = [tried(profile, 0.01, profile.size < 5) for profile in profiles]
     assert all(proof.proved and len(proof.boxes) < 5000 for proof in found)

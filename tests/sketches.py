@@ -1,0 +1,21 @@
+"""Figures with few dots, for tests that look at no picture."""
+
+from contextlib import contextmanager
+
+import pytest
+from matplotlib.figure import Figure
+
+SAVE = Figure.savefig
+
+
+@contextmanager
+def sketches():
+    """Draw figures with few dots and once: PDFs, which take as long again, are left empty."""
+
+    def save(figure, file, **how):
+        if how["format"] != "pdf":
+            SAVE(figure, file, **how | {"dpi": 40})
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", save)
+        yield
