@@ -10,11 +10,13 @@ from functools import partial
 import numpy as np
 import oracles
 import pytest
+import toy
 
 from nasm import circles, diffusion, escape
 from nasm.circles import fourier, parameterization
 from nasm.converse_kam import symmetry_line
 from nasm.numbers import parse
+from pipeline import fill
 
 pytestmark = pytest.mark.benchmark
 
@@ -82,3 +84,20 @@ def test_a_newton_step_of_a_circle_costs_n_log_n():
         print(f"grows like n^{slope:.2f}")
         assert slope < 1.3
     assert (times[0] < times[1]).all()
+
+
+def test_fill_adds_less_than_a_millisecond_a_tile_to_the_sweep(here, tmp_path):
+    """Both write what they compute; the CPU time of the workers, threads here, is in both."""
+    side, places = 20, (tmp_path / str(n) for n in range(100))
+
+    def swept():
+        assert toy.run(here, next(places), toy.cube(side, side, tile=1)).committed == side**2
+
+    def filled():
+        cube = fill(toy.job(side, side, 1), next(places), client=here(), progress=False)
+        assert cube.wave.notnull().all()
+
+    swept()
+    sweep, more = median_times(swept, filled, repeats=3) * 1e3 / side**2
+    print(f"\n{sweep:.2f} ms of the sweep's CPU time a tile, {more:.2f} ms of fill's", end="")
+    assert more < sweep + 1
