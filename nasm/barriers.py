@@ -45,7 +45,8 @@ from nasm.checks import floats, real
 from nasm.circles import continuation
 from nasm.converse_kam import aperiodic, symmetry_line, transversal
 from nasm.critical import CriticalScale, Status, no_answer
-from nasm.farey import LONGEST_PERIOD, circle_exists, find_existing_circle
+from nasm.farey import DEFAULT_SETTINGS as DEFAULT_TREE_SETTINGS
+from nasm.farey import LONGEST_PERIOD, TreeSettings, circle_exists, find_existing_circle
 from nasm.maps import MAX_PERIOD, direction, segment
 from nasm.numbers import RotationNumber, convergents, nobles_near, rational
 from nasm.survivors import LONGEST_LIFETIME, candidates, longest_lived
@@ -55,65 +56,37 @@ from nasm.types import FloatArray
 __all__ = ["Effort", "boundary", "critical_scale", "last_circle"]
 
 
-_LOCATING_STEPS = 1000
-"""Fewest steps of converse KAM, by which the last circle of one or two kicks is located."""
-
-_FIRST_STEPS = 100
-"""Steps of converse KAM on transversals in which the search begins: about 1/100 above the breakup,
-where the circle that the tree excludes last is mostly the last one. Scales that are tried above, if
-a circle exists there, differ by 1/100; and survivors that far above a value contradict it."""
-
-_BREAKUP_DISTANCE = 0.05
-"""Relative distance below a scale without circles within which its last circle broke."""
-
-_FINEST_STEP = 0.1
-"""Shortest step, over tol."""
-
-_SEARCH_SHARE = 0.6
-"""Share of the CPU time after which the search ends."""
-
-_WITNESS_SHARE = (1 + _SEARCH_SHARE) / 2
-"""Share after which converse KAM ends; the certified circle has the rest."""
-
-_CERTIFIED_DISTANCES = 0, 0.3, 0.6, 1, 1.5, 2, 2.5, 3, 9, 29
-"""Distances below a bracket, over tol, at which a circle is certified if not nearer to it."""
-
-_CIRCLES_TRIED = 6
-"""Circles that are tried at each of them, at most."""
-
-_HULL_PERIOD = 20_000
-"""Period of the orbits from whose hulls circles are certified."""
-
-_BAND_ERROR = 1e-3
-"""Relative error, unless tol is smaller, where circles break and come back."""
-
-_SIMPLER_DISTANCE = 2e-4
-"""Distance from the circle excluded last within which residues are asked about a simpler one."""
-
-_LONG_PERIOD_TOL = 1e-3
-"""Least tolerance for long periods: lifetimes of some hundred kicks are as far beyond a breakup."""
-
-_ITERATED_KICKS, _ITERATED_ORBITS = 10**7, 64
-"""Of direct iteration under long periods: some CPU seconds. `upper` was 4 to 11% above the breakup
-on twelve random rays of three to six kicks, repeated beyond 64."""
-
-
 @dataclass(frozen=True)
 class Effort:
-    """How much work a search for the last barrier does.
+    """How a search for the last barrier goes on, and how much work it does.
 
     Attributes
     ----------
     share_above : float
         Part of tol above the value, where converse KAM takes 1/distance steps. The rest is below,
         where a circle is certified, which takes longer.
+    first_steps : int
+        Steps of converse KAM on transversals in which the search begins: about 1/100 above the
+        breakup, where the circle that the tree excludes last is mostly the last one. Scales that
+        are tried above, if a circle exists there, differ by 1/100; and survivors that far above a
+        value contradict it.
+    locating_steps : int
+        Fewest steps of converse KAM, by which the last circle of one or two kicks is located.
     max_questions : int
         Scales at which the Farey tree is asked. Of the judged forcings regular ones take 10 to 20,
         bands up to 60.
     step : float
         Relative step times the longest period.
+    finest_step : float
+        Shortest step, over tol.
     tree_depth : int
         Period of Farey neighbours between which the tree is not searched any further.
+    tree : TreeSettings
+        Which residues of the tree exclude circles.
+    breakup_distance : float
+        Relative distance below a scale without circles within which its last circle broke.
+    simpler_distance : float
+        Distance from the circle excluded last within which residues are asked about a simpler one.
     orbit_period, last_period : int
         Longest period of the residues that are asked before a leap, and of those of which the value
         is computed in the end: nine and eleven digits.
@@ -124,6 +97,23 @@ class Effort:
         resolve.
     blurred_period : int
         Period by which a cusp is to be resolved, or the value may be too large.
+    band_error : float
+        Relative error, unless tol is smaller, where circles break and come back.
+    certified_distances : tuple of float
+        Distances below a bracket, over tol, at which a circle is certified if not nearer to it.
+    circles_tried : int
+        Circles that are tried at each of them, at most.
+    hull_period : int
+        Period of the orbits from whose hulls circles are certified.
+    search_share : float
+        Share of the CPU time after which the search ends. Half of the rest is for converse KAM,
+        and what is left for the certified circle.
+    long_period_tol : float
+        Least tolerance for more than 64 kicks: lifetimes of some hundred kicks are as far beyond a
+        breakup.
+    iterated_kicks, iterated_orbits : int
+        Of direct iteration under more than 64 kicks: some CPU seconds. `upper` was 4 to 11% above
+        the breakup on twelve random rays of three to six kicks, repeated beyond 64.
 
     Examples
     --------
@@ -134,14 +124,33 @@ class Effort:
     """
 
     share_above: float = 0.2
+    first_steps: int = 100
+    locating_steps: int = 1000
     max_questions: int = 120
     step: float = 0.25
+    finest_step: float = 0.1
     tree_depth: int = 1000
+    tree: TreeSettings = DEFAULT_TREE_SETTINGS
+    breakup_distance: float = 0.05
+    simpler_distance: float = 2e-4
     orbit_period: int = 1500
     last_period: int = 6000
     rival_distance: float = 1e-5
     cusp_period: int = 30_000
     blurred_period: int = 300
+    band_error: float = 1e-3
+    certified_distances: tuple[float, ...] = (0, 0.3, 0.6, 1, 1.5, 2, 2.5, 3, 9, 29)
+    circles_tried: int = 6
+    hull_period: int = 20_000
+    search_share: float = 0.6
+    long_period_tol: float = 1e-3
+    iterated_kicks: int = 10**7
+    iterated_orbits: int = 64
+
+    @property
+    def witness_share(self) -> float:
+        """Share of the CPU time after which converse KAM ends."""
+        return (1 + self.search_share) / 2
 
 
 DEFAULT_EFFORT = Effort()
@@ -214,7 +223,7 @@ def critical_scale(
     # On κ1 = κ2 the barriers are noble for the standard map, not for its second iterate.
     (begin, short), zero = shorten([start, profile], rational(0))
     if short.size > MAX_PERIOD and not begin.any():
-        return _upper_of_long_period(short, tol)
+        return _upper_of_long_period(short, tol, effort)
     scale = _last_breakup(_Segment(begin, short), tol, seconds, effort)
     if scale.omega is None:
         return scale
@@ -222,15 +231,16 @@ def critical_scale(
     return replace(scale, omega=per_period(scale.omega, kappa, short, zero))
 
 
-def _upper_of_long_period(profile, tol):
+def _upper_of_long_period(profile, tol, effort):
     """Return the CriticalScale, without a value, of a ray of more than 64 kicks a period.
 
     Converse KAM is applied on straight lines: transversals through all minimax orbits would take
     minutes. Where circles do not cross these lines steeply, orbits that escape show more.
     """
     kicks = aperiodic.around_strongest(profile)
-    without_graphs = aperiodic.critical_scale(kicks, max(tol, _LONG_PERIOD_TOL)).upper
-    escapes = escape.onset_scale(profile, _ITERATED_KICKS // profile.size + 1, _ITERATED_ORBITS)
+    without_graphs = aperiodic.critical_scale(kicks, max(tol, effort.long_period_tol)).upper
+    n_steps = effort.iterated_kicks // profile.size + 1
+    escapes = escape.onset_scale(profile, n_steps, effort.iterated_orbits)
     # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
     least = np.fmin(escapes, 2 / np.abs(profile).max())
     method = "converse KAM" if not without_graphs > least else escape.METHOD
@@ -274,26 +284,39 @@ class _Tree:
         """Return (circle or None, nobles, period) of `find_existing_circle`."""
         if scale not in self.answers:
             kappa = self.segment.at(scale)
-            self.answers[scale] = find_existing_circle(kappa, self.effort.tree_depth)
+            depth, settings = self.effort.tree_depth, self.effort.tree
+            self.answers[scale] = find_existing_circle(kappa, depth, settings)
         return self.answers[scale]
 
     def exists(self, scale):
         """Return True if the tree names a circle."""
         return self.ask(scale)[0] is not None
 
+    def shows(self, omega, scale):
+        """Return True if residues show the circle of ω."""
+        return circle_exists(omega, self.segment.at(scale), settings=self.effort.tree)
+
     def lowest_excluded(self, above):
         """Return the lowest scale above another one at which no circle was named; if there is none
         yet, climb to one. It is inf if the budget is spent before."""
         excluded = (s for s, (omega, *_) in self.answers.items() if omega is None and s > above)
         scale = min(excluded, default=inf)
-        while scale == inf and not self.has_spent(_SEARCH_SHARE):
-            above += self.segment.length(above, 1 / _FIRST_STEPS)
+        while scale == inf and not self.is_search_over():
+            above += self.segment.length(above, 1 / self.effort.first_steps)
             scale = inf if self.exists(above) else above
         return scale
 
     def end(self, share):
         """Return the `time.thread_time` at which that share of the CPU time is spent."""
         return self.began + share * self.seconds
+
+    def is_search_over(self):
+        """Return True if the time of the search is spent, or the number of questions."""
+        return self.has_spent(self.effort.search_share)
+
+    def is_elimination_over(self):
+        """Return True if the time of converse KAM is spent, or the number of questions."""
+        return self.has_spent(self.effort.witness_share)
 
     def has_spent(self, share):
         """Return True if that share of the CPU time is spent, or the number of questions."""
@@ -328,13 +351,13 @@ def _last_breakup(segment, tol, seconds, effort):
             return no_answer(None, ends, "Farey tree")
         bracket = _search_by_tree(tree, tol, *ends)
     upper, survivor = _eliminated_above(tree, tol, bracket)
-    while not tree.has_spent(_SEARCH_SHARE):
+    while not tree.is_search_over():
         if survivor is not None:
             outside = tree.lowest_excluded(upper)
             if outside == inf:
                 break
             higher = _search_by_tree(tree, tol, upper, outside, survivor)
-        elif _contradicts(upper, *_value(segment, tol, bracket), tol):  # a leap may miss a band
+        elif _contradicts(tree, tol, upper, *_value(tree, tol, bracket)):  # a leap may miss a band
             higher = _search_by_tree(tree, tol, bracket.outside, upper, leaps=False)
         else:
             break
@@ -345,10 +368,10 @@ def _last_breakup(segment, tol, seconds, effort):
     if survivor is not None:  # the budget did not suffice to find where its circle breaks
         shown = min(tree.lowest_excluded(upper), tree.eliminated)
         upper = shown if shown < inf else nan
-    value, error = _value(segment, tol, bracket)
+    value, error = _value(tree, tol, bracket)
     lower = _certified_below(tree, tol, bracket)
     cusp = periodic.cusp_period(segment.at(value))
-    is_contradicted = _contradicts(upper, value, error, tol)
+    is_contradicted = _contradicts(tree, tol, upper, value, error)
     if upper > bracket.outside or cusp > effort.blurred_period:
         error = max(error, upper - value)
     status = Status.OK if upper - lower <= 2 * tol * value else Status.WIDE
@@ -363,36 +386,38 @@ def _last_breakup(segment, tol, seconds, effort):
     return CriticalScale(nan, nan, lower, upper, None, status, "converse KAM")
 
 
-def _contradicts(upper, value, error, tol):
+def _contradicts(tree, tol, upper, value, error):
     """Whether survivors show that a circle may exist far above the value."""
-    return upper > value + max(error, tol * value, value / _FIRST_STEPS)
+    return upper > value + max(error, tol * value, value / tree.effort.first_steps)
 
 
-def _value(segment, tol, bracket):
+def _value(tree, tol, bracket):
     """Return the value and error of a bracket."""
     if bracket.breakup is not None:
         return bracket.breakup.value, bracket.breakup.error
     half = (bracket.outside - bracket.inside) / 2
-    return bracket.inside + half, max(half, segment.length(bracket.outside, min(tol, _BAND_ERROR)))
+    error = tree.segment.length(bracket.outside, min(tol, tree.effort.band_error))
+    return bracket.inside + half, max(half, error)
 
 
 def _outermost(tree):
     """Return the scales (inside, outside) at which the search begins, or a Status."""
-    segment = tree.segment
+    segment, effort = tree.segment, tree.effort
     if segment.profile.size <= 2 and not segment.start.any():
         # Next to a cusp. There are no bands above.
-        outside = symmetry_line.critical_scale(segment.profile, 16 * _LOCATING_STEPS).upper
+        n_steps = 16 * effort.locating_steps
+        outside = symmetry_line.critical_scale(segment.profile, n_steps).upper
         tree.eliminated = outside
         return 0.0, outside
     n_sites = 8 if segment.start.any() else 2  # any scale without circles will do on a ray
     outside, _ = transversal.upper_scale(
-        segment.profile, _FIRST_STEPS, segment.start, n_sites, tree.end(_SEARCH_SHARE)
+        segment.profile, effort.first_steps, segment.start, n_sites, tree.end(effort.search_share)
     )
-    if outside == inf and tree.has_spent(_SEARCH_SHARE):
+    if outside == inf and tree.is_search_over():
         return Status.NOT_CONVERGED
     if not 0 < outside < inf:
         return Status.NO_BREAKUP if outside else Status.OUTSIDE
-    if tree.has_spent(_SEARCH_SHARE) or not tree.exists(outside):
+    if tree.is_search_over() or not tree.exists(outside):
         return 0.0, outside
     higher = tree.lowest_excluded(outside)  # a circle exists though no start survives
     return (outside, higher) if higher < inf else Status.NOT_CONVERGED
@@ -405,18 +430,18 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
     until a circle is met.
     """
     segment, effort = tree.segment, tree.effort
-    if tree.has_spent(_SEARCH_SHARE):
+    if tree.is_search_over():
         return _Bracket(inside, outside, omega)
     _, nobles, period = tree.ask(outside)
     unasked, asked_period = omega, 0  # of residues
-    while outside - inside > segment.length(outside, tol / 2) and not tree.has_spent(_SEARCH_SHARE):
-        step = max(effort.step / period, _FINEST_STEP * tol)
+    while outside - inside > segment.length(outside, tol / 2) and not tree.is_search_over():
+        step = max(effort.step / period, effort.finest_step * tol)
         scale = outside - segment.length(outside, step)
         if scale <= inside:
             scale = (inside + outside) / 2
         breakup = None
         if unasked or (leaps and period >= 2 * asked_period):
-            named = unasked or _simplest_near(nobles[0], segment.at(outside))
+            named = unasked or _simplest_near(nobles[0], segment.at(outside), effort)
             breakup = _breakup(tree, tol, named, inside, outside)
             unasked, asked_period = None, period
         if breakup:
@@ -432,16 +457,16 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
     return _Bracket(inside, outside, omega)
 
 
-def _simplest_near(omega, kappa):
+def _simplest_near(omega, kappa, effort):
     """Return the noble with the shortest prefix near another one."""
-    near = float(omega), _SIMPLER_DISTANCE, 1
+    near = float(omega), effort.simpler_distance, 1
     return [*half_shift_nobles(kappa, *near), *nobles_near(*near)][0]
 
 
 def _breakup(tree, tol, omega, inside, outside):
     """Return the CriticalScale of a circle between two scales; None if residues do not tell it."""
     segment, effort = tree.segment, tree.effort
-    between = max(inside, outside - segment.length(outside, _BREAKUP_DISTANCE)), outside
+    between = max(inside, outside - segment.length(outside, effort.breakup_distance)), outside
     found = periodic.critical_scale(
         omega, segment.profile, effort.orbit_period, segment.start, between
     )
@@ -449,7 +474,7 @@ def _breakup(tree, tol, omega, inside, outside):
     if found.status is not Status.OK or not found.error < near / 10:
         return None
     below = found.value - near
-    exists = below <= inside or circle_exists(omega, segment.at(below))
+    exists = below <= inside or tree.shows(omega, below)
     return found if exists and between[0] < found.value < outside else None
 
 
@@ -458,7 +483,7 @@ def _with_rivals(tree, tol, breakup, inside, outside, nobles):
     segment = tree.segment
     for omega in nobles:
         just_above = breakup.value + segment.length(outside, tree.effort.rival_distance)
-        if omega != breakup.omega and circle_exists(omega, segment.at(just_above)):
+        if omega != breakup.omega and tree.shows(omega, just_above):
             later = _breakup(tree, tol, omega, inside, outside)
             if later is None or later.value < breakup.value:  # it breaks somewhere in between
                 return _Bracket(just_above, outside, omega)
@@ -477,27 +502,30 @@ def _search_by_survivors(segment, tol, effort):
     profile = segment.profile
     if segment.start.any() or profile.size > 2:
         return None
-    located = symmetry_line.critical_scale(profile, _LOCATING_STEPS)
+    n_steps = effort.locating_steps
+    located = symmetry_line.critical_scale(profile, n_steps)
     if located.status is not Status.OK:
         return None
-    # Lifetimes are there 1.2 to 1.5 times _LOCATING_STEPS.
-    beyond = segment.at(located.value * (1 + 0.5 / _LOCATING_STEPS))
-    names = candidates(beyond, longest_lived(beyond, 2 * _LOCATING_STEPS))
+    # Lifetimes are there 1.2 to 1.5 times n_steps.
+    beyond = segment.at(located.value * (1 + 0.5 / n_steps))
+    names = candidates(beyond, longest_lived(beyond, 2 * n_steps))
     last, seen = None, set()
     while new := [omega for omega in names if omega not in seen]:
         seen.update(new)
         for omega in new:
-            if circle_exists(omega, segment.at((1 - _BREAKUP_DISTANCE) * located.upper)):
+            below = segment.at((1 - effort.breakup_distance) * located.upper)
+            if circle_exists(omega, below, settings=effort.tree):
                 last = _later(last, _breakup_of_two_kicks(omega, profile, tol, effort))
         if last is None:
             return None
         near = effort.share_above * tol * last.value
         outside = last.value + near
-        n_steps = _steps_to_eliminate(segment, near, last.value)
+        n_steps = _steps_to_eliminate(segment, near, last.value, effort)
         longest = longest_lived(segment.at(outside), n_steps)
         if longest.kicks < inf:
             inside, period = last.value - near, effort.cusp_period
-            is_there = circle_exists(last.omega, segment.at(inside), period)
+            kappa = segment.at(inside)
+            is_there = circle_exists(last.omega, kappa, period, settings=effort.tree)
             return _Bracket(inside, outside, last.omega, last, period, True) if is_there else None
         names = candidates(segment.at(outside), longest, n_steps)
     return None
@@ -522,10 +550,11 @@ def _later(one, other):
     return one
 
 
-def _steps_to_eliminate(segment, distance, scale):
+def _steps_to_eliminate(segment, distance, scale, effort):
     """Return the steps in which converse KAM eliminates all starts beyond the breakup."""
     relative = distance / segment.length(scale, 1)
-    return int(np.clip(LONGEST_LIFETIME / relative, _LOCATING_STEPS, transversal.MAX_STEPS))
+    n_steps = LONGEST_LIFETIME / relative
+    return int(np.clip(n_steps, effort.locating_steps, transversal.MAX_STEPS))
 
 
 def _eliminated_above(tree, tol, bracket):
@@ -535,17 +564,17 @@ def _eliminated_above(tree, tol, bracket):
     If time is spent it is the bracket's upper end, of which the tree knows.
     """
     segment, effort = tree.segment, tree.effort
-    value, error = _value(segment, tol, bracket)
+    value, error = _value(tree, tol, bracket)
     near = segment.length(value, effort.share_above * tol)
-    n_steps = _steps_to_eliminate(segment, near, value)
+    n_steps = _steps_to_eliminate(segment, near, value, effort)
     scale = max(bracket.outside, min(value + error, tree.eliminated))
-    until = tree.end(_WITNESS_SHARE)
-    while scale < tree.eliminated and not (bracket.is_eliminated or tree.has_spent(_WITNESS_SHARE)):
+    until = tree.end(effort.witness_share)
+    while scale < tree.eliminated and not (bracket.is_eliminated or tree.is_elimination_over()):
         longest = longest_lived(segment.at(scale), n_steps, until)
         if longest.kicks < inf:
             return scale, None
         for omega in candidates(segment.at(scale), longest, n_steps):
-            if circle_exists(omega, segment.at(scale)):
+            if tree.shows(omega, scale):
                 return scale, omega
         scale = min(value + 2 * (scale - value), tree.eliminated)
     return scale, None
@@ -553,33 +582,34 @@ def _eliminated_above(tree, tol, bracket):
 
 def _certified_below(tree, tol, bracket):
     """Return the scale of a certified circle at a bracket's lower end or below; NaN without one."""
-    segment = tree.segment
-    value, _ = _value(segment, tol, bracket)
+    segment, effort = tree.segment, tree.effort
+    value, _ = _value(tree, tol, bracket)
     lower, begin = nan, bracket.inside
     if bracket.breakup is not None and not tree.has_spent(1):
-        share = 0.95 * (1 - tree.effort.share_above)
+        share = 0.95 * (1 - effort.share_above)
         lower, _ = continuation.certified_circle(
             bracket.omega, segment.profile, value, share * tol, segment.start, tree.end(1)
         )
         begin = value - segment.length(value, tol)
         if lower >= begin:
             return lower
-    for distance in _CERTIFIED_DISTANCES:
+    for distance in effort.certified_distances:
         scale = begin - segment.length(value, distance * tol)
         if scale <= np.fmax(lower, 0) or tree.has_spent(1):
             break
         circle, nobles, _ = tree.ask(scale)
         names = dict.fromkeys([*filter(None, (bracket.omega, circle)), *nobles])
-        for omega in islice(names, _CIRCLES_TRIED):
-            if circle_exists(omega, segment.at(scale)) and _is_certified(omega, segment.at(scale)):
+        for omega in islice(names, effort.circles_tried):
+            kappa = segment.at(scale)
+            if tree.shows(omega, scale) and _is_certified(omega, kappa, effort.hull_period):
                 return scale
     return lower
 
 
-def _is_certified(omega, kappa):
-    """Whether the circle of ω is certified under a forcing, from the sites of a long orbit there,
-    one of them held: no circle has to exist under weaker kicks."""
-    fractions = [f for f in islice(convergents(omega), 60) if f.denominator < _HULL_PERIOD]
+def _is_certified(omega, kappa, period):
+    """Return True if the circle of ω is certified under a forcing, from the sites of an orbit of up
+    to that period, one of them held there: no circle has to exist under weaker kicks."""
+    fractions = [f for f in islice(convergents(omega), 60) if f.denominator < period]
     ladder = action.ConvergentOrbits(kappa, 0 * kappa, fractions)
     try:
         first, u = ladder.constrained_minimizer(len(fractions) - 1, 0.0)

@@ -14,6 +14,7 @@ may be in intervals of 10⁻⁶.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from heapq import heappop, heappush
@@ -39,49 +40,84 @@ from nasm.numbers import RotationNumber, as_rotation_number, convergents, moebiu
 from nasm.symmetries import half_shift_nobles
 from nasm.types import OmegaLike
 
-__all__ = ["circle_exists", "find_existing_circle"]
+__all__ = ["TreeSettings", "circle_exists", "find_existing_circle"]
 
 LONGEST_PERIOD = 3000
 """Period of the convergents whose residues show if a circle exists."""
 
-_SCANNED_PERIOD = 20
-"""Period up to which the highest maximum of the action is sought, not that next to neighbours'."""
-
-_RESCANNED_PERIOD = 300
-"""The same where an orbit is not joined from those of its neighbours."""
-
-_LOST_RESIDUE = 0.25
-"""Stands for the residue of a short orbit that is lost: it excludes nothing."""
-
-_MAX_RESIDUE = 1.6
-"""Largest residue of a long orbit next to a circle that exists. With up to six kicks residues were
-at most 1.1 on the paths to the last circles of 100 forcings; with 11 kicks one was 1.57."""
-
-_ANY_RESIDUE_PERIOD = 10
-"""Period below which any residue may be next to a circle: one was 49."""
-
-_MAX_PRODUCTS = (10, 100.0), (30, 1.0), (100, 0.5), (300, 0.3), (inf, 0.22)
-"""Largest product of the residues of two neighbours with a circle between them, below each value of
-the longer period. On those paths products were at most 0.26 from period 10 on, with 11 kicks one
-was 0.80; below period 10 they were at most 1.3, on 143 paths with up to 33 kicks."""
-
-_SMALL_RESIDUE = 0.05
-"""Residue of neighbours below which the noble between them is tested itself."""
-
-_MAX_MEDIANTS = 3000
-"""Mediants that are asked; judged forcings took up to 1700."""
-
-_FIRST_PERIOD = 60
-"""Shortest period of the convergents whose residues are compared."""
-
-_VANISHING_RESIDUE = 1e-3
-"""Residue below which rounding may hide that they fall."""
-
-_LONGER = 4
-"""Periods up to that multiple of `longest` are used, if residues do not decide before. From
-`longest` on they must fall with each q."""
-
 _GAMMA = parse("gamma")
+
+
+@dataclass(frozen=True)
+class TreeSettings:
+    """Which residues of a Farey tree exclude circles, which show one, and how far it is searched.
+
+    Attributes
+    ----------
+    max_products : tuple of (period, product)
+        Largest product of the residues of two neighbours with a circle between them, below each
+        value of the longer period. On the paths to the last circles of 100 forcings of up to six
+        kicks products were at most 0.26 from period 10 on, with 11 kicks one was 0.80; below period
+        10 they were at most 1.3, on 143 paths with up to 33 kicks.
+    max_residue : float
+        Largest residue of a long orbit next to a circle that exists: at most 1.1 on the paths to
+        those 100 circles, and once 1.57 with 11 kicks.
+    any_residue_period : int
+        Period below which any residue may be next to a circle: one was 49.
+    small_residue : float
+        Residue of neighbours below which the noble between them is tested itself.
+    max_mediants : int
+        Mediants that are asked; judged forcings took up to 1700.
+    scanned_period : int
+        Period up to which the highest maximum of the action is sought, not that next to
+        neighbours'.
+    rescanned_period : int
+        The same where an orbit is not joined from those of its neighbours.
+    lost_residue : float
+        Stands for the residue of a short orbit that is lost: it excludes nothing.
+    first_period : int
+        Shortest period of the convergents whose residues are compared.
+    vanishing_residue : float
+        Residue below which rounding may hide that they fall.
+    longest_ratio : int
+        Periods up to that multiple of `longest` are used, if residues do not decide before.
+
+    Examples
+    --------
+    >>> from nasm.farey import TreeSettings, find_existing_circle
+    >>> few = TreeSettings(max_mediants=3)
+    >>> _, nobles, _ = find_existing_circle((1.2, 0.9), settings=few)  # not excluded yet
+    >>> len(nobles) > 1
+    True
+    """
+
+    max_products: tuple[tuple[float, float], ...] = (
+        (10, 100.0),
+        (30, 1.0),
+        (100, 0.5),
+        (300, 0.3),
+        (inf, 0.22),
+    )
+    max_residue: float = 1.6
+    any_residue_period: int = 10
+    small_residue: float = 0.05
+    max_mediants: int = 3000
+    scanned_period: int = 20
+    rescanned_period: int = 300
+    lost_residue: float = 0.25
+    first_period: int = 60
+    vanishing_residue: float = 1e-3
+    longest_ratio: int = 4
+
+    def allow_circle(self, left: "_Node", right: "_Node") -> bool:
+        """Return True if a circle may exist between two neighbours, by their residues."""
+        residues, longer = (left.residue, right.residue), max(left.q, right.q)
+        largest = next(most for period, most in self.max_products if longer < period)
+        is_near = longer < self.any_residue_period or max(residues) < self.max_residue
+        return is_near and residues[0] * residues[1] < largest
+
+
+DEFAULT_SETTINGS = TreeSettings()
 
 
 class _Node(NamedTuple):
@@ -95,7 +131,7 @@ class _Node(NamedTuple):
 
 
 def find_existing_circle(
-    kappa: ArrayLike, deepest: int = 1000
+    kappa: ArrayLike, deepest: int = 1000, settings: TreeSettings = DEFAULT_SETTINGS
 ) -> tuple[RotationNumber | None, list[RotationNumber], int]:
     """Search the Farey tree for a circle that exists under a forcing.
 
@@ -106,6 +142,8 @@ def find_existing_circle(
     deepest : int
         Period of neighbours between which the search does not go on, 10 to 10⁶. The noble between
         them is tested by `circle_exists` instead.
+    settings : TreeSettings
+        What residues exclude, and how far the tree is searched.
 
     Returns
     -------
@@ -132,46 +170,50 @@ def find_existing_circle(
     heap: list[tuple[float, int, _Node, _Node]] = []
 
     def push(left, right):
-        product, longer = left.residue * right.residue, max(left.q, right.q)
-        most = next(most for longest, most in _MAX_PRODUCTS if longer < longest)
-        near = max(left.residue, right.residue) < _MAX_RESIDUE or longer < _ANY_RESIDUE_PERIOD
-        if near and product < most:
+        if settings.allow_circle(left, right):
+            product = left.residue * right.residue
             heappush(heap, (log(product), next(order), left, right))
 
     ordered = partial(ordered_orbits, kappa, minimizers={})
-    for last in _integer_neighbours(ordered, kappa.size):
+    for last in _integer_neighbours(ordered, kappa.size, settings):
         push(*last)
-    for _ in range(_MAX_MEDIANTS):
+    for _ in range(settings.max_mediants):
         if not heap:
             break
         _, _, left, right = heappop(heap)
         if max(left.q, right.q) > deepest:
             left_over += [(omega, (left, right)) for omega in _nobles(kappa, left, right)]
             continue
-        middle = _between(ordered, left, right)
+        middle = _between(ordered, left, right, settings)
         if middle.q > period:
             period, last = middle.q, (left, right)
         largest = max(node.residue for node in (left, right, middle))
-        if middle.q > SURE_PERIOD and largest < _SMALL_RESIDUE:
+        if middle.q > SURE_PERIOD and largest < settings.small_residue:
             longer = max(left, right, key=lambda node: node.q)
             for omega in _nobles(kappa, longer, middle):
-                if _exists(omega, kappa, (longer, middle)):
+                if _exists(omega, kappa, (longer, middle), settings):
                     return omega, [omega], period
         push(left, middle)
         push(middle, right)
     for *_, left, right in heap:  # not reached
         left_over += [(omega, (left, right)) for omega in _nobles(kappa, left, right)]
     left_over.sort(key=lambda noble: len(noble[0].prefix))
-    omega = next((omega for omega, pair in left_over if _exists(omega, kappa, pair)), None)
+    existing = (omega for omega, pair in left_over if _exists(omega, kappa, pair, settings))
+    omega = next(existing, None)
     return omega, [omega for omega, _ in left_over] or _nobles(kappa, *last)[:1], period
 
 
-def _exists(omega, kappa, nodes):
-    return circle_exists(omega, kappa, known=[node.orbit for node in nodes if node.orbit])
+def _exists(omega, kappa, nodes, settings):
+    known = [node.orbit for node in nodes if node.orbit]
+    return circle_exists(omega, kappa, known=known, settings=settings)
 
 
 def circle_exists(
-    omega: OmegaLike, kappa: ArrayLike, longest: int = LONGEST_PERIOD, known: Sequence[Orbit] = ()
+    omega: OmegaLike,
+    kappa: ArrayLike,
+    longest: int = LONGEST_PERIOD,
+    known: Sequence[Orbit] = (),
+    settings: TreeSettings = DEFAULT_SETTINGS,
 ) -> bool:
     """Test whether a circle exists, by the decay of the residues of its convergents.
 
@@ -185,6 +227,8 @@ def circle_exists(
         Period up to which residues decrease below 0.1, or from which on they decrease with each q.
     known : sequence of Orbit
         Minimax orbits of convergents of ω that are known already.
+    settings : TreeSettings
+        From which period on residues are compared, and up to which.
 
     Returns
     -------
@@ -201,8 +245,9 @@ def circle_exists(
     kappa, omega = forcing(kappa), as_rotation_number(omega)
     longest = count("longest", longest, 1, 10**6)
     fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
-    fractions = [f for f in fractions if f.denominator < _LONGER * longest]
-    first = max(len(omega.prefix) - 1, sum(f.denominator < _FIRST_PERIOD for f in fractions))
+    fractions = [f for f in fractions if f.denominator < settings.longest_ratio * longest]
+    n_short = sum(f.denominator < settings.first_period for f in fractions)
+    first = max(len(omega.prefix) - 1, n_short)
     orbits, residues = ConvergentOrbits(kappa, 0 * kappa, fractions, known=known), [nan]
     for n in range(first, len(fractions)):
         if fractions[n].denominator >= longest and not _fall(residues):
@@ -217,7 +262,7 @@ def circle_exists(
         if residue > before and residue > 1.5:
             return False
         # Next to an exchange of orbits residues pass through 0, and three may be small by chance.
-        if max(residues[-3:]) < 0.1 and (_fall(residues) or residue < _VANISHING_RESIDUE):
+        if max(residues[-3:]) < 0.1 and (_fall(residues) or residue < settings.vanishing_residue):
             return True
     return _fall(residues)
 
@@ -226,40 +271,40 @@ def _fall(residues):
     return len(residues) > 3 and residues[-1] < min(residues[-3:-1])
 
 
-def _integer_neighbours(ordered, period):
+def _integer_neighbours(ordered, period, settings):
     """Pairs of neighbours that have all ω from 0 to P/2 between them."""
-    nodes = [_scanned(ordered, Fraction(p)) for p in range((period + 1) // 2 + 1)]
+    nodes = [_scanned(ordered, Fraction(p), settings) for p in range((period + 1) // 2 + 1)]
     if period % 2:
-        nodes[-1] = _between(ordered, *nodes[-2:])
+        nodes[-1] = _between(ordered, *nodes[-2:], settings)
     return pairwise(nodes)
 
 
-def _between(ordered, left, right):
+def _between(ordered, left, right, settings):
     (p, q), (r, s) = (node.fraction.as_integer_ratio() for node in (left, right))
     fraction = Fraction(p + r, q + s)
-    if q + s <= _SCANNED_PERIOD:
-        node = _scanned(ordered, fraction)
+    if q + s <= settings.scanned_period:
+        node = _scanned(ordered, fraction, settings)
         if node.orbit:
             return node
     if left.orbit and right.orbit:
         chain = Chain(left.orbit.chain.period, fraction)
         for first, second in (left, right), (right, left):
             if orbit := joined(first.orbit, second.orbit, chain, -1):
-                return _node(fraction, orbit)
-    if _SCANNED_PERIOD < q + s < _RESCANNED_PERIOD:
-        return _scanned(ordered, fraction)
-    return _node(fraction, None)
+                return _node(fraction, orbit, settings)
+    if settings.scanned_period < q + s < settings.rescanned_period:
+        return _scanned(ordered, fraction, settings)
+    return _node(fraction, None, settings)
 
 
-def _scanned(ordered, fraction):
+def _scanned(ordered, fraction, settings):
     try:
-        return _node(fraction, ordered(*fraction.as_integer_ratio())[1])
+        return _node(fraction, ordered(*fraction.as_integer_ratio())[1], settings)
     except LostError:
-        return _node(fraction, None)
+        return _node(fraction, None, settings)
 
 
-def _node(fraction, orbit):
-    lost = _LOST_RESIDUE if fraction.denominator <= SURE_PERIOD else inf
+def _node(fraction, orbit, settings):
+    lost = settings.lost_residue if fraction.denominator <= SURE_PERIOD else inf
     return _Node(fraction, orbit, max(orbit.residue, 1e-6) if orbit else lost)
 
 

@@ -12,7 +12,7 @@ The orbits are those of `nasm.action`: for every p/q a *minimax* one, R > 0, and
 R < 0. Both families become unstable at the breakup; they are computed independently.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from itertools import islice, pairwise
@@ -31,36 +31,58 @@ from nasm.numbers import as_rotation_number, convergents, distinct_convergents, 
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 from nasm.types import FloatArray, OmegaLike
 
-__all__ = ["critical_scale", "crossings", "residue", "torus_scale"]
+__all__ = ["ResidueSettings", "critical_scale", "crossings", "residue", "torus_scale"]
 
 METHOD = "Greene's residue"
-
-_MIN_RESIDUE = 1e-12
-"""Residues below are rounding."""
-
-_ROUNDING = 4e-17
-"""Relative error of a crossing by rounding, per period: at 10⁵ κ_G was off by 2.7e-12 or less."""
 
 _ORDER = 2.04
 """Crossings converge like q^-2.04."""
 
-_SHEET_PERIOD = 100
-"""Period from which orbits resolve the sheets of a boundary."""
 
-_SINGLE_SHEET_PERIOD = 8
-"""The same with one or two kicks, whose boundaries have one sheet."""
+@dataclass(frozen=True)
+class ResidueSettings:
+    """Which residues show a breakup, and which orbits are compared.
 
-_MIN_BROKEN_RESIDUE = 0.05
-"""Least residue that shows a breakup. Where the dominant line changes, residues pass through 0."""
+    Attributes
+    ----------
+    sheet_period : int
+        Period from which orbits resolve the sheets of a boundary: the first pair of orbits whose
+        residues are compared along the ray.
+    single_sheet_period : int
+        The same with one or two kicks, whose boundaries have one sheet.
+    min_broken_residue : float
+        Least residue of that pair that shows a breakup. Where the dominant line changes, residues
+        pass through 0.
+    min_residue : float
+        Residues below are rounding.
+    rounding : float
+        Relative error of a crossing by rounding, per period: at 10⁵ κ_G was off by 2.7e-12 or less.
+    max_log_ratio : float
+        Logarithm of a ratio of residues; a larger one shows that they do not cross.
+    max_period_ratio : float
+        Ratio of consecutive periods up to which orbits are joined from shorter ones.
+    max_trusted_ratio : float
+        Predicted ratio of steps between crossings that needs no confirmation by a measured one.
 
-_MAX_LOG_RATIO = 0.1
-"""Logarithm of a ratio of residues; a larger one shows that they do not cross."""
+    Examples
+    --------
+    >>> from nasm.periodic import ResidueSettings, critical_scale
+    >>> longer = ResidueSettings(single_sheet_period=20)
+    >>> round(critical_scale("gamma", 1.0, q_max=400, settings=longer).value, 6)
+    0.971635
+    """
 
-_MAX_PERIOD_RATIO = 60
-"""Ratio of consecutive periods up to which orbits are joined from shorter ones."""
+    sheet_period: int = 100
+    single_sheet_period: int = 8
+    min_broken_residue: float = 0.05
+    min_residue: float = 1e-12
+    rounding: float = 4e-17
+    max_log_ratio: float = 0.1
+    max_period_ratio: float = 60
+    max_trusted_ratio: float = 0.05
 
-_MAX_TRUSTED_RATIO = 0.05
-"""Predicted ratio of steps between crossings that needs no confirmation by a measured one."""
+
+DEFAULT_SETTINGS = ResidueSettings()
 
 
 def residue(kappa: ArrayLike, p: int, q: int) -> float:
@@ -101,6 +123,7 @@ def critical_scale(
     q_max: int = 6000,
     start: ArrayLike | None = None,
     between: tuple[float, float] | None = None,
+    settings: ResidueSettings = DEFAULT_SETTINGS,
 ) -> CriticalScale:
     """Compute the scale at which the circle of ω breaks on κ = start + s·profile, s ≥ 0.
 
@@ -121,6 +144,8 @@ def critical_scale(
     between : pair of floats, optional
         Scales known to enclose the breakup. They replace that search; NOT_CONVERGED if residues do
         not cross between them, because the orbits are too short.
+    settings : ResidueSettings
+        Which residues show a breakup, and which orbits are compared.
 
     Returns
     -------
@@ -152,12 +177,16 @@ def critical_scale(
     start, profile, short_omega, q_max = _shorten_arguments(omega, profile, q_max, start)
     if omega.is_rational:
         return no_answer(omega, Status.RATIONAL, METHOD)
-    scale, _ = _breakup(short_omega, start, profile, q_max, between)
+    scale, _ = _breakup(short_omega, start, profile, q_max, settings, between)
     return replace(scale, omega=omega, method=METHOD)
 
 
 def crossings(
-    omega: OmegaLike, profile: ArrayLike, q_max: int = 6000, start: ArrayLike | None = None
+    omega: OmegaLike,
+    profile: ArrayLike,
+    q_max: int = 6000,
+    start: ArrayLike | None = None,
+    settings: ResidueSettings = DEFAULT_SETTINGS,
 ) -> tuple[FloatArray, FloatArray]:
     """Compute the scales at which consecutive convergents have equal residues, R_n(s) = R_{n+m}(s).
 
@@ -183,7 +212,7 @@ def crossings(
     start, profile, short_omega, q_max = _shorten_arguments(omega, profile, q_max, start)
     if short_omega.is_rational:
         return np.empty(0), np.empty(0)
-    periods, scales = _breakup(short_omega, start, profile, q_max)[1]
+    periods, scales = _breakup(short_omega, start, profile, q_max, settings)[1]
     return periods, scales
 
 
@@ -194,7 +223,7 @@ def _shorten_arguments(omega, profile, q_max, start):
     return start, profile, short_omega, q_max
 
 
-def _breakup(omega, start, profile, q_max, between=None):
+def _breakup(omega, start, profile, q_max, settings, between=None):
     """Return the CriticalScale, and the crossings of minimax orbits."""
     no_crossings, has_one_sheet = np.empty((2, 0)), profile.size <= 2
     q_max = min(q_max, 10 * q_max // profile.size)
@@ -202,24 +231,25 @@ def _breakup(omega, start, profile, q_max, between=None):
     orbits, period = ConvergentOrbits(start, profile, fractions), len(omega.tail)
     unit = 1 / np.abs(profile).max()
     limits = between or (0.0, (2 + np.abs(start).max()) * unit)
-    shortest = inf if between else _SINGLE_SHEET_PERIOD if has_one_sheet else _SHEET_PERIOD
+    shortest = settings.single_sheet_period if has_one_sheet else settings.sheet_period
+    shortest = inf if between else shortest
     long_enough = [n for n, f in enumerate(fractions[:-period]) if f.denominator >= shortest]
     n = long_enough[0] if long_enough else len(fractions) - 1 - period
+    ratio = settings.max_period_ratio
     if n < 1 or any(
-        b.denominator > _MAX_PERIOD_RATIO * a.denominator > 2 * _MAX_PERIOD_RATIO
-        for a, b in pairwise(fractions)
+        b.denominator > ratio * a.denominator > 2 * ratio for a, b in pairwise(fractions)
     ):
         return no_answer(None, Status.NOT_CONVERGED), no_crossings
-    near = sum(between) / 2 if between else _first_breakup(orbits, n, n + period)
+    near = sum(between) / 2 if between else _first_breakup(orbits, n, n + period, settings)
     if isinstance(near, Status):
         return no_answer(None, near), no_crossings
-    crossed = _crossings(orbits, omega, -1, near, *limits)
-    scale = _estimate(crossed, profile)
+    crossed = _crossings(orbits, omega, -1, near, limits, settings)
+    scale = _estimate(crossed, profile, settings)
     if scale.status is not Status.OK:
         return scale, no_crossings
     if has_one_sheet:
         return scale, crossed[0]
-    other = _estimate(_crossings(orbits, omega, 1, near, *limits), profile)
+    other = _estimate(_crossings(orbits, omega, 1, near, limits, settings), profile, settings)
     if other.status is not Status.OK:
         return other, no_crossings
     error = max(abs(scale.value - other.value), min(scale.error, other.error))
@@ -250,7 +280,7 @@ def _residues_decay(orbits, shorter, longer, scale):
     return bool(residues[1] < residues[0] or residues[1] == 0)
 
 
-def _first_breakup(orbits, shorter, longer):
+def _first_breakup(orbits, shorter, longer, settings):
     """Return the first scale at which the orbits of two fractions show a breakup, or a Status."""
     unit = 1 / np.abs(orbits.profile).max()
     step, largest = 0.04 * unit, (2 + np.abs(orbits.start).max()) * unit
@@ -258,7 +288,8 @@ def _first_breakup(orbits, shorter, longer):
     def is_broken(scale):
         try:
             least = _residue(orbits, shorter, scale)
-            return least > _MIN_BROKEN_RESIDUE and _residue(orbits, longer, scale) > least
+            is_large = least > settings.min_broken_residue
+            return is_large and _residue(orbits, longer, scale) > least
         except LostError as error:
             return error.is_far_beyond
 
@@ -275,13 +306,13 @@ def _first_breakup(orbits, shorter, longer):
     return inside
 
 
-def _estimate(crossings, profile):
+def _estimate(crossings, profile, settings):
     """Return the CriticalScale of `_crossings`, without ω."""
     (periods, scales), status, tail, cusp = crossings
     if status is not Status.OK:
         return no_answer(None, status)
     value, error = _limit(scales, *tail)
-    error = max(error, _ROUNDING * periods[-1] * value)
+    error = max(error, settings.rounding * periods[-1] * value)
     if periods[-1] < 4 * cusp:
         error *= 2
     if error * np.abs(profile).max() > 0.01:
@@ -289,7 +320,7 @@ def _estimate(crossings, profile):
     return CriticalScale(value, error, np.nan, np.nan, None, Status.OK)
 
 
-def _crossings(orbits, omega, kind, near, lower_limit, upper_limit):
+def _crossings(orbits, omega, kind, near, limits, settings):
     """Return the crossings of orbits of one kind near a scale.
 
     Returns ((periods, scales), status, (m, ratio), period): m is the length of the tail of ω, ratio
@@ -299,13 +330,14 @@ def _crossings(orbits, omega, kind, near, lower_limit, upper_limit):
     fractions = list(islice(convergents(omega), len(omega.prefix) + period + 60))
     growth = fractions[-1].denominator / fractions[-1 - period].denominator
     ratio = (-1) ** period * growth**-_ORDER
-    n_needed = max(2 * period, 3) if abs(ratio) < _MAX_TRUSTED_RATIO else 2 * period + 2
+    is_trusted = abs(ratio) < settings.max_trusted_ratio
+    n_needed = max(2 * period, 3) if is_trusted else 2 * period + 2
     crossings, status, longest, cusp = [], Status.NOT_CONVERGED, 0, 0.0
     n_disordered = 0  # pairs whose orbits are lost; longer ones, joined from them, will be too
     first = next((n for n, chain in enumerate(chains) if chain.q >= 3), len(chains))
     for n in range(first, len(chains) - period):
         pair, scales = (n, n + period), [scale for _, scale in crossings]
-        scale = _crossing(orbits, *pair, kind, near, scales, lower_limit, upper_limit)
+        scale = _crossing(orbits, *pair, kind, near, scales, limits, settings)
         if isinstance(scale, Status):
             if len(crossings) >= n_needed:
                 break  # longer orbits are out of reach; there are enough without them
@@ -329,7 +361,7 @@ def _crossings(orbits, omega, kind, near, lower_limit, upper_limit):
     return crossings, status, (period, ratio), cusp
 
 
-def _crossing(orbits, shorter, longer, kind, near, crossings, lower_limit, upper_limit):
+def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
     """Return the scale at which two orbits of a kind have the same residue, or a Status.
 
     The search starts where the `crossings` of shorter orbits lead to, or at `near`.
@@ -344,7 +376,7 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, lower_limit, upper
                 return 100.0  # as where both overflow
             raise
         # Far below the breakup both are rounding, even in sign.
-        if min(residues) <= _MIN_RESIDUE:
+        if min(residues) <= settings.min_residue:
             return -100.0
         if max(residues) == inf:
             return 100.0
@@ -359,7 +391,7 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, lower_limit, upper
     if len(crossings) >= 3:
         near, width = _aitken(*crossings[-3:])[0], width / 4
     try:
-        bracket = _bracket(excess, near, width, lower_limit, upper_limit)
+        bracket = _bracket(excess, near, width, *limits)
         if isinstance(bracket, Status):
             return bracket
         # Eight steps suffice for a smooth excess, and none for one that jumps.
@@ -374,10 +406,10 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, lower_limit, upper
             return Status.DISORDERED
         slope = steps[0][1] / steps[0][0]
         residues = [orbits.at(n, scale, kind).refined_residue() for n in pair]
-        if np.abs(residues).min() < 10 * _MIN_RESIDUE:  # the crossing is that of -100 above
+        if np.abs(residues).min() < 10 * settings.min_residue:  # the crossing is that of -100 above
             return Status.NOT_CONVERGED
         remainder = _logarithm(*residues)
-        if abs(remainder) > _MAX_LOG_RATIO:
+        if abs(remainder) > settings.max_log_ratio:
             return Status.DISORDERED
         step = -remainder / slope
         if abs(step) > 1e-3 * near:  # of the longest orbits rounding moves the slope too

@@ -30,7 +30,7 @@ from nasm.symmetries import equivalent_forcings, ray
 from nasm.texts import short_repr
 from nasm.types import FloatArray, IntArray
 
-__all__ = ["Plane", "from_json", "parse", "rotating", "three_kicks", "two_kicks"]
+__all__ = ["Plane", "from_json", "pairs", "parse", "rotating", "three_kicks", "two_kicks"]
 
 _AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # matched by no other name in a cube
 _MAX_NAME_LENGTH = 60  # the name is part of the names of files
@@ -43,6 +43,10 @@ TWO_KICKS_AXES = {
 ROTATING_AXES = {
     "kappa_mean": "mean strength κ̄",
     "kappa_amplitude": "amplitude Δκ of the strengths",
+}
+PAIRS_AXES = {
+    "kappa_whole": "strength K of the kicks at whole times",
+    "kappa_delayed": "strength K_α of the kicks a time τ later",
 }
 
 
@@ -316,6 +320,40 @@ def three_kicks(third: float) -> Plane:
     return Plane(f"three-kicks:{third}", TWO_KICKS_AXES, (0, 0, third), (1, 0, 0), (0, 1, 0))
 
 
+def pairs(delay: Fraction | str) -> Plane:
+    """Return the (K, K_α) plane of two series of kicks: K at whole times, K_α a time τ later.
+
+    Parameters
+    ----------
+    delay : Fraction or str
+        τ = a/q in lowest terms, 0 < τ < 1 and q ≤ 64.
+
+    Notes
+    -----
+    Both strengths are in units of the period, as physicists state them: the momentum p changes by
+    (K/2π) sin 2πx, and x by p in a time of 1. In a time of 1/q it changes by y = p/q, so that the
+    forcing has q kicks, of which the first is K/q, the one a later K_α/q, and the others are 0.
+
+    References
+    ----------
+    Chernyshov, Satanin & Shchur, arXiv:2509.11593; for K_α = -K, Jones et al., physics/0408088.
+
+    Examples
+    --------
+    >>> from nasm.planes import pairs
+    >>> pairs("1/4").forcing(0.8, -0.4)
+    array([ 0.2, -0.1,  0. ,  0. ])
+    """
+    delay = fraction("delay", delay)
+    if not 0 < delay < 1 or delay.denominator > MAX_PERIOD:
+        raise ValueError(
+            f"delay={delay} must be between 0 and 1, with a denominator of at most {MAX_PERIOD}"
+        )
+    a, q = delay.as_integer_ratio()
+    first, second = (tuple((np.arange(q) == site) / q) for site in (0, a))
+    return Plane(f"pairs:{delay}", PAIRS_AXES, (0.0,) * q, first, second)
+
+
 @lru_cache
 def from_json(text: str) -> Plane:
     """Parse the plane of a JSON object with the keys name, axes, origin, first and second.
@@ -340,7 +378,8 @@ def from_json(text: str) -> Plane:
 
 
 def parse(text: str) -> Plane:
-    """Parse "two-kicks", "rotating:1/3", "rotating:1/3,1/48" (with a phase) or "three-kicks:0.2".
+    """Parse "two-kicks", "rotating:1/3,1/48" (a frequency, and a phase if it is not 0),
+    "three-kicks:0.2" or "pairs:1/3".
 
     Raises
     ------
@@ -361,7 +400,9 @@ def parse(text: str) -> Plane:
             return rotating(frequency, *phase)
         case ["three-kicks", third]:
             return three_kicks(float(fraction("third", third)))
+        case ["pairs", delay]:
+            return pairs(delay)
     raise ValueError(
         f"{short_repr(text)} is not a plane; write two-kicks, rotating:FREQUENCY[,PHASE] like "
-        "rotating:1/3,1/48, or three-kicks:THIRD like three-kicks:0.2"
+        "rotating:1/3,1/48, three-kicks:THIRD like three-kicks:0.2, or pairs:DELAY like pairs:1/3"
     )

@@ -189,7 +189,7 @@ def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
     rays: the main job before it computes as many as a user would.
     """
     for block in blocks("json", page.read_text(encoding="utf-8")):
-        (tmp_path / "pairs.json").write_text(block, encoding="utf-8")
+        (tmp_path / "doubled.json").write_text(block, encoding="utf-8")
     script = []
     for line in shell_lines(page):
         line = line.replace("/shared", str(tmp_path)).replace("--nworkers 16", "--nworkers 2")

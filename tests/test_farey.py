@@ -34,7 +34,7 @@ def test_the_tree_finds_circles_whose_survivors_searches_miss(case):
     assert oracles.residues_fall(omega, kappa, 3000)
     # One of the names: others may be too close to their own breakup to be certified.
     named = [omega] + [one for one in nobles[:6] if farey.circle_exists(one, kappa)]
-    assert any(barriers._is_certified(one, kappa) for one in named)
+    assert any(barriers._is_certified(one, kappa, 20_000) for one in named)
 
 
 @pytest.mark.parametrize(

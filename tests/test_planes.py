@@ -2,13 +2,15 @@
 
 import json
 import re
+from fractions import Fraction
 
 import numpy as np
 import pytest
 from cases import thirds
 from numpy.testing import assert_allclose
 
-from nasm import planes
+from nasm import maps, planes
+from nasm.barriers import critical_scale
 from nasm.circles import continuation
 from nasm.maps import rotating_forcing
 from nasm.numbers import moebius, parse
@@ -62,8 +64,35 @@ def test_a_rotating_plane_has_the_forcings_of_the_rotating_map():
     assert len(hashes) == 2
 
 
+@pytest.mark.parametrize("delay", ["1/2", "1/3", "3/8"])
+def test_pairs_are_kicks_at_whole_times_and_a_time_later(delay):
+    a, q = (tau := Fraction(delay)).as_integer_ratio()
+    K, K_later, x, p = 0.7, -0.4, 0.3, 0.2
+    seen = maps.step(planes.pairs(delay).forcing(K, K_later), x, p / q)
+    for strength, time in ((K, tau), (K_later, 1 - tau)):
+        p += strength / (2 * np.pi) * np.sin(2 * np.pi * x)
+        x += float(time) * p
+    assert_allclose([seen[0] % 1, q * seen[1]], [x % 1, p], rtol=0, atol=1e-14)
+    assert planes.pairs(delay).second[a] == 1 / q
+
+
+def test_pairs_half_a_period_apart_have_the_boundary_of_two_kicks():
+    _, halves = planes.pairs("1/2").ray(30)
+    assert (2 * halves == TWO.ray(30)[1]).all()
+    (_, alone), (_, two_times) = planes.pairs("1/2").ray(0), planes.pairs("1/5").ray(0)
+    for profile in (alone, two_times):  # without the second series, the standard map
+        assert critical_scale(profile).value == pytest.approx(0.971635406, rel=1e-8)
+
+
+@pytest.mark.parametrize("delay", ["0", "1", "7/5", "1/65"])
+def test_a_delay_is_a_part_of_the_period(delay):
+    with pytest.raises(ValueError, match=rf"delay={delay} must be between 0 and 1, with a denom"):
+        planes.pairs(delay)
+
+
 @pytest.mark.parametrize(
-    "plane", [planes.two_kicks(), planes.rotating("2/5"), planes.three_kicks(0.2)]
+    "plane",
+    [planes.two_kicks(), planes.rotating("2/5"), planes.three_kicks(0.2), planes.pairs("2/7")],
 )
 def test_a_plane_is_read_from_its_name(plane):
     assert planes.parse(plane.name) == plane

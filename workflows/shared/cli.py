@@ -364,7 +364,10 @@ def _plane(text: str | None) -> "Plane | None":
         raise ValueError(f"{abbreviate(str(text))}: {error}") from None
 
 
-_PLANES = "two-kicks, rotating:1/3,1/48 (frequency, phase), three-kicks:0.2 or FILE.json."
+_PLANES = (
+    "two-kicks, rotating:1/3,1/48 (frequency, phase), three-kicks:0.2, pairs:1/3 (delay), "
+    "or FILE.json."
+)
 plane_option = parsed("--plane", "two-kicks", _plane, "PLANE", f"Plane of forcings: {_PLANES}")
 point_option = parsed("--plane", None, _plane, "PLANE", f"KAPPA is a point of it: {_PLANES}")
 
