@@ -8,28 +8,34 @@ another start than zero the first breakup is meant.
 
 The search goes from outside to inside.
 
-1. *Ask.* Does a circle exist at this scale? The Farey tree (`nasm.farey`) names one, or excludes
-   all, and says which was the last to be excluded, and the longest period that this took. The
-   search begins about 1% above the breakup, where converse KAM eliminates all starts in 100 steps.
-2. *Leap.* Residues are asked where the circle breaks that was excluded last, or the one that was
-   met (`nasm.periodic`). If they tell precisely, the next question is asked just above.
-3. *Step.* If they do not, go down. Residues grow like s^q, so that periods q exclude circles not
-   only at one scale, but over a relative distance of order 1/q: a quarter of that is the step.
-   Whenever periods have doubled there is another leap.
-4. *End.* Where no circle exists just above, that is the last breakup, unless one of the circles
-   that took longest to exclude there breaks in between. Otherwise a circle was met that breaks
-   later, and the search goes on with it. In bands residues have no limit: steps go on until the
-   scale without circles and the one with a circle are tol/2 apart, and the value is between them.
+1. *Ask.* Does a circle exist at this scale? The Farey tree (`nasm.farey`) names one or none. If
+   none, it lists the nobles that it could not exclude (or, if it excluded all, the one that took
+   longest), and the longest period used. A scale at which it names none counts as one without
+   circles. The search begins about 1% above the breakup, where converse KAM eliminates all starts
+   in 100 steps.
+2. *Leap.* Residues (`nasm.periodic`) tell the scale at which one circle breaks: the circle just
+   met, or else the simplest noble next to the first one that the tree lists. If that scale is
+   precise and the circle is shown just below it, the tree is asked next just above it.
+3. *Step.* If it is not, go down. Residues grow like s^q, so that periods q exclude circles not only
+   at one scale, but over a relative distance of order 1/q: a quarter of that is the step, or half
+   the way to a scale with a circle. Whenever periods have doubled there is another leap.
+4. *End.* If the tree names a circle just above a leap, its value is dropped and the search goes on
+   with that circle. If it names none, the value is the last breakup, unless residues show one of
+   the listed nobles above it. Such a rival takes its place; if residues do not tell precisely where
+   it breaks, the search ends with the narrow interval that is left. In bands residues have no
+   limit: steps go on until the scale without circles and the one with a circle are tol/2 apart, and
+   the value is between them.
 
 With one or two kicks there are no bands, and a faster way comes first: the start that converse KAM
 takes longest to eliminate, just beyond the breakup, is next to the remains of the last circle, and
 its weighted Birkhoff average is a rotation number to six digits. The nobles near it are candidates,
 residues tell where they break, and converse KAM that no start survives above.
 
-Two *witnesses* that use neither residues nor the tree confirm the bracket or widen it, and never
-move the value. `lower`: an invariant circle certified by Newton's method on a finer grid. `upper`:
-converse KAM on two unrelated grids finds no start that survives. If it does find one, on a circle
-that exists by its residues, the search goes on from there.
+Two *witnesses* confirm the bracket or widen it. Neither residues nor the tree have a part in what
+they show, only in which circles are tried. `lower`: an invariant circle certified by Newton's
+method on a finer grid. `upper`: converse KAM on two unrelated grids finds no start that survives. A
+witness sets no value; but if a start survives on a circle that exists by its residues, or far above
+the value, the search is resumed there, and a circle found there gives a new value.
 """
 
 from dataclasses import dataclass, replace
@@ -73,8 +79,9 @@ class Effort:
     locating_steps : int
         Fewest steps of converse KAM, by which the last circle of one or two kicks is located.
     max_questions : int
-        Scales at which the Farey tree is asked. Of the judged forcings regular ones take 10 to 20,
-        bands up to 60.
+        Most scales at which the Farey tree is asked. Once they are used up the search, converse KAM
+        and certification all end. Of the judged forcings regular ones take 10 to 20, bands up to
+        60.
     step : float
         Relative step times the longest period.
     finest_step : float
@@ -241,10 +248,10 @@ def _upper_of_long_period(profile, tol, effort):
     without_graphs = aperiodic.critical_scale(kicks, max(tol, effort.long_period_tol)).upper
     n_steps = effort.iterated_kicks // profile.size + 1
     escapes = escape.onset_scale(profile, n_steps, effort.iterated_orbits)
-    # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
-    least = np.fmin(escapes, 2 / np.abs(profile).max())
-    method = "converse KAM" if not without_graphs > least else escape.METHOD
-    upper = float(np.fmin(without_graphs, least))
+    # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2: converse KAM in one step.
+    without_graphs = np.fmin(without_graphs, 2 / np.abs(profile).max())
+    method = escape.METHOD if escapes < without_graphs else "converse KAM"
+    upper = float(np.fmin(without_graphs, escapes))
     return CriticalScale(nan, nan, nan, upper, None, Status.TOO_LONG, method)
 
 
@@ -278,7 +285,7 @@ class _Tree:
     def __init__(self, segment, seconds, effort):
         self.segment, self.effort, self.answers = segment, effort, {}
         self.began, self.seconds = thread_time(), seconds
-        self.eliminated = inf  # a scale at which converse KAM has eliminated all starts
+        self.eliminated_scale = inf  # a scale at which converse KAM has eliminated all starts
 
     def ask(self, scale):
         """Return (circle or None, nobles, period) of `find_existing_circle`."""
@@ -311,11 +318,11 @@ class _Tree:
         return self.began + share * self.seconds
 
     def is_search_over(self):
-        """Return True if the time of the search is spent, or the number of questions."""
+        """Return True if the time of the search, or the number of questions, is used up."""
         return self.has_spent(self.effort.search_share)
 
     def is_elimination_over(self):
-        """Return True if the time of converse KAM is spent, or the number of questions."""
+        """Return True if the time of converse KAM, or the number of questions, is used up."""
         return self.has_spent(self.effort.witness_share)
 
     def has_spent(self, share):
@@ -326,11 +333,12 @@ class _Tree:
 
 @dataclass(frozen=True)
 class _Bracket:
-    """A circle exists at the scale `inside`, and none at `outside`.
+    """Two scales with the last breakup between them: no circle was found at `outside`.
 
-    omega : the circle; None if none is known. breakup : its breakup by residues; None if they tell
-    none, as in bands. longest_period : that of the orbits that were asked. is_eliminated : whether
-    converse KAM eliminates all starts at `outside`.
+    omega : a circle that exists at `inside`; None if `inside` is only where the search ended.
+    breakup : its breakup by residues; None if they tell none, as in bands, or time was short.
+    longest_period : that of the orbits that may have been asked. is_eliminated : whether converse
+    KAM eliminates all starts at `outside`.
     """
 
     inside: float
@@ -366,7 +374,7 @@ def _last_breakup(segment, tol, seconds, effort):
         bracket = higher
         upper, survivor = _eliminated_above(tree, tol, bracket)
     if survivor is not None:  # the budget did not suffice to find where its circle breaks
-        shown = min(tree.lowest_excluded(upper), tree.eliminated)
+        shown = min(tree.lowest_excluded(upper), tree.eliminated_scale)
         upper = shown if shown < inf else nan
     value, error = _value(tree, tol, bracket)
     lower = _certified_below(tree, tol, bracket)
@@ -401,14 +409,15 @@ def _value(tree, tol, bracket):
 
 
 def _outermost(tree):
-    """Return the scales (inside, outside) at which the search begins, or a Status."""
+    """Return (inside, outside, circle at inside or None) of the search's begin, or a Status."""
     segment, effort = tree.segment, tree.effort
     if segment.profile.size <= 2 and not segment.start.any():
-        # Next to a cusp. There are no bands above.
+        # The search by survivors failed, as next to a cusp. Without bands, no circle exists above a
+        # scale at which all starts are eliminated.
         n_steps = 16 * effort.locating_steps
         outside = symmetry_line.critical_scale(segment.profile, n_steps).upper
-        tree.eliminated = outside
-        return 0.0, outside
+        tree.eliminated_scale = outside
+        return 0.0, outside, None
     n_sites = 8 if segment.start.any() else 2  # any scale without circles will do on a ray
     outside, _ = transversal.upper_scale(
         segment.profile, effort.first_steps, segment.start, n_sites, tree.end(effort.search_share)
@@ -417,10 +426,11 @@ def _outermost(tree):
         return Status.NOT_CONVERGED
     if not 0 < outside < inf:
         return Status.NO_BREAKUP if outside else Status.OUTSIDE
-    if tree.is_search_over() or not tree.exists(outside):
-        return 0.0, outside
+    circle = None if tree.is_search_over() else tree.ask(outside)[0]
+    if circle is None:
+        return 0.0, outside, None
     higher = tree.lowest_excluded(outside)  # a circle exists though no start survives
-    return (outside, higher) if higher < inf else Status.NOT_CONVERGED
+    return (outside, higher, circle) if higher < inf else Status.NOT_CONVERGED
 
 
 def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
@@ -561,22 +571,25 @@ def _eliminated_above(tree, tol, bracket):
     """Return a scale above a bracket at which converse KAM eliminates all starts, and None; or one
     at which a start survives, and the circle that exists there by its residues.
 
-    If time is spent it is the bracket's upper end, of which the tree knows.
+    If the time, or the number of questions, is used up, it is the scale reached by then: the
+    bracket's upper end or above.
     """
     segment, effort = tree.segment, tree.effort
     value, error = _value(tree, tol, bracket)
     near = segment.length(value, effort.share_above * tol)
     n_steps = _steps_to_eliminate(segment, near, value, effort)
-    scale = max(bracket.outside, min(value + error, tree.eliminated))
+    scale = max(bracket.outside, min(value + error, tree.eliminated_scale))
     until = tree.end(effort.witness_share)
-    while scale < tree.eliminated and not (bracket.is_eliminated or tree.is_elimination_over()):
+    while scale < tree.eliminated_scale and not (
+        bracket.is_eliminated or tree.is_elimination_over()
+    ):
         longest = longest_lived(segment.at(scale), n_steps, until)
         if longest.kicks < inf:
             return scale, None
         for omega in candidates(segment.at(scale), longest, n_steps):
             if tree.shows(omega, scale):
                 return scale, omega
-        scale = min(value + 2 * (scale - value), tree.eliminated)
+        scale = min(value + 2 * (scale - value), tree.eliminated_scale)
     return scale, None
 
 

@@ -55,10 +55,10 @@ class TreeSettings:
     Attributes
     ----------
     max_products : tuple of (period, product)
-        Largest product of the residues of two neighbours with a circle between them, below each
-        value of the longer period. On the paths to the last circles of 100 forcings of up to six
-        kicks products were at most 0.26 from period 10 on, with 11 kicks one was 0.80; below period
-        10 they were at most 1.3, on 143 paths with up to 33 kicks.
+        A circle may be between two neighbours if the product of their residues is below that of the
+        first entry whose period exceeds the longer of theirs. On the paths to the last circles of
+        100 forcings of up to six kicks products were at most 0.26 from period 10 on, with 11 kicks
+        one was 0.80; below period 10 they were at most 1.3, on 143 paths with up to 33 kicks.
     max_residue : float
         Largest residue of a long orbit next to a circle that exists: at most 1.1 on the paths to
         those 100 circles, and once 1.57 with 11 kicks.
@@ -74,7 +74,7 @@ class TreeSettings:
     rescanned_period : int
         The same where an orbit is not joined from those of its neighbours.
     lost_residue : float
-        Stands for the residue of a short orbit that is lost: it excludes nothing.
+        Stands for the residue of a short orbit that is lost, in the order of the search.
     first_period : int
         Shortest period of the convergents whose residues are compared.
     vanishing_residue : float
@@ -110,11 +110,15 @@ class TreeSettings:
     longest_ratio: int = 4
 
     def allow_circle(self, left: "_Node", right: "_Node") -> bool:
-        """Return True if a circle may exist between two neighbours, by their residues."""
+        """Return True if a circle may exist between two neighbours, by their residues.
+
+        A short orbit that is lost excludes nothing.
+        """
         residues, longer = (left.residue, right.residue), max(left.q, right.q)
         largest = next(most for period, most in self.max_products if longer < period)
         is_near = longer < self.any_residue_period or max(residues) < self.max_residue
-        return is_near and residues[0] * residues[1] < largest
+        is_lost = left.orbit is None or right.orbit is None
+        return is_near and (is_lost or residues[0] * residues[1] < largest)
 
 
 DEFAULT_SETTINGS = TreeSettings()
@@ -150,8 +154,9 @@ def find_existing_circle(
     omega : RotationNumber or None
         A noble in [0, P/2] per period whose circle exists, by `circle_exists`; None without one.
     nobles : list of RotationNumber
-        Those that were not excluded up to that period, the simplest first; without any, the one
-        that took longest to exclude. Just beyond the last breakup the last circle is one of them.
+        If a circle was found on the way down, that one alone. Otherwise the nobles not excluded
+        down to `deepest`, or not reached, the simplest first; if all were excluded, the one that
+        took longest. Just beyond the last breakup the last circle is one of them.
     period : int
         The longest period used. A circle that breaks at a relative distance δ below the scale takes
         periods of order 1/δ to exclude.
@@ -224,7 +229,9 @@ def circle_exists(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     longest : int
-        Period up to which residues decrease below 0.1, or from which on they decrease with each q.
+        Residues of shorter orbits need not fall yet. From this period on the answer is False as
+        soon as the last residue is not below both before it. It is True at once if the last three
+        are below 0.1 and the last is the smallest, or vanishes.
     known : sequence of Orbit
         Minimax orbits of convergents of ω that are known already.
     settings : TreeSettings

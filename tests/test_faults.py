@@ -1,4 +1,4 @@
-"""What a machine or a second driver does to a run: a full disk, no memory, the same cube twice."""
+"""Runs with a full disk, too little memory, or a second driver of the same cube."""
 
 import io
 import resource
@@ -20,7 +20,7 @@ from workflows.shared import run
 
 @contextmanager
 def files_of_at_most(n_bytes):
-    """Let no file of this process be longer, as on a full disk."""
+    """Limit the size of files that this process writes, as on a full disk."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, limits[1]))
     try:
@@ -30,25 +30,25 @@ def files_of_at_most(n_bytes):
 
 
 @pytest.mark.parametrize("n_bytes", [20, 100, 1000])
-@pytest.mark.parametrize("is_there", [False, True])
-def test_a_study_on_a_full_disk_is_one_message_and_can_be_completed(
-    tmp_path, monkeypatch, is_there, n_bytes
+@pytest.mark.parametrize("exists", [False, True])
+def test_a_study_on_a_full_disk_fails_with_one_message_and_can_be_completed(
+    tmp_path, monkeypatch, exists, n_bytes
 ):
-    if is_there:  # of other code
+    if exists:  # written by other code
         with monkeypatch.context() as patch:
             patch.setitem(run._CODE, "studied_by", "other code")
             with driven(tmp_path) as one:
                 one.kept(untiled("toy"), Study())
-    told = r"File too large.*Finished tiles are kept; run the same command again"
+    message = r"File too large.*Finished tiles are kept; run the same command again"
     with (
         files_of_at_most(n_bytes),
-        pytest.raises(click.ClickException, match=told) as failure,
+        pytest.raises(click.ClickException, match=message) as failure,
         driven(tmp_path) as one,
     ):
         one.kept(untiled("toy"), Study())
     assert failure.value.exit_code == 1
     assert "\n" not in failure.value.message
-    assert not (tmp_path / "toy.zarr/zarr.json").exists()  # no reader takes half of it for a cube
+    assert not (tmp_path / "toy.zarr/zarr.json").exists()  # no reader opens a partial cube
     study = Study()
     with driven(tmp_path) as one:
         assert one.kept(untiled("toy"), study).square.values.tolist() == [n**2 for n in range(9)]
@@ -57,25 +57,25 @@ def test_a_study_on_a_full_disk_is_one_message_and_can_be_completed(
     assert [path for path in tmp_path.rglob("*") if "#" in path.name] == []
 
 
-def beyond_all_memory(coords, settings):
+def exceed_memory(coords, settings):
     if (coords["row"][0], coords["column"][0]) == (0.0, -1.0):
         np.ones(2**50)
     return toy.compute(coords, settings)
 
 
-def test_a_tile_for_which_memory_is_lacking_fails_alone(here, tmp_path):
-    outcome = toy.run(here, tmp_path, toy.cube(), compute=beyond_all_memory)
+def test_a_tile_that_runs_out_of_memory_fails_alone(here, tmp_path):
+    outcome = toy.run(here, tmp_path, toy.cube(), compute=exceed_memory)
     assert (outcome.committed, list(outcome.failed)) == (19, [(0, 0)])
     assert "MemoryError: Unable to allocate" in outcome.failed[0, 0]
     assert toy.run(here, tmp_path, toy.cube()).committed == 1
     toy.assert_complete(tmp_path, toy.cube())
 
 
-# Two drivers are two processes elsewhere. Here they are threads, which share warning filters: one
+# Drivers are normally separate processes. Here they are threads, which share warning filters: one
 # of them may restore a filter that the other one still needs.
 @pytest.mark.filterwarnings("ignore:Consolidated metadata")
 def test_two_drivers_of_one_cube_lose_nothing(here, place):
-    """As on an object store, where no lock keeps the second one off; watched all the while."""
+    """As on an object store, where no lock stops the second one; verified while they run."""
     plan, job, outcomes, faults = toy.cube(tile=1), toy.job(tile=1), [], []
 
     def drive():

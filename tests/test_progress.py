@@ -1,4 +1,4 @@
-"""The line of progress, by a clock that the tests turn: what it says, and when a run will end."""
+"""The progress line, with a clock set by the tests: its text, and the predicted end of a run."""
 
 import io
 import re
@@ -26,10 +26,10 @@ class Terminal(io.StringIO):
 
 
 def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
-    """Simulate a sweep; yield (Progress, seconds that really remain) after each tile.
+    """Simulate a sweep; yield (Progress, actual seconds remaining) after each tile.
 
-    tiles, later : predicted CPU seconds of tiles, and of a sweep that follows. error : what they
-    really take, over that. after : CPU seconds of the driver.
+    tiles, later : predicted CPU seconds of the tiles, and of a later sweep. error : ratio of
+    actual to predicted CPU seconds. after : CPU seconds of the driver.
     """
     clock = Clock()
     line = Progress("run", None, {"one": sum(tiles), "two": later}, after, clock)
@@ -51,8 +51,8 @@ def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
 @pytest.mark.parametrize("slowness", [1.0, 4.0])
 @pytest.mark.parametrize("error", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("later", [0.0, 60.0])
-def test_from_a_tenth_on_what_remains_is_within_a_third(slowness, error, later):
-    """Also on a machine that is four times as slow, of predictions that are three times off."""
+def test_after_a_tenth_the_remaining_time_is_within_a_factor_of_1_5(slowness, error, later):
+    """Also on a machine four times slower, and with predictions off by a factor of three."""
     tiles = np.sort(np.random.default_rng(0).lognormal(0, 0.7, 100))[::-1]
     ratios = [
         line.remaining() / remains
@@ -63,7 +63,7 @@ def test_from_a_tenth_on_what_remains_is_within_a_third(slowness, error, later):
 
 
 def test_other_programs_slow_the_driver_down_but_workers_do_not():
-    """Two workers with a program beside them have two thirds of a processor each."""
+    """Two workers and another program on two processors get two thirds of a processor each."""
     clock = Clock()
     line = Progress("run", None, {"one": 10.0}, after=10.0, clock=clock)
     line.begin_sweep("one", "one")
@@ -75,7 +75,7 @@ def test_other_programs_slow_the_driver_down_but_workers_do_not():
     assert line.remaining() == 10.0
 
 
-def test_what_the_driver_has_done_is_in_the_bar_and_no_longer_remains():
+def test_finished_driver_work_counts_in_the_bar_and_not_in_the_remaining_time():
     clock = Clock()
     line = Progress("run", None, {"one": 10.0}, after=30.0, clock=clock)
     line.begin_sweep("one", "one")
@@ -88,7 +88,7 @@ def test_what_the_driver_has_done_is_in_the_bar_and_no_longer_remains():
     assert (line.fraction(), line.remaining()) == (0.75, 20.0)
 
 
-def test_before_the_first_tile_progress_names_compiling_and_no_time():
+def test_before_the_first_tile_progress_shows_compiling_and_no_remaining_time():
     clock = Clock()
     line = Progress("run", io.StringIO(), {"one": 10.0}, clock=clock)
     line.begin_sweep("sweep 1 of 1, one", "one")
@@ -96,18 +96,18 @@ def test_before_the_first_tile_progress_names_compiling_and_no_time():
     clock.now = 2.0
     assert line.line() == "sweep 1 of 1, one, loading kernels: 0%, elapsed 0:02"
     clock.now = 12.0
-    told = "sweep 1 of 1, one, compiling kernels (about 20 s, once): 0%, elapsed 0:12"
-    assert line.line() == told
+    expected = "sweep 1 of 1, one, compiling kernels (about 20 s, once): 0%, elapsed 0:12"
+    assert line.line() == expected
     line.warmed_up()
     clock.now = 13.0
     assert line.line() == "sweep 1 of 1, one: 0%, elapsed 0:13"
     clock.now = 15.0
-    line.advance(2.0, used=2.0, wall=3.0)  # so the other worker has used one second, perhaps
+    line.advance(2.0, used=2.0, wall=3.0)  # so the other worker has probably used one second
     clock.now = 16.0
     assert line.line() == "sweep 1 of 1, one: 20%, elapsed 0:16, remaining about 0:07"
 
 
-def test_the_remaining_time_includes_what_workers_wait_between_batches():
+def test_the_remaining_time_includes_worker_idle_time_between_batches():
     clock = Clock()
     line = Progress("run", None, {"one": 20.0, "two": 20.0}, clock=clock)
     line.begin_sweep("one", "one")
@@ -117,7 +117,7 @@ def test_the_remaining_time_includes_what_workers_wait_between_batches():
         clock.now += 2.0
         line.advance(1.0, used=1.0, wall=1.0)
     assert line.remaining() == pytest.approx(40.0)
-    clock.now += 10.0  # the driver looks at what has come in, and begins the next sweep
+    clock.now += 10.0  # the driver examines the results, and begins the next sweep
     line.begin_sweep("two", "two")
     line.add_work(20.0)
     line.warmed_up()
@@ -126,7 +126,7 @@ def test_the_remaining_time_includes_what_workers_wait_between_batches():
     assert line.remaining() == pytest.approx(52.0 * 19 / 21)
 
 
-def test_what_remains_counts_down_while_no_tile_comes_in():
+def test_the_remaining_time_counts_down_while_no_tile_finishes():
     line, _ = next(follow([5.0] * 10))
     before = line.remaining()
     line.clock.now += 3
@@ -135,8 +135,8 @@ def test_what_remains_counts_down_while_no_tile_comes_in():
     assert 0 < line.remaining() < before
 
 
-def test_the_bar_is_in_cpu_seconds_and_never_goes_back():
-    """Where a refinement finds more to do than was foreseen."""
+def test_the_bar_measures_cpu_seconds_and_never_decreases():
+    """Even if a refinement needs more work than predicted."""
     line = Progress("run", None, {"one": 20.0, "two": 20.0}, clock=Clock())
     parts = []
     for sweep, tiles in (("one", [10.0, 5.0]), ("two", [20.0, 10.0])):
@@ -158,11 +158,11 @@ def test_predicted_sweeps_count_until_they_have_ended():
     clock.now = 4.0
     line.advance(4.0, 4.0, 4.0)
     assert line.remaining() == pytest.approx(36.0)
-    line.begin_sweep("two", "two")  # with six seconds less than were foreseen
+    line.begin_sweep("two", "two")  # six seconds less than predicted
     assert line.remaining() == pytest.approx(30.0)
 
 
-def test_on_a_terminal_one_line_is_rewritten_and_fits_it(monkeypatch):
+def test_on_a_terminal_one_line_is_rewritten_and_fits_the_width(monkeypatch):
     monkeypatch.setenv("COLUMNS", "60")
     stream = Terminal()
     with Progress("run", stream, {"one": 4.0}) as line:
@@ -179,7 +179,7 @@ def test_on_a_terminal_one_line_is_rewritten_and_fits_it(monkeypatch):
     assert stream.getvalue().endswith("\n")
 
 
-def test_a_log_has_a_line_every_ten_seconds_and_silence_none(monkeypatch):
+def test_a_log_gets_a_line_every_ten_seconds_and_a_silent_run_no_line(monkeypatch):
     waits = []
 
     def wait(over, seconds):
@@ -222,12 +222,12 @@ def test_a_log_has_a_line_for_each_sweep_that_has_ended():
     )
 
 
-def test_times_are_as_on_a_clock():
-    told = {0.4: "0:00", 29: "0:29", 88: "1:28", 725.2: "12:05", 3599.6: "1:00:00", 3723: "1:02:03"}
-    assert {seconds: clock_time(seconds) for seconds in told} == told
+def test_times_are_formatted_like_a_clock():
+    text = {0.4: "0:00", 29: "0:29", 88: "1:28", 725.2: "12:05", 3599.6: "1:00:00", 3723: "1:02:03"}
+    assert {seconds: clock_time(seconds) for seconds in text} == text
 
 
-def test_a_quiet_run_writes_its_findings_and_nothing_else(tmp_path, workers):
+def test_a_quiet_run_prints_its_results_and_nothing_else(tmp_path, workers):
     plane = [
         "--first",
         "0:1:2",
@@ -240,13 +240,13 @@ def test_a_quiet_run_writes_its_findings_and_nothing_else(tmp_path, workers):
         "--levels",
         "1",
     ]
-    told = invoke("escape_plane", tmp_path, *plane, *workers, "--quiet")
-    assert (told.exit_code, told.stderr) == (0, "")
-    assert f"cubes:   {tmp_path}/escape.zarr" in told.stdout
-    assert "at least one orbit escapes" in told.stdout
+    result = invoke("escape_plane", tmp_path, *plane, *workers, "--quiet")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert f"cubes:   {tmp_path}/escape.zarr" in result.stdout
+    assert "at least one orbit escapes" in result.stdout
 
 
 @pytest.mark.parametrize("name", commands())
-def test_every_command_that_computes_may_be_quiet(name):
+def test_every_command_that_computes_accepts_quiet(name):
     options = {option.name for option in main_of(name).params}
     assert ("quiet" in options) == (name not in {"explore", "status", "verify"})

@@ -1,4 +1,4 @@
-"""Cells of the (κ1, κ2) plane with global transport, and triangles with a barrier, proved.
+"""Proofs: cells of the (κ1, κ2) plane with global transport, and triangles with a barrier.
 
 `nasm.proofs.transport_cells` proves transport for all forcings of a cell; a cell for which it fails
 is divided into four. `nasm.proofs.patches` proves a barrier for triangles with a corner at κ = 0.
@@ -21,14 +21,14 @@ OPEN = 1
 TRANSPORT = 2
 """State of a cell for which transport is proved to be global."""
 
-# Relative distance from the boundary, for proofs of 1 s: closer, 2 of 128 cells were proved.
+# Relative distance from the boundary, for 1 s per proof; only 2 of 128 closer cells were proved.
 _MIN_DISTANCE = 0.003
 
 
 def distance(rays: Sequence[Sequence[float]], kappa1: ArrayLike, kappa2: ArrayLike) -> FloatArray:
     """Estimate 1 - s/s_c of forcings with κ1, κ2 ≥ 0, negative beyond the breakup.
 
-    It only chooses which proof to try in a cell.
+    Used only to choose which proof to try in a cell.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def distance(rays: Sequence[Sequence[float]], kappa1: ArrayLike, kappa2: ArrayLi
     Returns
     -------
     ndarray
-        Of the shape to which kappa1 and kappa2 broadcast.
+        Its shape is the broadcast shape of kappa1 and kappa2.
 
     Examples
     --------
@@ -61,7 +61,7 @@ def triangles(
     Parameters
     ----------
     angles, scales : ndarray, shape (n,)
-        Rays, as those of `distance`.
+        Rays, as for `distance`.
     circles : sequence of str
         The last circle on each ray, as text.
     sagitta : float
@@ -71,8 +71,8 @@ def triangles(
     Returns
     -------
     list of (corner, corner, circles)
-        Far corners, each two floats of 20 binary places that neighbouring triangles share, and the
-        one or two circles to try.
+        Far corners, each a pair of floats with 20 binary places, shared with neighbouring
+        triangles, and the one or two circles to try.
 
     Examples
     --------
@@ -116,9 +116,9 @@ def proved_cells(
 ) -> tuple[NDArray[np.int8], list[CellProof]]:
     """Prove global transport in the 4**depth cells of a square.
 
-    1. Try a proof for all of the square, unless it is too close to the boundary.
+    1. Try a proof for the whole square, unless it is too close to the boundary.
     2. If that fails, divide it into quarters, and begin with those far from the boundary.
-    3. Once a proof has failed, try none for a square as large that is closer.
+    3. Once a proof has failed, skip squares that are no smaller and no farther away.
 
     Parameters
     ----------
@@ -131,14 +131,14 @@ def proved_cells(
     rays : sequence of (angle, scale)
         The boundary, as for `distance`.
     seconds : float
-        CPU time for a proof in a finest cell; larger ones get half of it.
+        CPU time for a proof in a cell of the finest level; larger squares get half.
     failed : list of (size, distance), optional
         Squares for which transport was not proved; for recursive calls.
 
     Returns
     -------
     states : ndarray of int8, shape (2**depth, 2**depth)
-        OPEN or TRANSPORT, with the indices of κ2 and κ1. Cells with κ2 > κ1 are images of others,
+        OPEN or TRANSPORT, indexed by κ2 and κ1. Cells with κ2 > κ1 are images of others,
         and stay OPEN.
     proofs : list of CellProof
 
@@ -167,7 +167,7 @@ def proved_cells(
             return np.full_like(states, TRANSPORT), [proof]
         failed.append((size, nearest))
     if depth:
-        # Beyond the boundary the upper right quarters are the far ones.
+        # Beyond the boundary, the upper right quarter is the farthest.
         for i, j in (1, 1), (1, 0), (0, 1), (0, 0):
             quarter = low1 + j * size / 2, low2 + i * size / 2
             quarter_states, more = proved_cells(quarter, size / 2, depth - 1, rays, seconds, failed)

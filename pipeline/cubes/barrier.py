@@ -30,7 +30,7 @@ from pipeline.cubes.cube import (
     coordinate,
     text,
 )
-from pipeline.cubes.kernels import load_search, load_searches
+from pipeline.cubes.warm_up import load_search, load_searches
 
 _MAX_QUOTIENTS = 32  # partial quotients of a rotation number
 

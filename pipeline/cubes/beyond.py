@@ -19,7 +19,7 @@ from nasm.symmetries import ray
 from nasm.types import FloatArray
 from pipeline.cubes import cube, escape
 from pipeline.cubes.cube import Arrays, Coords, Job, Labels, Settings
-from pipeline.cubes.kernels import load_orbits
+from pipeline.cubes.warm_up import load_orbits
 
 _TILE = {"angle": 1, "excess": 1}
 

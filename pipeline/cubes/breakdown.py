@@ -39,7 +39,7 @@ from pipeline.cubes.cube import (
     coordinate,
 )
 from pipeline.cubes.escape import SECONDS_PER_KICK
-from pipeline.cubes.kernels import load_orbits
+from pipeline.cubes.warm_up import load_orbits
 
 _SCALES = {  # variable: field of CriticalScale, long_name
     "critical_scale": ("value", "scale of the breakup, best estimate"),

@@ -1,7 +1,7 @@
 """First escape times n* of nested ensembles, by direct iteration.
 
-Over a plane of forcings, in full or composed of levels of refinement; on rays in `beyond`.
-{n* ≤ N} is global transport within N steps, for every N ≤ n_max.
+Over a plane of forcings, in full or composed of levels of refinement; for rays see `beyond`.
+{n* ≤ N} is the region of global transport within N steps, for every N ≤ n_max.
 arXiv:1606.04824, Eq. (4), Proposition 1 and Sec. V.B.
 """
 
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from pipeline.sweep.grid import Axis
 
 SECONDS_PER_KICK = {"double": 0.4e-9, "single": 0.17e-9}
-"""CPU seconds of one kick of one orbit, by precision."""
+"""CPU seconds per kick and orbit, for each precision."""
 
 _PROBE_STEPS = 2000
 _COMMENT = (
     "steps of {} kicks; NaN: not computed; inf: no escape up to n_max. "
-    "escape_time <= N is global transport within N steps, for every N <= n_max."
+    "escape_time <= N means global transport within N steps, for every N <= n_max."
 )
 
 
@@ -57,7 +57,7 @@ def over_plane(
     Parameters
     ----------
     name : str
-        Of the cube.
+        Name of the cube.
     plane : Plane
         The plane of forcings.
     axes : sequence of two Axis
@@ -69,7 +69,7 @@ def over_plane(
     tile : int
         Cells along each side of a tile.
     precision : {"double", "single"}
-        Of the arithmetic, as for `nasm.escape.first_escape`.
+        Floating-point precision, as for `nasm.escape.first_escape`.
 
     Examples
     --------
@@ -97,21 +97,21 @@ def axes_of_plane(plane: Plane, axes: Sequence["Axis"]) -> Labels:
 
 
 def composed(cube: Cube, levels: int, follow: Sequence[int]) -> Cube:
-    """Return the plan of a plane that is composed of levels of refinement.
+    """Return the Cube of a plane composed of levels of refinement.
 
     Its variable `level` is the level of each value.
 
     Parameters
     ----------
     cube : Cube
-        The plane in full at the finest level.
+        The whole plane at the finest level.
     levels : int
         Number of levels.
     follow : sequence of int
-        The N whose boundaries {n* ≤ N} the levels follow.
+        Each N for which the levels follow the boundary of {n* ≤ N}.
     """
     axes = {dim: cube.template[dim].variable for dim in cube.tile}
-    comment = "0 is the coarsest; each halves the cells"
+    comment = "0 is the coarsest; each level halves the cell size"
     level = blank(axes, "level of refinement of the value", np.int8(-1), comment=comment)
     settings = {"levels": levels, "follow": follow, **cube.settings}
     return replace(cube, template=cube.template.assign(level=level), settings=settings)
@@ -128,7 +128,7 @@ def job(
     compute: Callable[[Coords, Settings], Arrays],
     predict: Callable[[Coords, Settings], float],
 ) -> Job:
-    """Return the Job of escape times over `coords`; `compute` and `predict` are those of a tile."""
+    """Return the Job of escape times over `coords`; `compute` and `predict` act on one tile."""
     ensemble = coordinate("ensemble", sizes, "number of orbits in the ensemble")
     coords, n_kicks = {"ensemble": ensemble, **coords}, len(plane.origin)
     references = f"{PAPER}, Eq. (4), Proposition 1 and Sec. V.B"
@@ -160,7 +160,7 @@ def _on_plane(coords: Coords, settings: Settings) -> Arrays:
 def _predict_plane(coords: Coords, settings: Settings) -> float:
     """Predict CPU seconds from a few cells, 64 orbits, up to 2000 steps.
 
-    A cell in which a probe orbit escapes costs its escape time, any other one n_max; times all
+    A cell costs its probe's escape time, or n_max if no probe orbit escapes, times the number of
     orbits.
     """
     axes, n_max = {dim: coords[dim] for dim in plane_of(settings).axes}, settings["n_max"]
@@ -173,6 +173,6 @@ def _predict_plane(coords: Coords, settings: Settings) -> float:
 
 
 def seconds(coords: Coords, settings: Settings, steps: float) -> float:
-    """Return the CPU seconds of this number of steps of all orbits."""
+    """Return the CPU seconds for this number of steps of all orbits."""
     n_kicks = steps * len(plane_of(settings).origin)
     return SECONDS_PER_KICK[settings["precision"]] * n_kicks * int(coords["ensemble"][-1])

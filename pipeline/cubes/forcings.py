@@ -33,7 +33,7 @@ from pipeline.cubes.cube import (
     coordinate,
     text,
 )
-from pipeline.cubes.kernels import load_searches
+from pipeline.cubes.warm_up import load_searches
 
 _MAX_KICKS = 4000  # in which an orbit may escape
 _MAX_PERIODS = 100, 300, 1_000, 10_000  # within which converse KAM may eliminate all starts

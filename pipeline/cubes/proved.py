@@ -32,7 +32,7 @@ from pipeline.cubes.cube import (
     coordinate,
     flag_attributes,
 )
-from pipeline.cubes.kernels import load_orbits
+from pipeline.cubes.warm_up import load_orbits
 
 Certificate: TypeAlias = dict[str, Any]
 """A JSON object, see nasm/proofs/README.md; `nasm.proofs.certificate_checker` checks it."""

@@ -32,7 +32,7 @@ from pipeline.cubes.cube import (
     coordinate,
     text,
 )
-from pipeline.cubes.kernels import load_orbits, load_searches
+from pipeline.cubes.warm_up import load_orbits, load_searches
 
 _MAX_KICKS = 32_000  # on either side, for irrational Ω
 _TOL = 1e-3  # relative width of brackets, for rational Ω
@@ -48,14 +48,14 @@ def last_barriers(
     irrational: Sequence[float],
     angles: Sequence[float],
 ) -> Job:
-    """Return the Job of the cube `frequencies`: brackets of the last circle, or torus.
+    """Return the Job of the cube `frequencies`: brackets of the last circle or torus.
 
     Parameters
     ----------
     fractions : sequence of Fraction
         Rational frequencies Ω = p/q.
     n_phases : int
-        Phases φ0 from 0 to 1/2q for each of them, at least 2; all other phases are images of these.
+        Number of phases φ0 in [0, 1/(2q)] for each, at least 2; all others are images of these.
     irrational : sequence of float
         Irrational frequencies.
     angles : sequence of float
@@ -77,7 +77,7 @@ def last_barriers(
     frequencies, phases, names = zip(*forcings, strict=True)
     phase_label = "phase φ0 relative to 1/2q; NaN: Ω is irrational, and all phases are equivalent"
     rows = {
-        "forcing": text("forcing", names, "Ω, and φ0 if Ω is a fraction, exactly"),
+        "forcing": text("forcing", names, "exact Ω, and exact φ0 if Ω is rational"),
         "frequency": coordinate(
             "forcing", np.array(frequencies, float), "frequency Ω, turns of φ per kick"
         ),
@@ -94,7 +94,7 @@ def last_barriers(
         compute=_last_barriers,
         warm_up=_load_last_barriers,
         title="Last barriers",
-        more={"omega": blank(on_ray, "turns per kick of the circle, or torus")},
+        more={"omega": blank(on_ray, "turns per kick of the circle or torus")},
     )
     return replace(job, predict=_predict)
 
@@ -102,7 +102,7 @@ def last_barriers(
 def breakups(vectors: Sequence[RotationVector], angles: Sequence[float], tol: float) -> Job:
     """Return the Job of the cube `tori`: tori continued to their breakup.
 
-    `upper` is a scale without tori of that Ω, whatever their ω.
+    `upper` is a scale at which no torus of that Ω exists, whatever its ω.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def breakups(vectors: Sequence[RotationVector], angles: Sequence[float], tol: fl
     angles : sequence of float
         Directions of rays, in degrees.
     tol : float
-        Error of the scale to aim at.
+        Target error of the scale.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def residues(vectors: Sequence[str], angles: Sequence[float]) -> Job:
     numbers = [float(Fraction(vector.split(",")[1])) for vector in vectors]
     rows = {
         "frequency": coordinate("frequency", numbers, "frequency Ω"),
-        "vector": text("frequency", vectors, "turns per kick of the orbit, and Ω, exactly"),
+        "vector": text("frequency", vectors, "exact turns per kick of the orbit, and exact Ω"),
     }
     return job_on_rays(
         "rotating_tori",
@@ -174,7 +174,7 @@ def residues(vectors: Sequence[str], angles: Sequence[float]) -> Job:
 
 
 def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr.Dataset:
-    """Compute h - θ of certified tori on a ray, a Dataset with dims (scale, phi, theta).
+    """Compute h - θ of certified tori on a ray, as a Dataset with dims (scale, phi, theta).
 
     Parameters
     ----------
@@ -183,17 +183,17 @@ def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr
     angle : float
         Direction of the ray, in degrees.
     sizes : sequence of float
-        Scales s of the ray.
+        Scales s on the ray.
 
     Returns
     -------
     xr.Dataset
-        `deviation`, h - θ in turns, and `least_slope`, of h along θ; NaN where no torus is
+        `deviation`, h - θ in turns, and `least_slope`, the least ∂h/∂θ; NaN where no torus is
         certified.
     """
     m, n = _PICTURE_SHAPE
     coords = {
-        "scale": coordinate("scale", sizes, "scale s of the ray"),
+        "scale": coordinate("scale", sizes, "scale s on the ray"),
         "phi": coordinate("phi", np.arange(m) / m, "phase φ of the forcing, in turns"),
         "theta": coordinate("theta", np.arange(n) / n, "angle θ of the rotation, in turns"),
     }
@@ -207,7 +207,7 @@ def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr
             u = tori.newton.resample(torus.u, rows, columns)
             deviations[i] = u[:: rows // m, :: columns // n]
             slopes[i] = tori.newton.least_slope(torus.u)
-    h = blank(coords, "h - θ: place of the orbit minus that of the rotation")
+    h = blank(coords, "h - θ: position of the orbit minus that of the rotation")
     slope = blank({"scale": coords["scale"]}, "least slope of h along θ")
     variables = {"deviation": h.copy(data=deviations), "least_slope": slope.copy(data=slopes)}
     labels = {"vector": _name_of(vector), "angle": angle}
@@ -215,7 +215,7 @@ def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr
 
 
 def _name_of(vector: RotationVector) -> str:
-    """Return the text of a rotation vector, which keeps all digits."""
+    """Return a rotation vector as text, with all digits."""
     return ",".join(map(repr, vector))
 
 
@@ -226,7 +226,7 @@ def _load_tori(vector: RotationVector) -> None:
 
 
 def _load_last_barriers() -> None:
-    """Compile the kernels of last barriers, for Ω of both kinds."""
+    """Compile the kernels of last barriers, for rational and irrational Ω."""
     load_searches()
     last_torus.last_critical_scale(2**0.5 - 1, 1.0, 0.0, 400)
     tori.invariant_torus(0.618, 2**0.5 - 1, 0.05, 0.05)
@@ -254,8 +254,8 @@ def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
 
 
 def _predict(coords: Coords, settings: Settings) -> float:
-    """Predict seconds by the period q: measured 0.1 of q = 2, 0.6 of 3, 19 of 10; 60 if Ω is
-    irrational."""
+    """Predict seconds from the period q: 0.1 measured for q = 2, 0.6 for 3, 19 for 10; 60 for
+    irrational Ω."""
     frequency, _, phase = coords["forcing"][0].partition(",")
     q = Fraction(frequency).denominator
     return (min(0.02 * q**3, 1.7 * q) if phase else 60) * coords["angle"].size

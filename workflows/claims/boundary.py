@@ -1,4 +1,4 @@
-"""Claims on transport barriers in the known limits and by direct computation (Sec. V)."""
+"""Claims about transport barriers in the known limits and by direct computation (Sec. V)."""
 
 import numpy as np
 
@@ -45,7 +45,7 @@ def boundary_claims(bias, n_max, n_orbits):
 
 def _reductions():
     def single(i, shear):
-        """A step with the i-th kick alone is the standard map, for x + shear·y and 2y."""
+        """A step with only the i-th kick is the standard map in x + shear·y and 2y."""
 
         def stepped(kappa, x, y):
             x, y = step(kappa * np.eye(2)[i], x, y)
@@ -67,7 +67,7 @@ def _critical_circles():
         off = max(abs(scale.value - last.value) / (scale.error + last.error) for scale in scales)
         near = max(np.finfo(float).eps, *(abs(scale.value / last.value - 1) for scale in scales))
         text = (
-            f"they break within {near:.0e} of CB_gt, relative to it; the last circle there is "
+            f"they break within a relative distance {near:.0e} of CB_gt; the last circle there is "
             f"{with_degenerate(str(last.omega), angle)}"
         )
         holds = last.omega in map(_standard, omegas) and off <= 1
@@ -96,7 +96,7 @@ def _square(n_max, n_orbits):
     value = {"n": apart.size, "apart": apart.max(), "excess": excess}
     all_escape = np.isfinite(direct).all()
     if not all_escape:
-        value = "on some of these rays no orbit escapes in so few steps"
+        value = "on some of these rays no orbit escapes within the step limit"
     return {
         "direct_symmetric": grade(value, apart.max() < 1e-14, apart.max() < excess, all_escape),
         "square": identity(
@@ -135,7 +135,7 @@ def _insets(n_orbits):
         side = "beyond" if excess > 0 else "inside"
         text = (
             f"{answer.answer.value}: {abs(excess):.2%} {side} CB_gt on its ray, where direct "
-            f"iteration up to N = {n_max} ends {width:.2%} beyond"
+            f"iteration up to N = {n_max} puts the boundary {width:.2%} beyond it"
         )
         known = np.isfinite(excess + width)
         claims[f"inset_{number}"] = grade(text, abs(excess) <= width, known=known)

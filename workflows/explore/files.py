@@ -1,4 +1,4 @@
-"""Tables of the panels: the browser saves them, the server writes no file."""
+"""The panels' data as files: the browser saves them; the server writes nothing."""
 
 import base64
 import io
@@ -12,7 +12,7 @@ _ENDINGS = {"CSV": "csv", "netCDF": "nc"}
 
 
 def panel(state, work):
-    """Return the buttons that save the data that a panel shows."""
+    """Return the buttons that save the data shown in a panel."""
     names = [*state.datasets]
     which = Select(title="Save the", options=names, value=names[-1], width=140)
     file = Div(visible=False)
@@ -34,13 +34,13 @@ def panel(state, work):
 
 
 def _file(kind, name, shown, point):
-    """Return a file of a panel's Dataset as JSON: its name and its bytes in base64."""
+    """Return a panel's Dataset as a file in JSON: its name and its bytes in base64."""
     file = io.BytesIO()
     if kind == "CSV":
         if "which" in shown:  # a row for each point of the orbits
             shown = shown[["x", "y", "which"]].assign(omega=shown.omega[shown.which])
         file.write(shown.to_dataframe().to_csv(float_format="%.12g").encode())
-    else:  # netCDF has numbers, texts and lists of numbers
+    else:  # netCDF attributes are numbers, strings or lists of numbers
         file.write(shown.assign_attrs(plain_attributes(shown.attrs)).to_netcdf(engine="scipy"))
     name = f"{name.replace(' ', '_')}_{point[0]:g}_{point[1]:g}.{_ENDINGS[kind]}"
     return json.dumps({"name": name, "content": base64.b64encode(file.getvalue()).decode()})

@@ -1,6 +1,6 @@
 """Breakups of the last circle on rays: those known so far, and the rays that a view needs.
 
-They are computed as in arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`. Each ray gives all
+They are computed as in arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`. Each ray yields all
 of its images under the symmetries of the plane.
 """
 
@@ -23,9 +23,9 @@ from workflows.shared.tables import columns, dataset
 _SPACING = 2.0  # degrees, in a view around the origin
 _N_RAYS, _STRIDES = 65, (16, 8, 4, 2, 1)  # in other views, at most; every 16th ray first
 _CUSP_OFFSETS = np.geomspace(2.0, 0.02, 6)  # degrees from the diagonals, where cusps are
-_PARTS = 8  # of the rays of a circle, computed one by one
+_PARTS = 8  # groups of the rays of a circle, each computed separately
 _BRACKET = 1e-3  # relative
-_WIDE_VIEW = 0.2  # width of a view from which on a wide bracket suffices
+_WIDE_VIEW = 0.2  # width of a view above which a wide bracket suffices
 _MIN_RAYS = 8  # in a view; with fewer the legend names circles outside as well
 _PICTURE_PAUSE = 1.0  # seconds between two pictures
 _START_DELAY = 0.5  # seconds without a new view, as the computation of a ray cannot be stopped
@@ -36,7 +36,7 @@ _COLUMNS = {
     "scale": "scale at which the last circle breaks",  # NaN if not known
     "error": "error of scale",
     "circle": "rotation number of the last circle, per step, exact",  # "" if not known
-    "omega": "the same, as a float",
+    "omega": "rotation number of the last circle, per step, as a float",
 }
 Breakup = namedtuple("Breakup", _COLUMNS)  # of the last circle on a ray
 
@@ -58,7 +58,7 @@ class Rays:
     def lines(self, view):
         """Return the boundary as columns a, b, colour, with a piece for each ray, and a legend.
 
-        The legend is {text of ω: colour} for circles that are the last on 1% of the view or more.
+        The legend is {text of ω: colour} for circles that are last on at least 1% of the view.
         The boundary is None with fewer than two rays.
         """
         angles, points, circles = self._points()
@@ -120,9 +120,9 @@ class Rays:
         return dataset("Where the last circle breaks", coords, variables, self.plane.record)
 
     def missing(self, view):
-        """Return the rays to compute next for a view, in degrees, one for all of its images.
+        """Return the rays to compute next for a view, in degrees, one per set of images.
 
-        If the origin is not in the view, these are a few at first, and then rays between known
+        If the origin is outside the view, these are a few rays at first, then rays between known
         ones with different circles.
         """
         angles, spacing = _across(view, _SPACING)
@@ -143,7 +143,7 @@ class Rays:
         return []
 
     def _unknown(self, angles, apart):
-        """Return the rays at these angles, except those close to a known one, spread evenly."""
+        """Return the rays at these angles not close to a known one, in an evenly spread order."""
         folded = np.unique(self.plane.fold(angles)[0].round(9))
         known = np.array(sorted(self.known))
         if known.size:
@@ -170,7 +170,7 @@ def computed(client, rays, view):
         for ended in spread(workers, calls, max_workers, priority=-1):
             if ended:
                 own.add(ended[1])
-            # Drawing the lines takes longer than a ray.
+            # Drawing the lines takes longer than computing a ray.
             if late := monotonic() - shown > _PICTURE_PAUSE:
                 shown = monotonic()
             yield (dict(own.known), plural(n_rays, "ray")) if late else None
@@ -178,7 +178,7 @@ def computed(client, rays, view):
 
 
 def circle(client, plane, omega, view):
-    """Yield the line on which the circle of ω, a text, breaks, more of it each time; or None."""
+    """Yield the line on which the circle of ω (text) breaks, more complete each time; or None."""
     angles, _ = _across(view, 1.0)
     alike = [shift == 0 for *_, shift in plane.symmetries]  # symmetries that preserve ω
     folded, where = np.unique(plane.unfold(angles)[alike].min(axis=0), return_inverse=True)
@@ -222,9 +222,9 @@ def _effort(view):
 
 
 def _across(view, spacing):
-    """Return angles of rays all across a view, and their spacing.
+    """Return the angles of rays across a view, and their spacing.
 
-    The spacing is the one passed if the origin is in the view; otherwise there are 65 rays.
+    The spacing is `spacing` if the origin is in the view; otherwise there are 65 rays.
     """
     corners = np.array([complex(a, b) for a in view.a for b in view.b])
     if view.a[0] <= 0 <= view.a[1] and view.b[0] <= 0 <= view.b[1]:
@@ -240,7 +240,7 @@ def _across(view, spacing):
 def _on_ray(plane, angle, tol):
     """Compute the boundary at the images of a ray, on a worker.
 
-    A wide bracket suffices if residues give the value to the tolerance.
+    A wide bracket suffices if residues determine the value to within the tolerance.
     """
     angles = np.unique(plane.unfold(angle))
     table = boundary(angles, max(tol, _BRACKET), plane)

@@ -1,4 +1,4 @@
-"""Forcings in text files, with spaces, lines or commas between numbers."""
+"""Forcings in text files, with numbers separated by spaces, line breaks or commas."""
 
 import re
 from collections.abc import Sequence
@@ -10,15 +10,15 @@ from nasm.types import FloatArray
 
 
 def read_forcings(words: Sequence[float | Path]) -> tuple[list[FloatArray], bool]:
-    """Return the forcings that KAPPA ... are, strengths or one file, and whether it is a table.
+    """Return the forcings of KAPPA ..., strengths or one file, and whether that is a table.
 
-    ValueError if a file is beside other words, or has anything but numbers.
+    ValueError if a file comes with other arguments, or contains anything but numbers.
     """
     paths = [word for word in words if isinstance(word, Path)]
     if not paths:
         return [forcing(words)], False  # type: ignore[arg-type]
     if len(words) > 1:
-        raise ValueError(f"{paths[0]} is the whole forcing; leave other KAPPA out")
+        raise ValueError(f"{paths[0]} is the whole forcing; leave other KAPPA arguments out")
     try:
         return forcings_in(paths[0].read_bytes())
     except (ValueError, OSError) as error:
@@ -26,21 +26,21 @@ def read_forcings(words: Sequence[float | Path]) -> tuple[list[FloatArray], bool
 
 
 def numbers_in(content: bytes) -> list[float]:
-    """Return the numbers of a text file, with spaces, lines, or commas and spaces between them."""
+    """Return the numbers in a text file, separated by spaces, line breaks, or commas and spaces."""
     text = _decoded(content)
     for word in text.split():
         if re.search(r"\d,\d", word):
-            cure = "may be one number or two; write one like 0.3, and two like 0 3"
-            raise ValueError(f"{abbreviate(word)} {cure}")
+            hint = "may be one number or two; write one like 0.3, or two like 0 3"
+            raise ValueError(f"{abbreviate(word)} {hint}")
     return [parse_float(word) for word in text.replace(",", " ").split()]
 
 
 def forcings_in(content: bytes) -> tuple[list[FloatArray], bool]:
-    """Return the forcings of a text file, and whether it is a table with one in each line.
+    """Return the forcings in a text file, and whether it is a table with one forcing per line.
 
-    A file with one number a line, or with one line, is one forcing. In a table numbers have commas
-    or spaces between them, lines may differ in length, and names of columns in the first line are
-    skipped. ValueError, with the number of the line, for anything else.
+    A file with one number per line, or with a single line, is one forcing. In a table, commas or
+    spaces separate the numbers, lines may differ in length, and column names in the first line are
+    skipped. ValueError, with the line number, for anything else.
     """
     lines = [(n, _words(line)) for n, line in enumerate(_decoded(content).splitlines(), 1)]
     lines = [(n, words) for n, words in lines if words]
@@ -59,7 +59,7 @@ def forcings_in(content: bytes) -> tuple[list[FloatArray], bool]:
 
 
 def _decoded(content: bytes) -> str:
-    """Return the text of a file, with the mark of Windows' editors, or without."""
+    """Return the text of a UTF-8 file, with or without a byte-order mark."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -67,7 +67,7 @@ def _decoded(content: bytes) -> str:
 
 
 def _words(line: str) -> list[str]:
-    """Return the words of a line before a #, with spaces, commas or semicolons between them."""
+    """Return the words of a line before a #, separated by spaces, commas or semicolons."""
     numbers = line.partition("#")[0].strip(" \t,;")
     return re.split(r"[\s,;]+", numbers) if numbers else []
 

@@ -1,4 +1,4 @@
-"""How far outside the breakup direct iteration sees transport, at the cusp, by N."""
+"""Distance beyond the breakup at which direct iteration sees transport at the cusp, against N."""
 
 import matplotlib.pyplot as plt
 import xarray as xr
