@@ -4,7 +4,7 @@
     nasm.boundary([0, 30, 45])           where does the last barrier break at these angles?
     nasm.critical_scale((1, 0.5))        … and on this ray of forcings?
 
-Below them are the methods: `converse_kam`, `periodic` (Greene's residue), `circles` and
+They build on the methods: `converse_kam`, `periodic` (Greene's residue), `circles` and
 `circles.continuation` (invariant circles), `escape` (direct iteration). `maps` defines the map,
 `numbers` exact rotation numbers: `nasm.parse("gamma")`. Modules are imported when they are first
 used; `__init__.pyi` lists them.
@@ -17,7 +17,7 @@ import lazy_loader
 
 from nasm import sources
 
-if find_spec("resource") is None:  # Windows, which has no such locks and signals either
+if find_spec("resource") is None:  # Windows, which also lacks the locks and signals used here
     reason = "nasm runs on Linux and macOS; on Windows, install it in WSL, its Linux subsystem"
     raise ImportError(reason)
 

@@ -1,39 +1,39 @@
-"""The ordered periodic orbits of any forcing, by the action; no symmetry is needed.
+"""Ordered periodic orbits of any forcing, computed from the action; no symmetry is needed.
 
 An orbit is a chain of sites, one per kick,
 
-    x_{n+1} - 2 x_n + x_{n-1} = (κ_n / 2π) sin 2πx_n,     y_n = x_n - x_{n-1},
+    x_{n+1} - 2 x_n + x_{n-1} = (κ_n / 2π) sin 2πx_n,     y_n = x_n - x_{n-1}.
 
-and one of rotation number p/q has N = Pq sites, x_n = np/N + u_n. Such orbits are the stationary
+An orbit of rotation number p/q has N = Pq sites, x_n = np/N + u_n. Such orbits are the stationary
 points of the action
 
     A = Σ_n (x_{n+1} - x_n)²/2 - (κ_n/4π²) cos 2πx_n,        x_{n+N} = x_n + p.
 
-Eliminate all sites but x_0, which minimize A for a given x_0. That leaves the *reduced action*
-a(x_0), with
+Eliminate all sites but x_0: the others minimize A for a given x_0. That leaves the *reduced
+action* a(x_0), with
 
     a' = -G,    a'' = S,    R = -S Π(pivots)/4,
 
 where G is the force on x_0, S the Schur complement of the other sites in the Hessian, which is
-tridiagonal, and the pivots those of the elimination. One sweep from both ends to the middle and one
-back yields all three, and Newton's step of the other sites. For every p/q two orbits are ordered
-like a rotation: the *minimizing* one, R < 0, at the minimum of a, and the *minimax* one, R > 0, at
-its maximum over the gap between the minimizing orbit and its neighbour. With steps ±G/|S| of x_0,
-one rule finds both.
+tridiagonal, and the pivots are those of the elimination. One sweep from both ends to the middle and
+one back yields all three, and the Newton step of the other sites. For every p/q two orbits are
+ordered like a rotation: the *minimizing* one, R < 0, at the minimum of a, and the *minimax* one,
+R > 0, at its maximum over the gap between the minimizing orbit and its neighbour. With steps ±G/|S|
+of x_0, one rule finds both.
 
-1. *Constrain.* With x_0 fixed, the orbit of each convergent of ω is that of the last convergent,
-   repeated, and the last but one, joined end to end, up to a few Newton steps. So long orbits are
-   reached at each forcing by itself, also where residues pass through 0.
+1. *Constrain.* With x_0 fixed, join copies of the last convergent's orbit and one orbit of the last
+   but one end to end: a few Newton steps turn this into the orbit of the next convergent of ω. Long
+   orbits are thus found at each forcing by itself, even where residues pass through 0.
 2. *Scan.* Begin the orbit where its gap is widest, and move x_0 over that gap. The highest maximum
-   of a is the minimax orbit, on whichever symmetry line, or on none.
-3. *Descend.* This can fail, for a steep action with several minima, or for maxima that no single
-   site shows. Periods up to 100 are then found by the argument that shows their existence: orbits
-   whose sites yield to the forces never cross. They descend to minima, and the pass between two
-   minima is on the border of their basins.
-4. *Follow.* Orbits are then moved along the segment of forcings by Newton's method, and longer ones
-   joined from them.
+   of a is the minimax orbit, which may lie on any symmetry line, or on none.
+3. *Descend.* The scan can fail if the action is steep with several minima, or if no single site
+   shows the maximum. Periods up to 100 are then found by the argument that shows their existence:
+   orbits whose sites yield to the forces never cross. They descend to minima, and the pass between
+   two minima is on the border of their basins.
+4. *Follow.* Orbits are then continued along the segment of forcings by Newton's method, and longer
+   ones are joined from them.
 
-Deviations u are stored, so that rounding does not grow with x.
+Deviations u are stored instead of x, so that rounding errors do not grow with x.
 
 Aubry & Le Daeron, Physica D 8 (1983) 381; Mather, Comment. Math. Helv. 60 (1985) 508.
 """
@@ -71,62 +71,63 @@ __all__ = [
 ]
 
 Minimizers: TypeAlias = dict[float, tuple[FloatArray, int, dict[tuple[int, int], FloatArray]]]
-"""By scale: the forcing from a site on, that site, and constrained minimizers by (p, q)."""
+"""For each scale: the forcing from a site on, that site, and constrained minimizers by (p, q)."""
 
 SURE_PERIOD = 100
-"""Up to this period orbits that no scan finds are found by descent."""
+"""Period up to which orbits that the scan misses are found by descent."""
 
 FLAT = 1e-15
-"""Slopes of the reduced action below this times √N are rounding: R cannot be told from 0."""
+"""Slopes of the reduced action below this times √N are rounding errors: R vanishes to rounding."""
 
 _ROUNDING = 1e-12
-"""Rounding of the distance of two sites, and of a pivot."""
+"""Rounding error of the distance between two sites, and of a pivot."""
 
 _MAX_LAST_STEP = 1e-7
-"""Last step of Newton's method, in turns, with which it has converged."""
+"""Last step, in turns, below which Newton's method has converged."""
 
 _MAX_STEP_AT_REST = 1e-11
-"""Last step, in turns, up to which the curvature is that of the stationary orbit."""
+"""Last step, in turns, below which the curvature is that of the stationary orbit."""
 
 _NEWTON_STEPS = 60
 
 _GAP_POINTS = 12
-"""Places of x_0 at which a gap is scanned."""
+"""Positions of x_0 at which a gap is scanned."""
 
 _EQUAL_GAPS = 0.99
-"""Ratio to the widest gap from which gaps count as equal; the orbit begins at the first of them."""
+"""Ratio to the widest gap above which gaps count as equal; the orbit begins at the first one."""
 
 _FOLLOW_RANGE = 0.3
 """Change of the largest strength, times q, over which an orbit is followed."""
 
 _JOIN_STEP = 0.8
-"""Largest step of x_0, times the longer period, where orbits are joined. Of 5030 orbits found with
-one length of steps or another, 0.1 lost 398 by oscillation, 0.4 lost 266, and 0.8 lost 178."""
+"""Largest step of x_0, times the longer period, where orbits are joined. Of 5030 orbits found
+with some step length, 0.1 lost 398 by oscillation, 0.4 lost 266, and 0.8 lost 178."""
 
 _JOIN_PERIOD = 300
-"""Period from which orbits are joined from shorter ones rather than scanned for."""
+"""Period above which orbits are joined from shorter ones rather than scanned for."""
 
 _MAX_SITES_ALONE = 600
-"""Sites up to which an orbit is also sought without shorter ones."""
+"""Number of sites up to which an orbit is also sought without using shorter ones."""
 
 _SADDLE_SHIFT = 0.05
-"""Displacement of sites, times q, by which a symmetric guess leaves a saddle of the action."""
+"""Displacement of sites, times q, that moves a symmetric guess off a saddle of the action."""
 
 _DESCENT_STEPS = 1000
 _MAX_MINIMA = 20  # in a gap
 
 _SAME_DISTANCE = 1e-6
-"""Distance in turns up to which two minima are one."""
+"""Distance, in turns, below which two minima count as the same one."""
 
 _CACHED_SCALES = 30
-"""Scales of which constrained minimizers are kept."""
+"""Number of scales whose constrained minimizers are kept."""
 
 
 class LostError(Exception):
-    """The ordered orbits of a fraction were not found, or lost on the way; the text says why.
+    """The ordered orbits of a fraction were not found, or were lost on the way.
 
-    They exist under any forcing. Long ones are lost far beyond the breakup of the circles near p/q;
-    short ones ought to be found, so that their loss says nothing about circles.
+    The message states the reason. These orbits exist under any forcing. Long ones are lost far
+    beyond the breakup of the circles near p/q; short ones should be found, so their loss says
+    nothing about circles.
 
     Parameters
     ----------
@@ -148,7 +149,7 @@ class LostError(Exception):
 
     @property
     def is_far_beyond(self) -> bool:
-        """True if the loss shows that the circles near p/q are broken, by much."""
+        """True if the loss shows that the forcing is far beyond the breakup of circles near p/q."""
         return self.period > SURE_PERIOD
 
 
@@ -165,7 +166,7 @@ class ConvergentOrbits:
         Initially empty; objects on one segment that share it reuse each other's constrained
         minimizers.
     known : sequence of Orbit
-        Orbits on that segment that are known already.
+        Orbits already known on that segment.
 
     Examples
     --------
@@ -208,7 +209,7 @@ class ConvergentOrbits:
         LostError
             If the orbit is not found.
         """
-        # Each is joined from two shorter ones, and these likewise: none is computed twice.
+        # Each is joined from two shorter ones, and so are these: the cache avoids repetitions.
         if scale != self._scale:
             self._scale, self._answers = scale, {}
         if (n, kind) not in self._answers:
@@ -233,7 +234,7 @@ class ConvergentOrbits:
         return orbits[kind]
 
     def scan(self, n: int, scale: float) -> dict[int, Orbit]:
-        """Find both orbits of fraction n, by steps 1 to 3 of the module at this very scale.
+        """Find both orbits of fraction n, by steps 1 to 3 of the module, at this scale alone.
 
         Returns
         -------
@@ -273,8 +274,8 @@ class ConvergentOrbits:
     def _begin(self, n, scale):
         """Return (site, u) of an orbit of fraction n to scan from.
 
-        It is `constrained_minimizer`; or if that is lost, far beyond the breakup, the minimizing
-        orbit of the cantorus, joined from shorter ones.
+        It is the `constrained_minimizer`; if that is lost, far beyond the breakup, it is the
+        minimizing orbit of the cantorus, joined from shorter ones.
         """
         try:
             return self.constrained_minimizer(n, scale)
@@ -290,7 +291,7 @@ class ConvergentOrbits:
         Returns
         -------
         site : int
-            That of the largest |κ|.
+            The site of the largest |κ|.
         u : ndarray, shape (N,)
             Deviations, from that site on.
 
@@ -337,9 +338,9 @@ def joined(last: Orbit, one: Orbit, chain: Chain, kind: int) -> Orbit | None:
     Parameters
     ----------
     last, one : Orbit
-        `last` is used once, and `one` as often as `chain` needs, both at the scale of these.
+        `last` is used once, and `one` as often as `chain` requires; the result is at their scale.
     chain : Chain
-        That of the result.
+        Chain of the result.
     kind : int
         1 for the minimizing orbit, -1 for the minimax one.
 
@@ -372,20 +373,20 @@ def joined(last: Orbit, one: Orbit, chain: Chain, kind: int) -> Orbit | None:
 
 
 class Orbit:
-    """An ordered periodic orbit on a segment of forcings, at the scale last moved to.
+    """An ordered periodic orbit on a segment of forcings, at its current scale.
 
     Attributes
     ----------
     chain : Chain
         Its fraction.
     kind : int
-        1 if it is minimizing, -1 if minimax, 0 if x_0 is fixed, where a symmetry keeps it.
+        1 if it is minimizing, -1 if minimax, 0 if x_0 is held fixed by a symmetry.
     site : int
         Number of its first site, 0 to P - 1.
     u : ndarray, shape (N,)
         Deviations of the sites from the rotation.
     residue : float
-        R, good to about N² ulp.
+        R, accurate to about N² ulp.
     scale : float
         s.
     """
@@ -419,7 +420,7 @@ class Orbit:
         return np.arange(self.u.size) * (self.chain.p / self.u.size) + self.u
 
     def beginning_like(self, other: Orbit) -> FloatArray:
-        """Return u from the site on that is nearest to the first site of the other orbit."""
+        """Return u beginning with the site nearest to the first site of the other orbit."""
         first = (other.site - self.site) % self.start.size
         sites = slice(first, None, self.start.size)
         distance = self.chain.theta[sites] + self.u[sites] - other.u[0]
@@ -432,7 +433,7 @@ class Orbit:
         Returns
         -------
         x, y : ndarrays, shape (q,)
-            In the order of time, x on the lift.
+            In order of time, x on the lift.
         """
         x = self.sites()
         starts = slice(-self.site % self.start.size, None, self.start.size)
@@ -482,7 +483,7 @@ class Chain:
 
     @cached_property
     def frame(self) -> tuple[FloatArray, int, FloatArray]:
-        """Arguments of kernels: those angles in turns, the sites to the next orbit, a workspace."""
+        """Arguments of kernels: these angles in turns, the sites to the next orbit, a workspace."""
         hop = self.period * (pow(self.p, -1, self.q) if self.q > 1 else 0)
         return self.numerators / self.n_sites, hop, np.empty((4, self.n_sites))
 
@@ -492,7 +493,7 @@ class Chain:
         return self.frame[0]
 
     def lost(self, reason: str) -> LostError:
-        """Return the LostError of these orbits."""
+        """Return the LostError for these orbits."""
         return LostError(
             f"the ordered orbits of {self.p}/{self.q} were not found: {reason}", self.q
         )
@@ -512,7 +513,7 @@ class Chain:
         Returns
         -------
         ndarray, shape (N,)
-            Deviations from the rotation of this fraction, their sum.
+            Deviations from the rotation of this fraction, the Farey sum of those joined.
         """
         (before, u_before), (chain, u) = last, one
         copies = (self.q - before.q) // chain.q
@@ -535,22 +536,22 @@ def ordered_orbits(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     p, q : int
-        Without common factor; 1 ≤ q ≤ 10⁶.
+        Coprime, 1 ≤ q ≤ 10⁶.
     minimizers : dict, optional
         Initially empty; calls for one forcing that share it reuse each other's work.
 
     Returns
     -------
     minimizing, minimax : Orbit
-        Both from the same site on, in the gap that is widest there. If R vanishes to rounding, both
-        are the same one.
+        Both begin at the same site, in the gap that is widest there. If R vanishes to rounding,
+        both returned orbits are the same one.
 
     Raises
     ------
     LostError
         If they are not found. Both exist under any forcing, and are found up to twice the breakup
-        of the last circle; far beyond the breakup of all circles near p/q, periods above 100 may be
-        lost.
+        of the last circle; far beyond the breakup of all circles near p/q, orbits of periods above
+        100 may be lost.
 
     Examples
     --------
@@ -573,7 +574,7 @@ def ordered_orbits(
 def _find_by_descent(kappa, chain):
     """Return the first site, the deviations and the residues of both orbits, by step 3."""
     theta, hop, work = chain.frame
-    # This rotation has no symmetry, so it is not at rest on the border of two basins.
+    # This rotation has no symmetry, so it cannot rest on the border of two basins.
     u = np.full(chain.n_sites, 0.3 / chain.q)
     error = chain.lost(f"they are not at rest after a descent of {_DESCENT_STEPS} steps")
     if not _descend(kappa, theta, work, u):
@@ -604,7 +605,7 @@ def _find_by_descent(kappa, chain):
 
 
 def _roll(u, first):
-    """Return u from place `first` on, and around to it; np.roll takes five times as long."""
+    """Return u rotated to begin at index `first`; np.roll takes five times as long."""
     first %= u.size
     return np.concatenate((u[first:], u[:first]))
 
@@ -621,7 +622,7 @@ def _widest_gap(chain, u):
 def is_ordered(u, hop, gap):
     """Return whether sites keep the order of their angles, to within rounding.
 
-    The angle that follows that of a site is the one `hop` sites later, by `gap` larger.
+    The next larger angle after that of a site is found `hop` sites later, and exceeds it by `gap`.
     """
     n = u.size
     for j in range(n):
@@ -643,7 +644,7 @@ def total_action(kappa, theta, u):
 
 @kernel
 def _minimize_constrained(kappa, theta, hop, work, u):
-    """Minimize A over all sites but x_0, in place; return whether that is an ordered orbit."""
+    """Minimize A over all sites but x_0, in place; return whether the orbit is ordered."""
     change, _, _, _, n_bad = newton_solve(kappa, theta, u, 0, 0.0, _NEWTON_STEPS, work)
     if n_bad and u.size <= _MAX_SITES_ALONE:  # a symmetric guess may rest on a saddle
         u[1:] += _SADDLE_SHIFT * kappa.size / u.size
@@ -658,8 +659,8 @@ def _find_extremum(kappa, theta, hop, work, u, kind, max_step, n_steps):
         kappa, theta, u, kind, max_step, n_steps, work
     )
     if _MAX_STEP_AT_REST <= change < max_step and abs(slope) < FLAT * np.sqrt(u.size):
-        # With a small curvature even a rounded slope moves x_0. Fix it, and take S of the other
-        # sites at rest.
+        # If the curvature is small, the rounding of the slope alone moves x_0. Fix x_0, and take S
+        # with the other sites at rest.
         change, curvature, _, log_pivots, n_bad = newton_solve(
             kappa, theta, u, 0, 0.0, n_steps, work
         )
@@ -673,9 +674,10 @@ def _find_extremum(kappa, theta, hop, work, u, kind, max_step, n_steps):
 
 @kernel
 def _scan_gap(kappa, theta, hop, work, u, width, sites):
-    """Return the residues of the lowest minimum and the highest maximum, scanned with that width.
+    """Scan a gap in steps of `width` for the lowest minimum and the highest maximum of the action.
 
-    They are 0 if the action is flat, NaN if none is found. The orbits are written to `sites`.
+    Returns their residues: 0 if the action is flat, NaN for one that is not found. The orbits are
+    written to `sites`.
     """
     left, orbit, last_orbit, flat_slope = u[0], u.copy(), u.copy(), FLAT * np.sqrt(u.size)
     residues, actions, steepest, before = np.full(2, np.nan), np.empty(2), -1.0, 0.0
@@ -710,12 +712,12 @@ def _scan_gap(kappa, theta, hop, work, u, width, sites):
 
 @njit(nogil=True)
 def _damped_step(kappa, theta, work, u, stiffness):
-    """Take the step (H + σ) Δu = force of all sites, in place; σ = stiffness.
+    """Take the step (H + σ) Δu = force for all sites, in place; σ = stiffness.
 
     It keeps the order of any two orbits as long as H + σ is positive definite and 2π|κ_n Δu_n| < σ;
     otherwise σ is increased instead. Near a minimum σ falls to 0, which is Newton's method.
 
-    Returns the next σ, and the largest Δu; inf without a step.
+    Returns the next σ, and the largest Δu, or inf if no step was taken.
     """
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     _forces(kappa, theta, u, force, diagonal)
@@ -770,12 +772,12 @@ def _saddle(kappa, theta, work, u):
 def _find_pass(kappa, theta, hop, work, left, right, orbit):
     """Find the pass between two minima, write it to `orbit`, and return R.
 
-    If there is another minimum between them, that is written and -1 returned; NaN if neither is
-    found. Orbits between the two descend to the one or the other. From the border of the basins,
-    found by bisection, the descent leads past the pass.
+    If there is another minimum between them, it is written and -1 returned; NaN if neither is
+    found. Orbits between the two descend to one or the other. The border of the basins is found by
+    bisection; a descent from there leads past the pass.
     """
     low, high = left.copy(), right.copy()
-    # Different weights of the sites: the pass may be less symmetric than the minima.
+    # Weights differ from site to site: the pass may be less symmetric than the minima.
     weights = 0.5 + 0.1 * np.cos(np.arange(left.size) ** 2)
     u, tolerance = left, 1e-4
     while tolerance > 1e-16:
@@ -835,11 +837,11 @@ def _follow(
 
 @njit(nogil=True)
 def _newton_step(force, diagonal, kind, max_step, inverse, pull):
-    """Compute Newton's step, in place of the forces.
+    """Compute Newton's step, and write it over the forces.
 
-    It moves all sites with x_0 fixed (kind = 0), or x_0 by kind·G/|S|, at most by max_step.
+    If kind = 0, it moves all sites but x_0; otherwise also x_0, by kind·G/|S|, at most by max_step.
     Returns S, G, ln |product of the pivots|, and how many of these are not positive; `pull` becomes
-    the change of each site with x_0.
+    the derivative of each site with respect to x_0.
     """
     n, half = force.size, force.size // 2
     log_pivots, product, n_bad = 0.0, 1.0, 0
@@ -887,7 +889,7 @@ def _newton_step(force, diagonal, kind, max_step, inverse, pull):
 def _eliminate(j, before, force, diagonal, inverse, pull):
     """Eliminate site j after its neighbour, whose (1/pivot, force/pivot, pull/pivot) is `before`.
 
-    Returns the same of site j, and the pivot.
+    Returns the same for site j, and the pivot.
     """
     pivot = diagonal[j] - before[0]
     force[j] += before[1]
@@ -897,12 +899,12 @@ def _eliminate(j, before, force, diagonal, inverse, pull):
 
 @kernel
 def newton_solve(kappa, theta, u, kind, max_step, n_steps, work):
-    """Take steps of `_newton_step`, in place, until rounding ends them.
+    """Take steps of `_newton_step`, in place, until only rounding is left.
 
-    Returns the largest change of the last step, S, G, and the rest as `_newton_step`.
+    Returns the largest change of the last step, S, G, and the rest as for `_newton_step`.
     """
     n = u.size
-    # Numba takes rows that are unpacked at once as strided, and would not vectorize the loops.
+    # Numba treats rows unpacked in one assignment as strided, and would not vectorize the loops.
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     change, last_change, curvature, slope, log_pivots, n_bad = np.inf, np.inf, 0.0, 0.0, 0.0, 0
     stiffness = 0.0  # of springs that hold the sites where the action is not convex
@@ -950,7 +952,7 @@ def _forces(kappa, theta, u, force, diagonal):
 
 @njit(nogil=True)
 def _sines(theta, u, sine, cosine):
-    """Write sin and cos of 2πx into vectors, in a loop of its own, which is vectorized."""
+    """Write sin and cos of 2πx into vectors, in a separate loop so that it is vectorized."""
     for j in range(u.size):
         x = theta[j] + u[j]
         sine[j], cosine[j] = sin2pi(x), cos2pi(x)

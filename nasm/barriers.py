@@ -1,41 +1,42 @@
 """The last barrier on a segment κ = start + s·profile: which circle breaks last, and where.
 
 The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
-With three kicks or more circles may break and come back in bands of scales, next to the boundary in
-bands as narrow as one likes. The search resolves bands of a relative width of about tol: where it
-met any, error is at least the smaller of tol and 10⁻³, and upper at least value + error. From
-another start than zero the first breakup is meant.
+With three kicks or more, circles may break and reappear in bands of scales, which may be
+arbitrarily narrow next to the boundary. The search resolves bands of a relative width of about tol:
+where it met any, error is at least the smaller of tol and 10⁻³, and upper at least value + error.
+On a segment from another start the search is for the first breakup.
 
-The search goes from outside to inside.
+The search proceeds from the outside inwards.
 
-1. *Ask.* Does a circle exist at this scale? The Farey tree (`nasm.farey`) names one or none. If
-   none, it lists the nobles that it could not exclude (or, if it excluded all, the one that took
-   longest), and the longest period used. A scale at which it names none counts as one without
-   circles. The search begins about 1% above the breakup, where converse KAM eliminates all starts
-   in 100 steps.
-2. *Leap.* Residues (`nasm.periodic`) tell the scale at which one circle breaks: the circle just
-   met, or else the simplest noble next to the first one that the tree lists. If that scale is
-   precise and the circle is shown just below it, the tree is asked next just above it.
-3. *Step.* If it is not, go down. Residues grow like s^q, so that periods q exclude circles not only
-   at one scale, but over a relative distance of order 1/q: a quarter of that is the step, or half
-   the way to a scale with a circle. Whenever periods have doubled there is another leap.
-4. *End.* If the tree names a circle just above a leap, its value is dropped and the search goes on
-   with that circle. If it names none, the value is the last breakup, unless residues show one of
-   the listed nobles above it. Such a rival takes its place; if residues do not tell precisely where
-   it breaks, the search ends with the narrow interval that is left. In bands residues have no
-   limit: steps go on until the scale without circles and the one with a circle are tol/2 apart, and
-   the value is between them.
+1. *Ask.* The Farey tree (`nasm.farey`) names a circle that exists at this scale, or none. If none,
+   it lists the nobles that it could not exclude (or, if it excluded all, the one that took
+   longest), and the longest period used; the scale then counts as one without circles. The search
+   begins about 1% above the breakup, where converse KAM eliminates all starts in 100 steps.
+2. *Leap.* Residues (`nasm.periodic`) determine the scale at which one circle breaks: the circle
+   just found, or else the simplest noble next to the first one that the tree lists. If that scale
+   is precise and residues show the circle just below it, the tree is asked next just above it.
+3. *Step.* Otherwise, go down. Residues grow like s^q, so orbits of period q exclude circles not
+   only at one scale, but over a relative distance of order 1/q. The step is a quarter of that, or
+   half the distance to a scale with a circle. Whenever periods have doubled, another leap is tried.
+4. *End.* If the tree names a circle just above a leap, the value of the leap is dropped, and the
+   search continues with that circle. If it names none, the value is the last breakup, unless
+   residues show one of the listed nobles above it. Such a rival takes its place; if residues do not
+   determine precisely where it breaks, the search ends with the narrow interval that remains. In
+   bands residues have no limit: steps continue until the scale without circles and the one with a
+   circle are tol/2 apart, and the value is between them.
 
-With one or two kicks there are no bands, and a faster way comes first: the start that converse KAM
-takes longest to eliminate, just beyond the breakup, is next to the remains of the last circle, and
-its weighted Birkhoff average is a rotation number to six digits. The nobles near it are candidates,
-residues tell where they break, and converse KAM that no start survives above.
+With one or two kicks there are no bands, and a faster search comes first. The start that converse
+KAM takes longest to eliminate, just beyond the breakup, is next to the remains of the last circle,
+and its weighted Birkhoff average is a rotation number to six digits. The nobles near it are
+candidates; residues determine where they break, and converse KAM shows that no start survives
+above.
 
-Two *witnesses* confirm the bracket or widen it. Neither residues nor the tree have a part in what
-they show, only in which circles are tried. `lower`: an invariant circle certified by Newton's
-method on a finer grid. `upper`: converse KAM on two unrelated grids finds no start that survives. A
-witness sets no value; but if a start survives on a circle that exists by its residues, or far above
-the value, the search is resumed there, and a circle found there gives a new value.
+Two *witnesses* confirm the bracket or widen it. Residues and the tree only select which circles are
+tried; what the witnesses show does not depend on them. `lower`: an invariant circle certified by
+Newton's method on a finer grid. `upper`: converse KAM on two unrelated grids finds no start that
+survives. A witness does not set the value; but if a start survives on a circle that exists by its
+residues, or far above the value, the search is resumed there, and a circle found there yields a new
+value.
 """
 
 from dataclasses import dataclass, replace
@@ -64,24 +65,24 @@ __all__ = ["Effort", "boundary", "critical_scale", "last_circle"]
 
 @dataclass(frozen=True)
 class Effort:
-    """How a search for the last barrier goes on, and how much work it does.
+    """Settings of a search for the last barrier, and limits on its work.
 
     Attributes
     ----------
     share_above : float
-        Part of tol above the value, where converse KAM takes 1/distance steps. The rest is below,
-        where a circle is certified, which takes longer.
+        Share of tol that lies above the value, where converse KAM takes 1/distance steps. The rest
+        lies below, where a circle is certified, which takes longer.
     first_steps : int
-        Steps of converse KAM on transversals in which the search begins: about 1/100 above the
-        breakup, where the circle that the tree excludes last is mostly the last one. Scales that
-        are tried above, if a circle exists there, differ by 1/100; and survivors that far above a
+        Steps of converse KAM on transversals with which the search begins, about 1/100 above the
+        breakup: there the circle that the tree excludes last is usually the last one. If a circle
+        exists there, higher scales are tried in steps of 1/100; and survivors that far above a
         value contradict it.
     locating_steps : int
-        Fewest steps of converse KAM, by which the last circle of one or two kicks is located.
+        Fewest steps of converse KAM with which the last circle of one or two kicks is located.
     max_questions : int
-        Most scales at which the Farey tree is asked. Once they are used up the search, converse KAM
-        and certification all end. Of the judged forcings regular ones take 10 to 20, bands up to
-        60.
+        Most scales at which the Farey tree is asked. Once they are used up, the search, converse
+        KAM and certification all end. Of the judged forcings, regular ones take 10 to 20, those
+        with bands up to 60.
     step : float
         Relative step times the longest period.
     finest_step : float
@@ -91,36 +92,37 @@ class Effort:
     tree : TreeSettings
         Which residues of the tree exclude circles.
     breakup_distance : float
-        Relative distance below a scale without circles within which its last circle broke.
+        Relative distance below a scale without circles within which the last circle breaks.
     simpler_distance : float
-        Distance from the circle excluded last within which residues are asked about a simpler one.
+        Distance from the circle excluded last within which a simpler one is tested by residues.
     orbit_period, last_period : int
-        Longest period of the residues that are asked before a leap, and of those of which the value
-        is computed in the end: nine and eleven digits.
+        Longest period of the orbits whose residues are used for a leap, and of those from which the
+        final value is computed: nine and eleven digits.
     rival_distance : float
         Relative distance above the value at which no other circle exists by its residues.
     cusp_period : int
-        Longest period of these residues next to a cusp that periods up to `blurred_period` do not
-        resolve.
+        Longest period of these residues where those up to `last_period` are not precise enough, as
+        next to a cusp.
     blurred_period : int
-        Period by which a cusp is to be resolved, or the value may be too large.
+        Period by which a cusp must be resolved; otherwise the error reaches up to `upper`.
     band_error : float
-        Relative error, unless tol is smaller, where circles break and come back.
+        Relative error, unless tol is smaller, where circles break and reappear.
     certified_distances : tuple of float
-        Distances below a bracket, over tol, at which a circle is certified if not nearer to it.
+        Distances below a bracket, over tol, at which a circle is certified if none is nearer to it.
     circles_tried : int
-        Circles that are tried at each of them, at most.
+        Most circles tried at each of these distances.
     hull_period : int
         Period of the orbits from whose hulls circles are certified.
     search_share : float
         Share of the CPU time after which the search ends. Half of the rest is for converse KAM,
         and what is left for the certified circle.
     long_period_tol : float
-        Least tolerance for more than 64 kicks: lifetimes of some hundred kicks are as far beyond a
-        breakup.
+        Smallest tolerance with more than 64 kicks: lifetimes of a few hundred kicks correspond to
+        that distance beyond a breakup.
     iterated_kicks, iterated_orbits : int
-        Of direct iteration under more than 64 kicks: some CPU seconds. `upper` was 4 to 11% above
-        the breakup on twelve random rays of three to six kicks, repeated beyond 64.
+        Kicks and orbits of direct iteration under more than 64 kicks: a few CPU seconds. `upper`
+        was 4 to 11% above the breakup on twelve random rays of three to six kicks, repeated beyond
+        64.
 
     Examples
     --------
@@ -184,29 +186,29 @@ def critical_scale(
         first breakup, s ≥ 0; regions without circles are skipped if they are narrower than a change
         of 0.1 of the largest strength.
     seconds : float
-        CPU time to spend, roughly. Results then depend on the machine: cubes are computed without
-        that limit.
+        Approximate CPU time to spend. Results then depend on the machine; cubes are computed
+        without this limit.
     effort : Effort
-        Limits of other kinds, and how the search goes on.
+        Settings of the search, and other limits on its work.
 
     Returns
     -------
     CriticalScale
         value, error : by Greene's residue; in bands the middle between two scales.
         lower : a circle is certified there, that of omega or another one; NaN without one.
-        upper : no start on the dominant line, or on a transversal, survives there; or if time was
-        short, the Farey tree shows no circle.
+        upper : no start on the dominant line, or on a transversal, survives there; or, if time was
+        short, the Farey tree shows no circle there.
         omega : rotation number of the last barrier per period, in [0, P/2]. It represents ±ω and
-        all ω + P·n, whose circles break together; of two partners by `degenerate_partner` (in
-        `nasm.symmetries`) it is the one with the shorter text.
+        all ω + P·n, whose circles break together; of two degenerate partners (`degenerate_partner`
+        in `nasm.symmetries`) it is the one with the shorter text.
         status : WIDE, with a value, if the bracket is more than twice as wide as tol, for example
         because no circle is certified close to the breakup, or time was short. NOT_CONVERGED,
         without a value, if the effort did not suffice; NEAR_CUSP if a shorter forcing is so close
-        that orbits do not resolve it; UNDECIDED if the methods contradict each other. lower and
-        upper are then what was shown. TOO_LONG if P > 64: upper alone is known, some per cent above
-        the breakup, by converse KAM or where an orbit escapes. From another start OUTSIDE if no
-        barrier exists there, and NO_BREAKUP if one still exists where some strength has changed by
-        4.
+        that orbits do not resolve it; UNDECIDED if the methods contradict each other. In these
+        cases lower and upper are what was shown. TOO_LONG if P > 64: only upper is known, a few per
+        cent above the breakup, by converse KAM or where an orbit escapes. From another start:
+        OUTSIDE if no barrier exists there, and NO_BREAKUP if one still exists where some strength
+        has changed by 4.
 
     Raises
     ------
@@ -304,8 +306,10 @@ class _Tree:
         return circle_exists(omega, self.segment.at(scale), settings=self.effort.tree)
 
     def lowest_excluded(self, above):
-        """Return the lowest scale above another one at which no circle was named; if there is none
-        yet, climb to one. It is inf if the budget is spent before."""
+        """Return the lowest scale above another one at which no circle was named.
+
+        If there is none yet, the scale is raised until there is; inf if the budget is spent first.
+        """
         excluded = (s for s, (omega, *_) in self.answers.items() if omega is None and s > above)
         scale = min(excluded, default=inf)
         while scale == inf and not self.is_search_over():
@@ -336,9 +340,9 @@ class _Bracket:
     """Two scales with the last breakup between them: no circle was found at `outside`.
 
     omega : a circle that exists at `inside`; None if `inside` is only where the search ended.
-    breakup : its breakup by residues; None if they tell none, as in bands, or time was short.
-    longest_period : that of the orbits that may have been asked. is_eliminated : whether converse
-    KAM eliminates all starts at `outside`.
+    breakup : its breakup by residues; None if they do not determine it, as in bands, or if time was
+    short. longest_period : the longest period of orbits that may have been used.
+    is_eliminated : True if converse KAM eliminates all starts at `outside`.
     """
 
     inside: float
@@ -395,7 +399,7 @@ def _last_breakup(segment, tol, seconds, effort):
 
 
 def _contradicts(tree, tol, upper, value, error):
-    """Whether survivors show that a circle may exist far above the value."""
+    """Return True if survivors show that a circle may exist far above the value."""
     return upper > value + max(error, tol * value, value / tree.effort.first_steps)
 
 
@@ -409,7 +413,7 @@ def _value(tree, tol, bracket):
 
 
 def _outermost(tree):
-    """Return (inside, outside, circle at inside or None) of the search's begin, or a Status."""
+    """Return (inside, outside, circle at inside or None) to begin the search with, or a Status."""
     segment, effort = tree.segment, tree.effort
     if segment.profile.size <= 2 and not segment.start.any():
         # The search by survivors failed, as next to a cusp. Without bands, no circle exists above a
@@ -437,13 +441,13 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
     """Return the _Bracket of the last breakup between two scales, wider if the budget is spent.
 
     omega : a circle that exists at `inside`, if one is known. leaps : False to go down by steps
-    until a circle is met.
+    until a circle is found.
     """
     segment, effort = tree.segment, tree.effort
     if tree.is_search_over():
         return _Bracket(inside, outside, omega)
     _, nobles, period = tree.ask(outside)
-    unasked, asked_period = omega, 0  # of residues
+    unasked, asked_period = omega, 0  # for leaps: the circle to try next, the last period
     while outside - inside > segment.length(outside, tol / 2) and not tree.is_search_over():
         step = max(effort.step / period, effort.finest_step * tol)
         scale = outside - segment.length(outside, step)
@@ -474,7 +478,7 @@ def _simplest_near(omega, kappa, effort):
 
 
 def _breakup(tree, tol, omega, inside, outside):
-    """Return the CriticalScale of a circle between two scales; None if residues do not tell it."""
+    """Return a circle's CriticalScale between two scales; None if residues do not determine it."""
     segment, effort = tree.segment, tree.effort
     between = max(inside, outside - segment.length(outside, effort.breakup_distance)), outside
     found = periodic.critical_scale(
@@ -516,7 +520,7 @@ def _search_by_survivors(segment, tol, effort):
     located = symmetry_line.critical_scale(profile, n_steps)
     if located.status is not Status.OK:
         return None
-    # Lifetimes are there 1.2 to 1.5 times n_steps.
+    # Lifetimes there are 1.2 to 1.5 times n_steps.
     beyond = segment.at(located.value * (1 + 0.5 / n_steps))
     names = candidates(beyond, longest_lived(beyond, 2 * n_steps))
     last, seen = None, set()
@@ -542,7 +546,7 @@ def _search_by_survivors(segment, tol, effort):
 
 
 def _breakup_of_two_kicks(omega, profile, tol, effort):
-    """Return the CriticalScale of a circle, by longer orbits if a cusp is near and blurs others."""
+    """Return the CriticalScale of a circle, by longer orbits if others do not resolve a cusp."""
     for longest in (effort.last_period, effort.cusp_period):
         found = periodic.critical_scale(omega, profile, longest)
         is_precise = found.error <= effort.share_above * tol * found.value
@@ -568,9 +572,9 @@ def _steps_to_eliminate(segment, distance, scale, effort):
 
 
 def _eliminated_above(tree, tol, bracket):
-    """Return a scale above a bracket at which converse KAM eliminates all starts, and None; or one
-    at which a start survives, and the circle that exists there by its residues.
+    """Return a scale above a bracket at which converse KAM eliminates all starts, and None.
 
+    Or else return one at which a start survives, and the circle that exists there by its residues.
     If the time, or the number of questions, is used up, it is the scale reached by then: the
     bracket's upper end or above.
     """
@@ -620,8 +624,11 @@ def _certified_below(tree, tol, bracket):
 
 
 def _is_certified(omega, kappa, period):
-    """Return True if the circle of ω is certified under a forcing, from the sites of an orbit of up
-    to that period, one of them held there: no circle has to exist under weaker kicks."""
+    """Return True if the circle of ω is certified under a forcing, from the sites of an orbit.
+
+    The orbit has at most that period, and one of its sites is held fixed, so that no circle has to
+    exist under weaker kicks.
+    """
     fractions = [f for f in islice(convergents(omega), 60) if f.denominator < period]
     ladder = action.ConvergentOrbits(kappa, 0 * kappa, fractions)
     try:
@@ -645,21 +652,22 @@ def _is_certified(omega, kappa, period):
 def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCircle:
     """Compute the last circle on the ray, as it is at `scale.lower`, just before it breaks.
 
-    It has 10⁵ points or so if `scale` is precise to 10⁻⁴: so close to the breakup
+    It has about 10⁵ points if `scale` is precise to 10⁻⁴: that close to the breakup
     `circles.invariant_circle` runs out of modes. This one is computed by
     `circles.continuation.certified_circle`, from circles farther from the breakup.
 
     Parameters
     ----------
     scale : CriticalScale
-        With omega, value and lower, e.g. by `critical_scale`.
+        With omega, value and lower, e.g. from `critical_scale`.
     profile : array_like, shape (P,)
         The ray of that scale.
 
     Returns
     -------
     InvariantCircle
-        Of scale.omega under the forcing scale.lower·profile; its graph is `circles.graph`. Status
+        Of scale.omega under the forcing scale.lower·profile, or as close to it as it is certified
+        again; its graph is `circles.graph`. Status
         NOT_CERTIFIED, and no deviations, if it is not certified again.
 
     Raises
@@ -697,7 +705,7 @@ def boundary(angles: ArrayLike, tol: float = 1e-4) -> list[CriticalScale]:
     angles : float or sequence of floats
         Degrees; (κ1, κ2) = s·(cos angle, sin angle).
     tol : float
-        As for `critical_scale`: 0.25 s of CPU time a ray at 10⁻⁴, 0.8 s at 2·10⁻⁵.
+        As for `critical_scale`: 0.25 s of CPU time per ray at 10⁻⁴, 0.8 s at 2·10⁻⁵.
 
     Returns
     -------

@@ -1,6 +1,6 @@
 """Checks of arguments: public functions check them once, and kernels rely on that.
 
-Also the checksum of certificates, which leave the package to be checked elsewhere.
+Also the checksum of certificates, which are checked outside the package.
 """
 
 import hashlib
@@ -29,11 +29,11 @@ __all__ = [
 ]
 
 MAX_DENOMINATOR = 10**6
-"""Largest denominator of a fraction that is an argument."""
+"""Largest denominator of a fraction passed as an argument."""
 
 
 def _scalar(value: object) -> Any:
-    """Return the number in an array without dimensions, NumPy's or xarray's form of a number."""
+    """Return the number in a zero-dimensional array, NumPy's or xarray's form of a number."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.isMaskedArray(value):
         return value[()]
     return value
@@ -66,7 +66,7 @@ def exact_fraction(value: Rational | Decimal | float | str) -> Fraction:
     Raises
     ------
     ValueError
-        If it is a text that is too long, and whatever Fraction raises for what it cannot convert.
+        If a text is too long; also whatever Fraction raises for values that it cannot convert.
 
     Examples
     --------
@@ -131,9 +131,9 @@ def positive(name: str, value: object, meaning: str) -> float:
     Parameters
     ----------
     name, value
-        Of the argument.
+        Name and value of the argument.
     meaning : str
-        What it is, for the message.
+        What the argument means, for the message.
 
     Raises
     ------
@@ -250,7 +250,7 @@ def points(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 def with_sha256(certificate: dict[str, Any]) -> dict[str, Any]:
-    """Add the SHA-256 of its JSON text to a certificate, so that any changed digit is noticed.
+    """Add the SHA-256 of its JSON text to a certificate, so that any changed digit is detected.
 
     Examples
     --------

@@ -21,7 +21,7 @@ __all__ = ["CriticalScale", "Result", "Status", "no_answer"]
 class Status(Enum):
     """Outcome of a method; each text states the reason and a cure.
 
-    With any other status than OK and WIDE the value is NaN.
+    With any status other than OK and WIDE the value is NaN.
 
     Examples
     --------
@@ -30,7 +30,7 @@ class Status(Enum):
     omega is rational, and no circle has it; use an irrational number, like gamma
     """
 
-    # Cubes store the place of a member: add new ones at the end.
+    # Cubes store the position of a member: add new ones at the end.
     OK = "ok"
     RATIONAL = "omega is rational, and no circle has it; use an irrational number, like gamma"
     OUTSIDE = (
@@ -120,16 +120,16 @@ def _same(a: object, b: object) -> bool:
 class CriticalScale(Result):
     """Scale s at which a circle breaks on the ray κ = s·profile.
 
-    It prints on one line, with the digits that the error leaves; notebooks show it as a table.
+    It prints on one line, with the digits that the error justifies; notebooks show it as a table.
     Critical scales are compared field by field, NaN equal to NaN. They are hashable, so that they
-    can be members of sets and keys.
+    can be members of sets and keys of dictionaries.
 
     Attributes
     ----------
     value : float
         Best estimate of the critical scale; NaN if status is neither OK nor WIDE.
     error : float
-        Estimated absolute error of it.
+        Estimated absolute error of the value.
     lower, upper : float
         Bracket that the method *shows*: a circle exists at lower, and none at upper. NaN where it
         shows nothing.

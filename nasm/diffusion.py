@@ -1,10 +1,10 @@
-"""Diffusion: how fast does momentum spread, once transport is global?
+"""Diffusion: the rate at which momentum spreads once transport is global.
 
     D = lim <(y_n - y_0)²> / 2n,     n in periods of the forcing, y in its own unit,
 
-the mean over all starts of the cell 0 ≤ x, y < 1. Islands count, as places from which nothing
-spreads, so that a gradient of density drives the flux -D ∂ρ/∂y. The literature on the standard map
-mostly states <(p_n - p_0)²>/n for p = 2πy, which is 8π²D. While a barrier exists D is 0.
+the mean over all starts in the cell 0 ≤ x, y < 1. Islands are included, as places from which
+nothing spreads, so that a density gradient drives the flux -D ∂ρ/∂y. The literature on the standard
+map mostly states <(p_n - p_0)²>/n for p = 2πy, which is 8π²D. While a barrier exists D is 0.
 
 Motion within a cell adds a constant to <(y_n - y_0)²>, so D is the slope between lags of n/8 and
 n/2. n is doubled until the root mean square of y_n - y_0 reaches 2. D does not exist if an
@@ -36,7 +36,7 @@ MIN_PERIODS = 8192
 
 @dataclass(frozen=True)
 class DiffusionSettings:
-    """When an ensemble has spread far enough, and which spreading is no diffusion.
+    """When an ensemble has spread far enough, and which spreading is not diffusive.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class DiffusionSettings:
     max_growth_exponent : float
         Largest power of n in the growth of mean squares.
     max_square_ratio : float
-        Ratio of the largest square to the mean: chance takes no orbit further.
+        Ratio of the largest square to the mean that no orbit exceeds by chance.
 
     Examples
     --------
@@ -71,7 +71,7 @@ DEFAULT_SETTINGS = DiffusionSettings()
 class Diffusion(Result):
     """Diffusion constant of an ensemble.
 
-    It prints on one line, with the digits that the error leaves; notebooks show it as a table.
+    It prints on one line, with the digits that the error justifies; notebooks show it as a table.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ def diffusion(
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     n_orbits : int
-        64 to 10⁶.
+        Number of orbits, 64 to 10⁶.
     n_max : int
         Most periods, 8192 to 10¹². D of 4/n_max or more can be resolved.
     settings : DiffusionSettings

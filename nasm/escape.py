@@ -7,7 +7,8 @@ arXiv:1606.04824, Sec. V.B), as long as every invariant circle has an amplitude 
 criterion is one-sided: n* = inf only means that nothing escaped up to n_max. The boundary
 {n* ≤ N} lies outside the true one, at a distance that decreases only as N^(-1/3.012).
 
-n* of one ensemble is a random draw: another arithmetic yields another value of the same order.
+n* of one ensemble is effectively random: a different arithmetic yields a different value of the
+same order.
 
 The kernel advances 64 orbits in lockstep (`nasm.arithmetic.lanes`), using the angle shifted by a
 quarter turn,
@@ -44,17 +45,17 @@ PAPER_WINDOW = (-2.0, 2.3)
 """Window (lo, hi) of Sec. V.B: starts fill 0 ≤ y ≤ 0.3, and |y_n - y_0| > 2 shows transport."""
 
 MAX_STEPS = 10**12
-"""Largest n_max: half a day for a single block of orbits. Floats are exact integers up to 2⁵³."""
+"""Largest n_max: half a day for one block of orbits. Floats are exact for integers up to 2⁵³."""
 
 MAX_SINGLE_STEPS = 10**6
-"""Largest n_max in single precision: rounding by 3·10⁻⁸ a kick adds up to 3·10⁻⁵ in y."""
+"""Largest n_max in single precision: rounding errors of 3·10⁻⁸ per kick add up to 3·10⁻⁵ in y."""
 
 _ETA = 3.012  # exponent of the bias, k_N - k_c ~ N^(-1/η)
 
 
 @dataclass(frozen=True)
 class IterationSettings:
-    """In which portions orbits are iterated; escape times do not depend on it.
+    """Portions in which orbits are iterated; escape times do not depend on them.
 
     Attributes
     ----------
@@ -62,7 +63,7 @@ class IterationSettings:
         Steps between two tests for escape: fewer are slower, more make repetitions longer.
     max_chunk_steps : int
         Most steps between two compactions of the surviving orbits. In the search for the first
-        escape, orbits are iterated up to so many steps beyond it.
+        escape, orbits are iterated up to this many steps beyond it.
 
     Examples
     --------
@@ -128,11 +129,11 @@ def escape_time(
     x, y : array_like
         Starts, in turns. Their shapes broadcast.
     n_max : int
-        Most steps (periods of the forcing, P kicks each), 1 to 10¹².
+        Maximum number of steps (periods of the forcing, P kicks each), 1 to 10¹².
     window : (lo, hi)
         An orbit is inside while lo ≤ y ≤ hi.
     settings : IterationSettings
-        For the speed.
+        Affects only the speed.
 
     Returns
     -------
@@ -174,7 +175,7 @@ def first_escape(
     Parameters
     ----------
     kappas : array_like, shape (..., P)
-        Forcings of one period.
+        Forcings of the same period.
     x, y : array_like, shape (M,)
         Starts, in turns; ensemble m consists of the first m of them.
     sizes : array_like of int, shape (S,)
@@ -184,7 +185,7 @@ def first_escape(
     precision : {"double", "single"}
         Floating-point precision. "single" is 2.5 times faster and allowed up to 10⁶ steps.
     settings : IterationSettings
-        For the speed.
+        Affects only the speed.
 
     Returns
     -------
@@ -244,8 +245,8 @@ def onset_scale(
     """Compute k_N, the scale on the ray κ = s·profile at which escapes within N steps set in.
 
     k_N is what the paper plots. It lies above the scale at which global transport begins, which
-    `critical_scale` estimates. It is found to a relative 10⁻⁴ by bisection between 0 and the scale
-    at which the largest |κ| is 2: an orbit escapes at k_N, and none escapes one bisection step
+    `critical_scale` estimates. Bisection finds it, to a relative 10⁻⁴, between 0 and the scale at
+    which the largest |κ| is 2: an orbit escapes at k_N, and none escapes one bisection step
     below.
 
     Parameters
@@ -257,7 +258,7 @@ def onset_scale(
     n_orbits : int
         Size of the `ensemble`.
     window : (lo, hi)
-        Window in y, which contains all starts.
+        Window in y; it must contain all starts.
     precision : {"double", "single"}
         As for `first_escape`.
 
@@ -311,10 +312,10 @@ def critical_scale(
     -------
     CriticalScale
         upper: k_N, where an escape was seen. value: extrapolated. error: upper - value, the bias,
-        plus its difference from the predicted one. lower is NaN, because no escape shows nothing.
-        omega is None. Without a value the status is NOT_CONVERGED if the error would exceed the
-        value, because the law does not hold yet (use more steps or orbits), and NO_BREAKUP if
-        nothing escapes even where the largest |κ| is 2.
+        plus its difference from the predicted one. lower is NaN, because the absence of escapes
+        shows nothing. omega is None. Without a value the status is NOT_CONVERGED if the error would
+        exceed the value, because the law does not hold yet (use more steps or orbits), and
+        NO_BREAKUP if nothing escapes even where the largest |κ| is 2.
 
     Raises
     ------
@@ -387,13 +388,13 @@ def boundary(
     -------
     ndarray, shape of angles
         Distance from the origin at which the ray first passes from a cell without transport into
-        one with it, to within one cell. NaN where it meets no such pair of cells in the plane, or a
-        cell with transport next to an unknown one.
+        one with it, to within one cell. NaN if it meets no such pair of cells in the plane, or if
+        an unknown cell precedes the first one with transport.
 
     Raises
     ------
     ValueError
-        If an argument is not made of numbers or has another shape, or centres are not equally
+        If an argument is not made of numbers or has the wrong shape, or centres are not equally
         spaced.
 
     Examples
@@ -421,7 +422,7 @@ def boundary(
     scale = np.full(angles.shape, np.nan)
     for i, radians in np.ndenumerate(np.deg2rad(angles)):
         direction = np.array([[np.cos(radians)], [np.sin(radians)]])
-        # Eight samples a cell: the ray skips at most the corner of a cell.
+        # Eight samples per cell: the ray skips at most the corner of a cell.
         along = np.arange(0, reach, 1 / (8 * np.abs(direction / width).max()))
         cells = (along * direction - first) / width + 0.5
         # Keep samples that rounding moves beyond the edges.
@@ -450,7 +451,7 @@ def _centres(name: str, values: ArrayLike) -> FloatArray:
 def _checked(
     kappa: ArrayLike, x: ArrayLike, y: ArrayLike, n_max: int, window: ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray, int, float, float, float]:
-    """Check the arguments, and move the window by an integer `shift` so that it lies around y = 0.
+    """Check the arguments, and move the window by an integer `shift` to centre it near y = 0.
 
     Return strengths, x, y, n_max, lo, hi, shift.
     """
@@ -542,17 +543,19 @@ def _replay(c, x, y, n, lo, hi):
 
 @njit(nogil=True)
 def _park(x, y, lane):
-    """Idle a lane on (x, y) = (0, 0), a fixed point for every forcing.
+    """Park a lane at (x, y) = (0, 0), a fixed point for every forcing.
 
-    It leaves only a window without that point, and is never replayed.
+    A parked lane leaves only a window that excludes this point, and is never replayed.
     """
     x[lane], y[lane] = -0.25, 0.0
 
 
 @kernel
 def _escape_times(c, x0, y0, n_max, lo, hi, only_first, block_steps, max_chunk_steps, times):
-    """Write n* of every orbit to `times`, inf if beyond n_max; with `only_first` orbits that escape
-    later than the first may be left at inf. Survivors are packed together after each chunk of time.
+    """Write n* of every orbit to `times`, inf if beyond n_max.
+
+    With `only_first`, orbits that escape later than the first may be left at inf. Survivors are
+    packed together after each chunk of steps.
     """
     # Copy and fill element by element: Numba takes seconds to compile slices.
     orbit, size = np.empty(x0.size, np.int64), (x0.size + LANES - 1) // LANES * LANES

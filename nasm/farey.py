@@ -2,15 +2,15 @@
 
 Between neighbours p/q and p'/q', |pq' - p'q| = 1, all fractions have periods of q + q' or longer,
 and the simplest is the *mediant* (p + p')/(q + q'). A path of mediants leads to every ω. If its
-circle exists, the residues of the minimax orbits along the path decay to 0; at the breakup of a
-noble they stay near 0.25 (Greene), and below and above it ln(R/0.25) of two neighbours add up to
-that of their mediant, approximately. So no circle exists between neighbours with large residues,
-and for a forcing beyond its last breakup a hundred mediants exclude all ω.
+circle exists, the residues of the minimax orbits along the path decay to 0. At the breakup of a
+noble they stay near 0.25 (Greene), and below and above it the values of ln(R/0.25) of two
+neighbours add up, approximately, to that of their mediant. So no circle exists between neighbours
+with large residues, and for a forcing beyond its last breakup a hundred mediants exclude all ω.
 
 The orbit of a mediant is joined from those of its neighbours (`nasm.action`). This is not a proof:
 a circle within a relative distance δ of its breakup is resolved only by periods of order 1/δ. But
 the tree has no gaps, whereas converse KAM samples starts, and with three kicks or more survivors
-may be in intervals of 10⁻⁶.
+may be confined to intervals of 10⁻⁶.
 """
 
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ from nasm.types import OmegaLike
 __all__ = ["TreeSettings", "circle_exists", "find_existing_circle"]
 
 LONGEST_PERIOD = 3000
-"""Period of the convergents whose residues show if a circle exists."""
+"""Period of the convergents whose residues show whether a circle exists."""
 
 _GAMMA = parse("gamma")
 
@@ -67,20 +67,20 @@ class TreeSettings:
     small_residue : float
         Residue of neighbours below which the noble between them is tested itself.
     max_mediants : int
-        Mediants that are asked; judged forcings took up to 1700.
+        Most mediants that are tried; judged forcings took up to 1700.
     scanned_period : int
-        Period up to which the highest maximum of the action is sought, not that next to
-        neighbours'.
+        Period up to which the highest maximum of the action is sought, rather than the one next to
+        those of the neighbours.
     rescanned_period : int
-        The same where an orbit is not joined from those of its neighbours.
+        The same if an orbit cannot be joined from those of its neighbours.
     lost_residue : float
-        Stands for the residue of a short orbit that is lost, in the order of the search.
+        Value that replaces the residue of a lost short orbit, in the order of the search.
     first_period : int
         Shortest period of the convergents whose residues are compared.
     vanishing_residue : float
-        Residue below which rounding may hide that they fall.
+        Residue below which rounding may hide a decrease.
     longest_ratio : int
-        Periods up to that multiple of `longest` are used, if residues do not decide before.
+        Multiple of `longest` up to which periods are used, if shorter ones do not decide.
 
     Examples
     --------
@@ -144,8 +144,8 @@ def find_existing_circle(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     deepest : int
-        Period of neighbours between which the search does not go on, 10 to 10⁶. The noble between
-        them is tested by `circle_exists` instead.
+        Period of neighbours between which the search does not continue, 10 to 10⁶. The noble
+        between them is tested by `circle_exists` instead.
     settings : TreeSettings
         What residues exclude, and how far the tree is searched.
 
@@ -229,9 +229,9 @@ def circle_exists(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     longest : int
-        Residues of shorter orbits need not fall yet. From this period on the answer is False as
-        soon as the last residue is not below both before it. It is True at once if the last three
-        are below 0.1 and the last is the smallest, or vanishes.
+        Residues of shorter orbits need not decrease yet. From this period on the answer is False as
+        soon as the last residue is not below the two before it. It is True as soon as the last
+        three are below 0.1 and the last is the smallest, or vanishes.
     known : sequence of Orbit
         Minimax orbits of convergents of ω that are known already.
     settings : TreeSettings
@@ -240,7 +240,7 @@ def circle_exists(
     Returns
     -------
     bool
-        True if the residues of three or more minimax orbits decrease with q. False also if long
+        True if the residues of the last three minimax orbits show a decrease. False also if long
         orbits are lost, which happens far beyond the breakup.
 
     Examples
@@ -279,7 +279,7 @@ def _fall(residues):
 
 
 def _integer_neighbours(ordered, period, settings):
-    """Pairs of neighbours that have all ω from 0 to P/2 between them."""
+    """Return pairs of neighbours between which all ω from 0 to P/2 lie."""
     nodes = [_scanned(ordered, Fraction(p), settings) for p in range((period + 1) // 2 + 1)]
     if period % 2:
         nodes[-1] = _between(ordered, *nodes[-2:], settings)
@@ -316,8 +316,10 @@ def _node(fraction, orbit, settings):
 
 
 def _nobles(kappa, one, other):
-    """The noble whose path goes on from two neighbours in golden steps; before it one between them
-    by `half_shift_nobles`."""
+    """Return the noble whose path continues from two neighbours in golden steps.
+
+    If there is one between them by `half_shift_nobles`, it precedes that noble.
+    """
     (p, q), (r, s) = sorted(
         (node.fraction.as_integer_ratio() for node in (one, other)), key=lambda f: f[1]
     )

@@ -26,7 +26,7 @@ from nasm.types import FloatArray
 __all__ = ["cubic_estimate", "primary_residue", "residue", "secondary", "secondary_equation"]
 
 PRIMARY = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
-"""x, y of the primary points I to IV; III and IV also have y = -1/2."""
+"""x, y of the primary points I to IV; III and IV also exist at y = -1/2."""
 
 
 def _strengths(kappa1: ArrayLike, kappa2: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -69,7 +69,7 @@ def residue(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> FloatArray:
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     x, y : array_like
-        Fixed points of one period, mod 1, in turns; they are not checked to be fixed.
+        Fixed points of one period, mod 1, in turns; it is not checked that they are fixed.
 
     Returns
     -------
@@ -96,13 +96,14 @@ def secondary(
     kappa1, kappa2 : array_like
         Finite strengths. Their shapes broadcast.
     n_samples : int
-        Parts of (0, π) between which a change of sign is sought, 2 to 10⁶.
+        Number of equal parts of (0, π), 2 to 10⁶; the points that separate them are the samples,
+        between which a change of sign is sought.
 
     Returns
     -------
     z : ndarray, at least one-dimensional
-        The smallest solution of Eq. (38b) in (0, π), with z = 2πx - π. NaN if the sign changes
-        between no two of these equally spaced samples.
+        The smallest solution of Eq. (38b) in (0, π), with z = 2πx - π. NaN if the sign does
+        not change between any two consecutive samples.
     x, y : ndarray
         The point, in turns.
 
@@ -124,7 +125,7 @@ def secondary(
         left[first], right[first] = low, high
         before = after
     sign = np.sign(secondary_equation(kappa1, kappa2, left))
-    # z is larger than the first interval: after so many halvings its ends are neighbouring floats.
+    # z exceeds the first interval: after so many bisections the ends are neighbouring floats.
     for _ in range(np.finfo(float).nmant + 2):
         z = (left + right) / 2
         on_the_left = np.sign(secondary_equation(kappa1, kappa2, z)) == sign
@@ -147,8 +148,9 @@ def secondary_equation(kappa1: ArrayLike, kappa2: ArrayLike, z: ArrayLike) -> Fl
 
 
 def cubic_estimate(kappa1: ArrayLike, kappa2: ArrayLike) -> FloatArray:
-    """Estimate z of the secondary point to third order, by Eq. (39) corrected; NaN if it is not
-    real.
+    """Estimate z of the secondary point to third order, by the corrected Eq. (39).
+
+    NaN if it is not real.
 
     Examples
     --------

@@ -77,7 +77,7 @@ DEFAULT_SETTINGS = FluxSettings()
 class Flux(Result):
     """Flux through the cantorus of ω, per step of T (one period of the forcing).
 
-    It prints on one line, with the digits that the error leaves; notebooks show it as a table.
+    It prints on one line, with the digits that the error allows; notebooks show it as a table.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Flux(Result):
     omega : RotationNumber
         Rotation number of the cantorus per step.
     status : Status
-        OK, or the reason and its cure.
+        OK, or the reason and a remedy.
 
     Examples
     --------
@@ -132,7 +132,7 @@ def flux(
     q_max: int = 30_000,
     settings: FluxSettings = DEFAULT_SETTINGS,
 ) -> Flux:
-    """Compute ΔW of longer and longer convergents of ω, until it converges or is lost in rounding.
+    """Compute ΔW for successive convergents of ω, until it converges or is lost in rounding.
 
     Parameters
     ----------
@@ -141,10 +141,10 @@ def flux(
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     q_max : int
-        Longest period used, up to 10⁶. From a relative 10⁻³ beyond the breakup on 30 000 suffice,
-        from 10⁻⁴ on 200 000.
+        Longest period used, up to 10⁶. At a relative distance of 10⁻³ or more beyond the breakup
+        30 000 suffices, at 10⁻⁴ or more 200 000.
     settings : FluxSettings
-        When ΔW has converged.
+        Criteria for the convergence of ΔW.
 
     Returns
     -------
@@ -172,7 +172,7 @@ def flux(
     if omega.is_rational:
         return Flux(np.nan, np.nan, 0, omega, Status.RATIONAL)
     steps = kappa.size // short.size
-    # Up to the end of the prefix they are convergents of other numbers too.
+    # Up to the end of the prefix, the convergents are those of other numbers too.
     min_period = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
     orbits = ConvergentOrbits(short, 0 * short, distinct_convergents(short_omega, q_max))
     value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
@@ -199,15 +199,14 @@ def flux(
 
 
 def action_difference(kappa: ArrayLike, p: int, q: int) -> float:
-    """Compute ΔW_{p/q}, the area that passes through the gaps of the ordered p/q orbits in one
-    step.
+    """Compute ΔW_{p/q}, the area per step that passes through the gaps of the ordered p/q orbits.
 
     Parameters
     ----------
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     p, q : int
-        Without common factor, 1 ≤ q ≤ 10⁶.
+        Coprime, 1 ≤ q ≤ 10⁶.
 
     Returns
     -------
@@ -234,6 +233,6 @@ def _difference(minimizing: Orbit, minimax: Orbit) -> tuple[float, float]:
     x, d = minimizing.chain.theta + u, minimax.u - u
     bend = 2 * cos2pi(x) * sin2pi(d / 2) ** 2 + sin2pi(x) * (sin2pi(d) - TWO_PI * d)
     terms = np.stack([(np.roll(d, -1) - d) ** 2 / 2, kappa / TWO_PI**2 * bend])
-    # Of the sum, and of the minimizing orbit, whose sites are stationary to one ulp.
+    # That of the sum and of the minimizing orbit, whose sites are stationary to one ulp.
     rounding = np.finfo(float).eps * (np.abs(terms).sum() + np.linalg.norm(d))
     return float(terms.sum()), float(rounding)

@@ -5,7 +5,7 @@ The minimizing orbit is hyperbolic, R < 0. Along the unstable direction v of one
     W(t) = T^{qk}(z + ε λ^{t-k} v) - (pk, 0),    k = ⌊t⌋,
 
 with a small ε and λ > 1 the eigenvalue of DT^q, is its unstable manifold up to about ε², since T^q
-attracts points to it. T⁻¹ is T with the kicks in reversed order in the coordinates (y - x, y), so
+attracts points to it. T⁻¹ is T with the kicks in reverse order in the coordinates (y - x, y), so
 the stable manifold is the image of an unstable one.
 
 The manifolds of neighbouring points of the orbit cross on a homoclinic orbit that minimizes the
@@ -48,13 +48,14 @@ class ManifoldSettings:
     epsilon : float
         ε of the module, the distance at which a branch begins, in turns.
     max_miss : float
-        Distance at which a point of a periodic orbit may return, relative to the norm of DT^q.
+        Distance by which the image of a point of a periodic orbit under T^q may miss it, relative
+        to the norm of DT^q.
     max_points : int
-        Most points of a curve.
+        Maximum number of points on a curve.
     max_period : int
         Longest period of the orbits that approximate the homoclinic ones of a turnstile.
     max_length : float
-        Turns along a manifold up to its turnstile.
+        Maximum length of a manifold up to its turnstile, in turns.
 
     Examples
     --------
@@ -108,7 +109,7 @@ def unstable(
     Returns
     -------
     x, y : ndarray, shape (n,)
-        Points from (x, y) on, on the lift; a branch of more than 2·10⁵ points is cut short.
+        Points on the lift, starting at (x, y); a branch of more than 2·10⁵ points is cut short.
 
     Raises
     ------
@@ -237,7 +238,8 @@ class Turnstile(Result):
     Attributes
     ----------
     area : float
-        Area of a lobe, in turns times y: it passes upwards in one step of T, and as much downwards.
+        Area of a lobe, in turns times y: this much passes upwards in each step of T, and as much
+        downwards.
     lobes : tuple of two ndarrays, shape (2, n)
         x and y of their edges, on the lift.
     """
@@ -276,15 +278,15 @@ def turnstile(
     above : bool
         True for the upper edge.
     spacing : float
-        Distance of points on the lobes' edges, in turns, from 10⁻⁵ to 0.1.
+        Distance between points on the edges of the lobes, in turns, from 10⁻⁵ to 0.1.
     settings : ManifoldSettings
         How the manifolds begin, and how far they are followed.
 
     Raises
     ------
     LostError
-        If the orbits that tend to the homoclinic ones are not found, or differ by rounding only, as
-        where R is about 0.
+        If the orbits that tend to the homoclinic ones are not found, or differ only by rounding, as
+        they do where R is about 0.
 
     Examples
     --------
@@ -298,7 +300,7 @@ def turnstile(
     if not resonant.residue < 0:
         raise LostError(f"the minimizing orbit of {p}/{q} is not hyperbolic up to rounding: R = 0")
     neighbour = _neighbour(p, q, above)
-    # λ^n = 1/eps: the homoclinic orbits of a turnstile are periodic ones to rounding.
+    # λ^n = 1/eps: up to rounding, the homoclinic orbits of a turnstile are periodic ones.
     n = ceil(-np.log(np.finfo(float).eps) / np.arccosh(1 - 2 * resonant.residue))
     long = n * p + neighbour.numerator, n * q + neighbour.denominator
     if long[1] > settings.max_period:
@@ -352,7 +354,7 @@ def _pieces(
     spacing: float,
     settings: ManifoldSettings,
 ) -> list[FloatArray]:
-    """Return the pieces of a branch between three crossings; it begins next to `start`."""
+    """Return the pieces of a branch between three crossings; the branch begins next to `start`."""
     offsets = start[:, None] - ends
     offsets[0] -= np.rint(offsets[0])
     x, y = start - offsets[:, np.hypot(*offsets).argmin()]

@@ -1,10 +1,10 @@
-"""The nonautonomous standard map, its kicks' inverses and its tangent.
+"""The nonautonomous standard map, the inverses of its kicks, and its tangent.
 
     S_κ :  y' = y + (κ/2π) sin 2πx,   x' = x + y'                              (6)
     T   =  S_{κ_{P-1}} ∘ … ∘ S_{κ_1} ∘ S_{κ_0}                                 (4)
 
 Calleja, del-Castillo-Negrete, Martínez-del-Río, Olvera, "Global transport in a nonautonomous
-standard map", arXiv:1606.04824, Sec. II. Equations have the numbers of that paper.
+standard map", arXiv:1606.04824, Sec. II. Equation numbers are those of that paper.
 
 Conventions
 -----------
@@ -34,11 +34,11 @@ MAX_STRENGTH = 1e6
 """Largest |κ|: far beyond any barrier, and far from where products of strengths overflow."""
 
 MAX_PERIOD = 64
-"""Most kicks of a plane, and of a forcing without a dominant symmetry line: `barriers` then takes
-minutes, also for 1%."""
+"""Maximum number of kicks of a plane, and of a forcing without a dominant symmetry line: `barriers`
+then takes minutes, even for 1%."""
 
 MIN_SIZE = 1e-300
-"""Least size of a ray's profile, its largest |κ|: scales are 1/size or so, and still floats."""
+"""Least size of a ray's profile, its largest |κ|: scales of about 1/size must still be floats."""
 
 
 @register_jitable
@@ -110,7 +110,7 @@ def step(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, Floa
 
     Examples
     --------
-    An orbit that starts at x = 0 is not kicked there; the second kick finds it at x = 1/4.
+    An orbit that starts at x = 0 is not kicked there; the second kick acts at x = 1/4.
 
     >>> from nasm.maps import step
     >>> x, y = step((0.3, 0.5), 0.0, 0.25)
@@ -191,8 +191,8 @@ def rotating_forcing(
     Notes
     -----
     With Ω = 1/2 and φ0 = 0 this is (κ̄ + Δκ, κ̄ - Δκ), so that Δκ = (κ1 - κ2)/2 for T_{κ1κ2}, whose
-    first kick is κ1. The paper's (κ2 - κ1)/2 belongs to its Eq. (2), where even n kick with κ2; the
-    two forcings differ by a shift of half a period.
+    first kick is κ1. The paper's (κ2 - κ1)/2 belongs to its Eq. (2), where kicks of even n have
+    strength κ2; the two forcings differ by a shift of half a period.
 
     Examples
     --------
@@ -231,7 +231,7 @@ def direction(profile: ArrayLike) -> FloatArray:
 def segment(start: ArrayLike | None, profile: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Check a segment of forcings κ = start + s·profile, and return both as arrays of shape (P,).
 
-    A start of None is 0.
+    A start of None means 0.
 
     Raises
     ------
@@ -253,7 +253,7 @@ def forcing(kappa: ArrayLike, name: str = "kappa") -> FloatArray:
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first, |κ| ≤ 10⁶.
     name : str
-        What error messages call it.
+        Name of the argument in error messages.
 
     Raises
     ------

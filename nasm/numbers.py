@@ -32,7 +32,7 @@ MAX_CHARACTERS = 10_000
 """Length of the longest text that `parse` reads."""
 
 MAX_QUOTIENTS = 1000
-"""Most partial quotients of a continued fraction, prefix and one period, read or computed."""
+"""Maximum number of partial quotients, prefix and one period, that are read or computed."""
 
 _INTEGERS = r"\d+(?:,\d+)*"
 _CONTINUED_FRACTION = rf"\[(-?\d+)(?:;({_INTEGERS})(?:,\(({_INTEGERS})\))?|;\(({_INTEGERS})\))?\]"
@@ -45,8 +45,8 @@ _RATIO = rf"(-?{_TERM}|\({_SUM}\))/({_TERM}|\({_SUM}\))"
 class RotationNumber:
     """An exact rotation number [prefix; (tail)].
 
-    Make one by `parse` or `rational`: these return the shortest form, so that equal numbers compare
-    equal and have the same hash.
+    Make one with `parse` or `rational`: these return the shortest form, so that equal numbers
+    compare equal and have the same hash.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class RotationNumber:
         return f'parse("{self}")'
 
     def __float__(self) -> float:
-        """Return the nearest float: that of two consecutive convergents that round alike."""
+        """Return the nearest float: the one to which two consecutive convergents round."""
         value = float("nan")
         for fraction in convergents(self):
             previous, value = value, fraction.numerator / fraction.denominator
@@ -194,7 +194,7 @@ def as_rotation_number(omega: RotationNumber | str) -> RotationNumber:
     ------
     ValueError
         If it is not a RotationNumber or the text of one. A decimal is refused, because the digits
-        that it cuts off decide; the message names the simplest noble number with its digits.
+        that it cuts off matter; the message names the simplest noble number with its digits.
 
     Examples
     --------
@@ -235,7 +235,7 @@ def convergents(omega: RotationNumber | str) -> Iterator[Fraction]:
 
 
 def distinct_convergents(omega: RotationNumber | str, q_max: int) -> list[Fraction]:
-    """List the convergents p/q of ω with q ≤ q_max, q increasing: of two with q = 1 the second."""
+    """List the convergents p/q of ω with increasing q ≤ q_max; if two have q = 1, the second."""
     known = takewhile(lambda f: f.denominator <= q_max, convergents(omega))
     return list({fraction.denominator: fraction for fraction in known}.values())
 
@@ -299,7 +299,7 @@ def nobles_near(value: float, width: float, n: int) -> list[RotationNumber]:
     width : float
         Largest distance from `value`, > 0.
     n : int
-        Most numbers to return, 0 to 10⁶.
+        Maximum number of noble numbers to return, 0 to 10⁶.
 
     Returns
     -------

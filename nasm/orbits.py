@@ -111,7 +111,7 @@ def passages(
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     x, y : array_like, scalars or shape (m,)
-        Starts, in turns; they are points too.
+        Starts, in turns; they count as points too.
     n : int
         Points of each orbit, 1 to 10⁹.
     box : (left, bottom, width, height)
@@ -122,7 +122,7 @@ def passages(
     Returns
     -------
     which : ndarray of int
-        Index of the orbit of each point, points in the order of time.
+        Index of the orbit of each point; points are in order of time.
     x, y : ndarray
         The points, in [left, left + width] and [bottom, bottom + height].
     state : (x, y)
@@ -197,7 +197,7 @@ def rotation_number(
 
 
 def rotation_number_of(x: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Estimate the rotation number of given orbits, of any map or measured, as `rotation_number`.
+    """Estimate rotation numbers of given orbits, from any map or measured, like `rotation_number`.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def rotation_number_of(x: ArrayLike) -> tuple[FloatArray, FloatArray]:
     advance, half = np.diff(x, axis=0), (len(x) - 1) // 2
     parts = advance[: 2 * half], advance[:half], advance[half : 2 * half]
     averages = [np.tensordot(bump(len(part)), part, 1).ravel() for part in parts]
-    # A sum by parts: errors of the positions count as often as weights rise and fall, 5.3/n.
+    # Summation by parts: changes of the weights, 5.3/n in all, multiply the errors of positions.
     rounding = 5.3 * np.finfo(float).epsneg * np.abs(x).max(initial=0.0) / half
     omega, digits = _with_digits(averages, 2 * half, rounding, 1.5)
     return omega.reshape(x.shape[1:]), digits.reshape(x.shape[1:])
@@ -253,7 +253,8 @@ def rotation_number_of(x: ArrayLike) -> tuple[FloatArray, FloatArray]:
 def _with_digits(averages, n, rounding=0.0, factor=1.0):
     """Return ω and its digits from the averages over n steps, and their halves; shape (3, m).
 
-    rounding : its effect, at least. factor : by which the error may be above their differences.
+    rounding : its effect, at least. factor : the error may be this many times the differences of
+    the averages.
     """
     rounding = max(rounding, 1.5e-14, 3e-16 * n**0.5)
     differences = (factor * np.ptp(averages, axis=0)).tolist()
@@ -263,7 +264,7 @@ def _with_digits(averages, n, rounding=0.0, factor=1.0):
 
 @kernel
 def bump(n):
-    """Compute w(t/n), t = 0, …, n - 1, of sum 1; all derivatives vanish at both ends."""
+    """Compute w(t/n), t = 0, …, n - 1, with sum 1; all derivatives vanish at both ends."""
     w = np.zeros(n)
     for t in range(1, n):
         s = t / n

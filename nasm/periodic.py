@@ -46,17 +46,18 @@ class ResidueSettings:
     Attributes
     ----------
     sheet_period : int
-        Period from which orbits resolve the sheets of a boundary: the first pair of orbits whose
-        residues are compared along the ray.
+        Period from which orbits resolve the sheets of a boundary; residues are compared along the
+        ray for the first pair of orbits that long.
     single_sheet_period : int
         The same with one or two kicks, whose boundaries have one sheet.
     min_broken_residue : float
         Least residue of that pair that shows a breakup. Where the dominant line changes, residues
         pass through 0.
     min_residue : float
-        Residues below are rounding.
+        Smaller residues are rounding errors.
     rounding : float
-        Relative error of a crossing by rounding, per period: at 10⁵ κ_G was off by 2.7e-12 or less.
+        Relative error of a crossing due to rounding, over the period: at 10⁵ κ_G was off by 2.7e-12
+        or less.
     max_log_ratio : float
         Logarithm of a ratio of residues; a larger one shows that they do not cross.
     max_period_ratio : float
@@ -101,7 +102,7 @@ def residue(kappa: ArrayLike, p: int, q: int) -> float:
     Returns
     -------
     float
-        0 if R vanishes to rounding. NaN if the orbit is not found, which says nothing about the
+        0 if R vanishes to rounding. NaN if the orbit is not found, which implies nothing about the
         circles near p/q; `action.ordered_orbits` says why.
 
     Examples
@@ -128,7 +129,7 @@ def critical_scale(
     """Compute the scale at which the circle of ω breaks on κ = start + s·profile, s ≥ 0.
 
     The `crossings` of the residues of its convergents are extrapolated by Aitken's rule: those of
-    minimax orbits, and with three kicks or more of minimizing orbits too.
+    minimax orbits and, with three kicks or more, also those of minimizing orbits.
 
     Parameters
     ----------
@@ -137,13 +138,14 @@ def critical_scale(
     profile : array_like, shape (P,)
         Direction of the ray.
     q_max : int
-        Longest period used, up to 10⁶. For noble ω 1500 gives nine digits, 6000 twelve.
+        Longest period used, up to 10⁶. For noble ω 1500 gives nine digits, 6000 eleven.
     start : array_like, shape (P,), optional
-        Where the segment starts; default 0. The circle should exist there: the result is the first
-        breakup in steps of a fiftieth of the twist region, |κ| < 2.
+        Start of the segment; default 0. The circle should exist there: the result is the first
+        breakup, found in steps of a fiftieth of the twist region, |κ| < 2.
     between : pair of floats, optional
-        Scales known to enclose the breakup. They replace that search; NOT_CONVERGED if residues do
-        not cross between them, because the orbits are too short.
+        Scales known to enclose the breakup. They replace that search. Status NOT_CONVERGED,
+        OUTSIDE or NO_BREAKUP if residues do not cross between them, because the orbits are too
+        short or the breakup is elsewhere.
     settings : ResidueSettings
         Which residues show a breakup, and which orbits are compared.
 
@@ -160,9 +162,9 @@ def critical_scale(
 
     Notes
     -----
-    `_limit` estimates the error. Next to a cusp it is doubled, up to four times the period from
-    which orbits resolve the cusp. With two families it is at least their difference. Residues of
-    long orbits decrease with q just below the value, and increase just above it.
+    `_limit` estimates the error. Next to a cusp it is doubled until periods reach four times that
+    from which orbits resolve the cusp. With two families it is at least their difference. Residues
+    of long orbits decrease with q just below the value, and increase just above it.
 
     Examples
     --------
@@ -196,8 +198,8 @@ def crossings(
     Returns
     -------
     q, scales : ndarrays, shape (n,)
-        The longer of the two periods, and the crossing. Empty without an answer; `critical_scale`
-        says why.
+        The longer of the two periods, and the crossing. Empty without a result; the status of
+        `critical_scale` says why.
 
     Examples
     --------
@@ -271,7 +273,7 @@ def _residue(orbits, n, scale):
 def _residues_decay(orbits, shorter, longer, scale):
     """Return whether the longer of two minimax orbits has the smaller residue.
 
-    False if orbits are lost far beyond the breakup; None if one is lost that ought to be found.
+    False if orbits are lost far beyond the breakup; None if one is lost that should be found.
     """
     try:
         residues = [_residue(orbits, n, scale) for n in (shorter, longer)]
@@ -341,7 +343,7 @@ def _crossings(orbits, omega, kind, near, limits, settings):
         if isinstance(scale, Status):
             if len(crossings) >= n_needed:
                 break  # longer orbits are out of reach; there are enough without them
-            # Near a cusp the shortest orbits are not yet on the way to the limit: start afresh.
+            # Near a cusp the shortest orbits do not converge to the limit yet: start again.
             crossings, status = [], scale
             n_disordered += scale is Status.DISORDERED
             if n_disordered > period + 1:
@@ -364,7 +366,7 @@ def _crossings(orbits, omega, kind, near, limits, settings):
 def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
     """Return the scale at which two orbits of a kind have the same residue, or a Status.
 
-    The search starts where the `crossings` of shorter orbits lead to, or at `near`.
+    The search starts at the scale that the `crossings` of shorter orbits predict, or at `near`.
     """
     unit, pair, evaluations = 1 / np.abs(orbits.profile).max(), (shorter, longer), []
 
@@ -375,7 +377,7 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
             if error.is_far_beyond:
                 return 100.0  # as where both overflow
             raise
-        # Far below the breakup both are rounding, even in sign.
+        # Far below the breakup both are rounding errors, even their signs.
         if min(residues) <= settings.min_residue:
             return -100.0
         if max(residues) == inf:
@@ -394,9 +396,9 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
         bracket = _bracket(excess, near, width, *limits)
         if isinstance(bracket, Status):
             return bracket
-        # Eight steps suffice for a smooth excess, and none for one that jumps.
+        # Eight steps suffice for a smooth excess; no number suffices for one that jumps.
         scale = root(excess, *bracket, precision, max_steps=16)
-        # A secant step with refined residues goes on where rounding ended the search.
+        # A secant step with refined residues continues where rounding ended the search.
         near = 1e6 * precision
         for beside in (0.1 * near, -0.1 * near):
             steps = [(s - scale, f) for s, f in evaluations if 0.01 * near < abs(s - scale) < near]
@@ -406,17 +408,17 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
             return Status.DISORDERED
         slope = steps[0][1] / steps[0][0]
         residues = [orbits.at(n, scale, kind).refined_residue() for n in pair]
-        if np.abs(residues).min() < 10 * settings.min_residue:  # the crossing is that of -100 above
+        if np.abs(residues).min() < 10 * settings.min_residue:  # the crossing is due to -100 above
             return Status.NOT_CONVERGED
         remainder = _logarithm(*residues)
         if abs(remainder) > settings.max_log_ratio:
             return Status.DISORDERED
         step = -remainder / slope
-        if abs(step) > 1e-3 * near:  # of the longest orbits rounding moves the slope too
+        if abs(step) > 1e-3 * near:  # for the longest orbits rounding affects the slope too
             residues = [orbits.at(n, scale + step, kind).refined_residue() for n in pair]
             step *= remainder / (remainder - _logarithm(*residues))
         return scale + step
-    except (LostError, ValueError):  # of `root`, which met another orbit on its way back
+    except (LostError, ValueError):  # from `root`, which met another orbit on its way back
         return Status.DISORDERED
 
 
@@ -446,9 +448,9 @@ def torus_scale(
 ) -> CriticalScale:
     """Compute where a torus of the rotating map breaks, from the residue of one long orbit.
 
-    The orbit has the rotation vector (p/q, Ω): κ_n = s·(κ̄ + Δκ cos 2πnΩ), and p/q per kick. If
-    both fractions are close to an incommensurate pair, it approximates the two-dimensional torus of
-    that pair, and its residue changes from tiny to huge where the torus breaks.
+    The orbit has the rotation vector (p/q, Ω): κ_n = s·(κ̄ + Δκ cos 2πnΩ), and p/q turns per kick.
+    If both fractions are close to an incommensurate pair, it approximates the two-dimensional torus
+    of that pair, and its residue changes from tiny to huge where the torus breaks.
 
     Parameters
     ----------
@@ -462,9 +464,9 @@ def torus_scale(
     CriticalScale
         value : scale at which |R| of either symmetric orbit first reaches 1/4, in steps of a
         hundredth of the range |κ| < 2. error : the distance to |R| = 1, or to where the orbit is
-        lost; at least 2·value/√N for an orbit of N kicks, which resolves the torus to 1/√N turns
-        only. omega is that per period of the forcing. lower and upper are NaN. Status DISORDERED if
-        the orbit is lost earlier.
+        lost; at least 2·value/√N for an orbit of N kicks, which resolves the torus only to 1/√N
+        turns. omega : the rotation number per period of the forcing. lower and upper are NaN.
+        Status DISORDERED if the orbit is lost earlier.
 
     Notes
     -----
@@ -483,7 +485,7 @@ def torus_scale(
     exact_omega = rational(fraction("omega", omega) * profile.size)
     (short,), number = shorten([profile], exact_omega)
     (*_, turns) = convergents(number)
-    # x_0 is on a symmetry line, which holds it: forcings of cosines read the same both ways from 0.
+    # x_0 stays on a symmetry line, because forcings of cosines are the same both ways from 0.
     arguments = (chain := Chain(short.size, turns)), (0 * short, short), 0, 0
     orbits = [Orbit(*arguments, np.full(chain.n_sites, a), 0.0, 0.0) for a in (0.0, 0.5)]
 
@@ -531,8 +533,8 @@ def _limit(scales, period, ratio):
     The value is Aitken's, from the last crossings a period apart, and converges like |ratio|^(3/2)
     per period. The error is the largest difference of consecutive values over a whole period and
     one more, each scaled by how much it should have shrunk by now; with fewer of them, also the
-    difference to the value by the last step and the ratio. If Aitken's ratio is not near `ratio`,
-    or not known, that latter is the value, and the error is at least as large as the last two
+    difference from the value by the last step and the ratio. If Aitken's ratio is not near `ratio`,
+    or not known, that latter value is used, and the error is at least as large as the last two
     steps.
     """
     ends = range(len(scales), 2 * period, -1)[: period + 2]

@@ -68,7 +68,7 @@ class Plane:
     Raises
     ------
     ValueError
-        If a field is something else; the message names it.
+        If a field is invalid; the message names it.
 
     Examples
     --------
@@ -118,7 +118,7 @@ class Plane:
 
     @property
     def record(self) -> dict[str, str]:
-        """Attributes of results: `plane`, all fields as JSON text, and digits of its SHA-256."""
+        """Attributes of results: `plane`, all fields as JSON; `plane_hash`, from their SHA-256."""
         fields = asdict(self)
         return {"plane": json.dumps(fields), "plane_hash": with_sha256(fields)["sha256"][:12]}
 
@@ -245,7 +245,7 @@ class Plane:
 
 
 def plane_of(record: dict[Any, Any]) -> Plane:
-    """Return the plane of a `record`, or of a dict that contains one, as the attributes of a cube.
+    """Return the plane of a `record`, or of a dict that contains one, like a cube's attributes.
 
     Examples
     --------
@@ -280,8 +280,8 @@ def rotating(frequency: Fraction | str, phase: Fraction | str | int = 0) -> Plan
 
     Notes
     -----
-    Cosines that are equal, opposite, 0 or 1 are so to the last bit. Symmetric forcings, and those
-    of a shorter period, are therefore recognized.
+    Cosines that should be equal, opposite, 0 or 1 are so to the last bit. Symmetric forcings, and
+    those of a shorter period, are therefore recognized.
 
     Examples
     --------
@@ -321,7 +321,7 @@ def three_kicks(third: float) -> Plane:
 
 
 def pairs(delay: Fraction | str) -> Plane:
-    """Return the (K, K_α) plane of two series of kicks: K at whole times, K_α a time τ later.
+    """Return the (K, K_α) plane of two series of kicks: K at integer times, K_α a time τ later.
 
     Parameters
     ----------
@@ -330,9 +330,9 @@ def pairs(delay: Fraction | str) -> Plane:
 
     Notes
     -----
-    Both strengths are in units of the period, as physicists state them: the momentum p changes by
-    (K/2π) sin 2πx, and x by p in a time of 1. In a time of 1/q it changes by y = p/q, so that the
-    forcing has q kicks, of which the first is K/q, the one a later K_α/q, and the others are 0.
+    Both strengths are in units of the period, as in the physics literature: the momentum p changes
+    by (K/2π) sin 2πx, and x by p in a time of 1. In a time of 1/q it changes by y = p/q, so that
+    the forcing has q kicks: the first is K/q, the a-th after it K_α/q, and the others are 0.
 
     References
     ----------
@@ -378,7 +378,9 @@ def from_json(text: str) -> Plane:
 
 
 def parse(text: str) -> Plane:
-    """Parse "two-kicks", "rotating:1/3,1/48" (a frequency, and a phase if it is not 0),
+    """Parse the text of a plane.
+
+    It is "two-kicks", "rotating:1/3,1/48" (a frequency, and a phase if it is not 0),
     "three-kicks:0.2" or "pairs:1/3".
 
     Raises

@@ -1,6 +1,7 @@
-"""The self-consistent map: strength and phase of the kicks are a mean field of the particles.
+"""The self-consistent map: a mean field of the particles sets the kicks' strength and phase.
 
-M particles of weights γ_i and a wave of amplitude κ and phase θ. One kick takes (x, y; κ, θ) to
+Consider M particles with weights γ_i, and a wave with amplitude κ and phase θ. One kick takes
+(x, y; κ, θ) to
 
     κ' = √(κ² + η²) + η,            η = -Σ_i γ_i sin 2π(x_i - θ),
     y_i' = y_i + (κ'/2π) sin 2π(x_i - θ),     x_i' = x_i + y_i',
@@ -17,9 +18,10 @@ F(x, θ; p', J') = Σ_i (x_i p_i' + p_i'²/2γ_i) + (θ - Ω) J' + κ'C/4π², a
 
     2π Σ_i γ_i y_i + κ²/2 = constant                                             (`momentum`).
 
-With all γ = 0 the map is M standard maps, to the last bit. For η < 0 the sum in κ' cancels, and κ'
-is computed as κ²/(√(κ² + η²) - η). η and C are summed in blocks, pairwise in each, on one thread,
-by operations that IEEE 754 fixes to the last bit: results do not depend on the machine.
+With all γ = 0 the map is M standard maps, to the last bit. For η < 0 the sum in κ' suffers from
+cancellation, so κ' is computed as κ²/(√(κ² + η²) - η). η and C are summed in blocks, pairwise
+within each, on one thread, by operations that IEEE 754 fixes to the last bit: results do not depend
+on the machine.
 """
 
 from dataclasses import dataclass
@@ -41,7 +43,7 @@ __all__ = ["Record", "evolve", "momentum"]
 MAX_KICKS = 10**9
 
 MIN_AMPLITUDE = 1e-100
-"""Least amplitude to start from: κ² must not vanish."""
+"""Smallest initial amplitude: κ² must not vanish."""
 
 _BLOCK_SIZE = 256  # particles whose terms are summed pairwise; a power of two
 
@@ -109,7 +111,7 @@ def evolve(
     Returns
     -------
     Record
-        To continue, start from its x, y, kappa[-1] and phase: two runs then equal one, bit by bit.
+        To continue, start from its x, y, kappa[-1] and phase: two runs then equal one, bit for bit.
 
     Raises
     ------
@@ -120,7 +122,7 @@ def evolve(
 
     Examples
     --------
-    With weights 0 the map is the standard map, kicked with the amplitude.
+    With zero weights the map is the standard map; its kicks have strength `amplitude`.
 
     >>> from nasm.self_consistent import evolve
     >>> record = evolve([0.25], [0.1], 0.0, 0.5, 3)
@@ -157,7 +159,7 @@ def momentum(y: ArrayLike, gamma: ArrayLike, amplitude: float) -> float:
     Parameters
     ----------
     y, gamma : array_like
-        Momenta of the particles and weights; their shapes broadcast.
+        Momenta and weights of the particles; their shapes broadcast.
     amplitude : float
         κ.
 

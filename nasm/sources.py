@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # it is hashlib's type for all its objects
+if TYPE_CHECKING:  # the type of all hash objects of hashlib
     from hashlib import _Hash
 
 __all__ = ["are_unchanged", "digest"]
@@ -44,7 +44,7 @@ _AT_IMPORT = _current()
 
 
 def are_unchanged() -> bool:
-    """Return True if the files exist and are those of the time of import.
+    """Return True if the files exist and have not changed since import.
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""Starts that survive converse KAM longest, and the rotation number that they show.
+"""Starts that survive converse KAM longest, and the rotation numbers of their orbits.
 
 Converse KAM eliminates every start beyond the breakup in a number of steps that grows as the
-breakup comes near. The *longest-lived start* is close to the remains of the last circle, and the
-weighted Birkhoff average of its orbit is a rotation number to some six digits: the nobles near it
+breakup is approached. The *longest-lived start* is close to the remains of the last circle, and the
+weighted Birkhoff average of its orbit is a rotation number to about six digits: the nobles near it
 are candidates for the last circle.
 """
 
@@ -24,7 +24,7 @@ __all__ = ["eliminates", "longest_lived", "longest_lived_start"]
 
 LONGEST_LIFETIME = 1.6
 """Steps, times the relative distance beyond the breakup, in which converse KAM eliminates all
-starts: twice those of `transversal.EXCESS_BOUNDS`, as some orbits linger."""
+starts: about twice those of `transversal.EXCESS_BOUNDS`, as some orbits linger."""
 
 
 def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLived:
@@ -37,7 +37,7 @@ def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLi
     n_max : int
         Most steps (periods of the forcing).
     until : float
-        The `time.thread_time` from which on a start on a transversal is called a survivor.
+        The `time.thread_time` after which a start on a transversal counts as a survivor.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLi
 
 
 def longest_lived_start(kappa: ArrayLike, n_max: int) -> tuple[float, float, float]:
-    """Find the start by `longest_lived`, and move it to the start of its period.
+    """Find the start by `longest_lived`, and move it to the beginning of its period.
 
     Beyond the breakup it is close to the remains of the last circle.
 
@@ -68,7 +68,7 @@ def longest_lived_start(kappa: ArrayLike, n_max: int) -> tuple[float, float, flo
     x, y : float
         The start.
     steps : float
-        Steps until it is eliminated; inf if a start survives n_max steps, and it is one of those.
+        Steps until it is eliminated; inf if starts survive n_max steps, of which this is one.
 
     Examples
     --------
@@ -88,8 +88,8 @@ def longest_lived_start(kappa: ArrayLike, n_max: int) -> tuple[float, float, flo
 def eliminates(kappa: ArrayLike, n_max: int) -> bool:
     """Return True if converse KAM eliminates all starts within n_max steps.
 
-    The starts are on the dominant line, or without one on a transversal. That is strong evidence,
-    not a proof, that no circle exists.
+    The starts are on the dominant line or, if there is none, on a transversal. That is strong
+    evidence, not a proof, that no circle exists.
 
     Examples
     --------
@@ -116,11 +116,12 @@ def candidates(
     start : LongestLived
         Start of the orbit.
     n : int
-        Steps.
+        Steps to average over.
     distance : float
-        Of a noble from that average, relative to it, at most. The average is good to six digits.
+        Of a noble from that average, in turns per period, at most. The average is good to six
+        digits.
     number : int
-        Nobles to return at most, the simplest, of each kind.
+        Most nobles to return of each kind, the simplest ones.
 
     Returns
     -------

@@ -169,7 +169,7 @@ def ray(angle: ArrayLike) -> FloatArray:
 
 
 def equivalent_forcings(vectors: FloatArray) -> Iterator[tuple[int, FloatArray]]:
-    """Apply all alternations, reversals, negations and shifts to the rows of `vectors`, alike.
+    """Apply every alternation, reversal, negation and shift to all rows of `vectors` alike.
 
     Yield (shift of ω, image of the rows); first the images for which ω is unchanged.
     """
@@ -186,7 +186,7 @@ def dominant_centre(kappa: ArrayLike) -> tuple[float, float]:
     """Find the symmetry centre whose orbits are the minimax ones, R > 0, for all ω if one exists.
 
     The centre is on a site with the largest |κ|, at x = 1/2 if κ > 0 there and at x = 0 if κ < 0.
-    Without such a site it is a centre between two sites, and the sum of all κ decides on x.
+    Without such a site it is a centre between two sites, and the sum of all κ determines x.
 
     Parameters
     ----------
@@ -284,7 +284,7 @@ def shorten(
     Parameters
     ----------
     forcings : sequence of array_like, shape (P,)
-        Forcings of one period, which are shortened alike.
+        Forcings of the same period, all shortened in the same way.
     omega : RotationNumber or str
         Rotation number per P kicks.
 
@@ -328,7 +328,7 @@ def half_shift_nobles(
     width : float
         Largest distance from `value`, > 0.
     n : int
-        Most numbers to return.
+        Maximum number of rotation numbers to return.
     max_distance : float
         Distance from κ_{j+P/2} = -κ_j, relative to the largest strength, up to which these circles
         break last; at 10⁻⁴ others do.
@@ -392,7 +392,7 @@ def distances_to_shorter(kappa: ArrayLike, rounding: float = 1e-15) -> FloatArra
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     rounding : float
-        Distance from antiperiodic forcings that the rounding of cosines explains.
+        Distance from antiperiodic forcings that is explained by the rounding of cosines.
 
     Returns
     -------
@@ -417,8 +417,10 @@ def _distance_to_antiperiodic(kappa: FloatArray) -> float:
 
 
 def _shortest(kappas: FloatArray) -> tuple[int, int, FloatArray]:
-    """Return the shortest period of forcings, rows of an array; the spacing m of the kicks whose
-    signs must alternate for it, or 0; and the rows of that period."""
+    """Return (period, spacing, rows) of the shortest period of forcings, the rows of an array.
+
+    The spacing m is that of the kicks whose signs must alternate to reach this period, or 0.
+    """
     exact = (
         (length, spacing, rows) for change, length, spacing, rows in _shorter(kappas) if change == 0
     )
@@ -426,11 +428,12 @@ def _shortest(kappas: FloatArray) -> tuple[int, int, FloatArray]:
 
 
 def _shorter(kappas: FloatArray) -> Iterator[tuple[float, int, int, FloatArray]]:
-    """Yield, for each shorter period, the largest change of a strength that leads to it, the
-    period, the spacing and the rows as `_shortest` returns them.
+    """Yield (change, period, spacing, rows) for each shorter period.
 
-    Forms of a shorter period: the forcings themselves, periodic; and, for each spacing m, the sites
-    m apart that include the largest |κ|, with alternating signs and all others 0.
+    `change` is the largest change of a strength that leads to that period; the others are as
+    `_shortest` returns them. Forms of a shorter period are the forcings themselves, made periodic,
+    and, for each spacing m, the sites m apart that include the largest |κ|, with alternating signs
+    and all others 0.
     """
     period, size = kappas.shape[1], np.abs(kappas)
     largest = int(size.max(axis=0).argmax())
@@ -458,7 +461,7 @@ def _divisors(n: int) -> list[int]:
 def per_period(
     omega: RotationNumber, profile: FloatArray, short: FloatArray, zero: RotationNumber
 ) -> RotationNumber:
-    """Convert ω of a shortened forcing to one per period of the long forcing, in [0, P/2].
+    """Convert ω of a shortened forcing to ω per period of the long forcing, in [0, P/2].
 
     Parameters
     ----------
@@ -467,7 +470,7 @@ def per_period(
     profile, short : ndarrays, shapes (P,) and (P',)
         The forcing, and its shorter form by `shorten`.
     zero : RotationNumber
-        ω under `short` of what is ω = 0 under `profile`.
+        ω under `short` that corresponds to ω = 0 under `profile`.
 
     Examples
     --------

@@ -26,7 +26,7 @@ def omega_text(number: RotationNumber, period: int) -> str:
 
 
 def status_text(status: Enum) -> str:
-    """Write a status as its name, with the reason and the cure unless it is OK.
+    """Write a status as its name, with the reason and the remedy unless it is OK.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def status_text(status: Enum) -> str:
 
 
 def html_table(rows: Mapping[str, str], caption: str = "") -> str:
-    """Write a table of two columns as HTML, without the rows that are empty.
+    """Write a table of two columns as HTML, without empty rows.
 
     Examples
     --------

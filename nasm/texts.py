@@ -1,7 +1,7 @@
 """Numbers as text: parse "0.525", "3/8" and "1e-3", and write values with their errors.
 
-Texts may come from strangers, and a short one can denote a number too large to compute with:
-1e-99999999 has a denominator of 10⁸ digits. So digits are counted before a text is converted.
+Texts may come from untrusted sources, and a short one can denote a number too large to compute
+with: 1e-99999999 has a denominator of 10⁸ digits. So digits are counted before a text is converted.
 """
 
 import re
@@ -21,7 +21,7 @@ __all__ = [
 ]
 
 MAX_DIGITS = 100
-"""Most digits of an integer in a text, and of a decimal number on either side of its point."""
+"""Maximum number of digits of an integer, and of a decimal number on either side of its point."""
 
 _DIGITS = rf"\d{{1,{MAX_DIGITS}}}"
 _DECIMAL = rf"(?:{_DIGITS}(?:\.(?:{_DIGITS})?)?|\.{_DIGITS})"
@@ -103,17 +103,17 @@ def short_repr(value: object) -> str:
     """
     try:
         return abbreviate(repr(value))
-    except ValueError:  # Python writes no integers of more than 4300 digits
+    except ValueError:  # Python refuses to write integers of more than 4300 digits
         return "an integer of thousands of digits"
 
 
 def abbreviate(text: str) -> str:
-    """Cut a text of more than 80 characters to its beginning and its length."""
+    """Shorten a text of more than 80 characters to its beginning and its length."""
     return text if len(text) <= _MAX_LENGTH else f"{text[:40]}… ({len(text)} characters)"
 
 
 def rounded_value(value: float, error: float) -> str:
-    """Write a value with its error: both down to the second digit of the error.
+    """Write a value with its error, both rounded to the second digit of the error.
 
     Examples
     --------
@@ -130,7 +130,7 @@ def rounded_value(value: float, error: float) -> str:
 def rounded_bracket(lower: float, upper: float) -> tuple[str, str]:
     """Write the ends of a bracket, rounded outwards to the second digit of its width.
 
-    An end that is NaN is an empty text, and the other one has six digits.
+    An end that is NaN becomes an empty text, and the other one then has six digits.
 
     Examples
     --------

@@ -27,7 +27,7 @@ from nasm.tables import html_table, omega_text
 from nasm.texts import rounded_bracket, rounded_value
 from nasm.types import FloatArray
 
-if TYPE_CHECKING:  # 0.2 s to import, and mostly not needed
+if TYPE_CHECKING:  # 0.2 s to import, and rarely needed
     from nasm.proofs.barrier import BarrierProof
     from nasm.proofs.transport import TransportProof
 
@@ -36,29 +36,32 @@ __all__ = ["Answer", "Evidence", "Verdict", "VerdictSettings", "verdict"]
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """How hard a verdict is tried.
+    """How much effort `verdict` makes.
 
     Attributes
     ----------
     first_tol : float
-        Tolerance of the boundary at first, with three kicks or more.
+        First tolerance of the boundary, with three or more kicks.
     clear_distance : float
-        Distance |value - 1| of the forcing from the boundary from which `first_tol` is enough.
+        Distance |value - 1| of the forcing from the boundary above which `first_tol` suffices.
     tols : tuple of float
-        Tolerances of the boundary, in turn, until its error is less than the distance.
+        Tolerances of the boundary, tried in turn until its error is less than the distance.
     unrelated_ratio : float
-        Lower scale of the boundary from which a tighter tolerance cannot change the verdict.
+        Lower end of the boundary's bracket above which a tighter tolerance cannot change the
+        verdict.
     min_steps, max_steps : int
-        Steps of converse KAM: the most take a second or two, and reach to 4·10⁻⁶ above the
+        Steps of converse KAM: max_steps take a second or two, and suffice down to 4·10⁻⁶ above the
         boundary.
     max_points : int
-        Points of a circle that is further than the first of `tols` from its breakup.
+        Maximum number of points of a circle that is farther from its breakup than the first of
+        `tols`.
     min_distance : float
-        Distance below the boundary under which certificates fail, after 5 s.
+        Distance below the boundary within which certificates fail, after 5 s.
     proof_seconds : float
         CPU seconds of a proof.
     n_orbits, n_kicks : int
-        Orbits, and kicks of each, of direct iteration under long periods; some CPU seconds.
+        Orbits of direct iteration under long periods, and kicks of each; they take a few CPU
+        seconds.
 
     Examples
     --------
@@ -150,11 +153,12 @@ class Verdict(Result):
     proof : BarrierProof, TransportProof or None
         The proof that was tried, proved or not.
     proved_below : float
-        A barrier is proved to exist under s·kappa for 0 ≤ s ≤ proved_below. NaN if not tried.
+        A barrier is proved to exist under s·kappa for 0 ≤ s ≤ proved_below. 0 if no
+        proof succeeded in the time given, NaN if none was tried.
 
     Notes
     -----
-    Verdicts compare by their contents, NaN equal to NaN. They contain arrays and cannot be hashed.
+    Verdicts compare by value, with NaN equal to NaN. They contain arrays and cannot be hashed.
     """
 
     kappa: FloatArray
@@ -194,7 +198,9 @@ class Verdict(Result):
         if self.proof is not None:
             rows["proof"] = self.proof.reason
         if isfinite(self.proved_below):
-            rows["barrier proved up to"] = f"{self.proved_below:.10g} times the forcing"
+            below = f"{self.proved_below:.10g} times the forcing"
+            nothing = "no scale, in the time given"
+            rows["barrier proved up to"] = below if self.proved_below else nothing
         return html_table(rows, f"Verdict: {self.answer.name}")
 
     def _breakup(self) -> str:
@@ -207,8 +213,8 @@ def verdict(
 ) -> Verdict:
     """Decide whether a barrier exists under a forcing, or transport is global.
 
-    1. Find the boundary on the ray through kappa, more precisely the nearer it is to kappa; with
-       three kicks or more to 1% first.
+    1. Find the boundary on the ray through kappa, the more precisely the nearer it is to kappa;
+       with three or more kicks, to 1% first.
     2. Below it, certify the circle under kappa itself, unless converse KAM eliminates all starts.
     3. Above it, apply converse KAM under kappa itself, with as many steps as the distance needs.
     4. With `prove`, prove that the circle exists, and up to which multiple of kappa; or that
@@ -222,14 +228,14 @@ def verdict(
     prove : bool
         Evidence is CIRCLE_PROVED or TRANSPORT_PROVED if a proof succeeds.
     settings : VerdictSettings
-        How hard a verdict is tried.
+        How much effort is made.
 
     Returns
     -------
     Verdict
         UNDECIDED at relative distances from the boundary of less than 1.5·10⁻⁵ below it or 4·10⁻⁶
-        above it, and where the methods fail or contradict each other; its boundary then has the
-        bracket.
+        above it, and where the methods fail or contradict each other; its boundary then contains
+        the bracket.
 
     Raises
     ------
@@ -269,7 +275,7 @@ def verdict(
         if tol == first_tol and not abs(boundary.value - 1) > settings.clear_distance:
             continue
         if abs(boundary.value - 1) <= boundary.error and tol > settings.tols[-1]:
-            continue  # a tighter tolerance before deciding
+            continue  # try a tighter tolerance before deciding
         end = boundary.value if np.isfinite(boundary.value) else boundary.upper
         if end < 1:
             steps = _kicks_to_eliminate(short, end, settings) / kappa.size
@@ -313,8 +319,8 @@ def verdict(
 def _kicks_to_eliminate(kappa: FloatArray, boundary: float, settings: VerdictSettings) -> float:
     """Return the kicks in which converse KAM eliminates all starts; inf if some survive.
 
-    The steps are those that suffice beyond most boundaries, and 4 and 16 times as many: next to
-    bands in which circles break and come back starts survive longer.
+    Try as many steps as suffice beyond most boundaries, then 4 and 16 times as many: next to bands
+    in which circles break and reappear, starts survive longer.
     """
     max_steps = settings.max_steps
     first = max(survivors.LONGEST_LIFETIME / (1 / boundary - 1), settings.min_steps)
@@ -345,7 +351,7 @@ def _verdict_on_long_period(
     if answer is Answer.TRANSPORT:
         boundary = replace(boundary, upper=min(boundary.upper, 1.0))
     proof = None
-    if prove:  # which says what the theorem needs
+    if prove:  # the outcome states what the theorem needs
         seconds = settings.proof_seconds
         answer, evidence, proof = _prove(kappa, short, None, answer, evidence, seconds)
     return Verdict(kappa, answer, evidence, boundary, steps=steps, proof=proof)

@@ -1,4 +1,4 @@
-"""What a bug report needs: the versions of this program, of Python and of the libraries in use."""
+"""Information for bug reports: versions of this program, of Python and of the libraries in use."""
 
 import os
 import platform
@@ -13,7 +13,7 @@ __all__ = ["show_versions"]
 
 
 def show_versions() -> None:
-    """Print the versions that a bug report needs, one to a line.
+    """Print the versions that a bug report needs, one per line.
 
     They are those of this program and of Python, the machine, and all libraries that the program
     or one of its extras may use; "not installed" marks those of extras that are absent. `digest`

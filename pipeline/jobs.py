@@ -1,10 +1,10 @@
 """Jobs for `pipeline.fill`: one cube each, and the functions that compute its tiles.
 
-Arguments are checked here. A cube has the name and the settings of the command's, so that `fill`
-goes on with what `python -m workflows.NAME` has begun, and the command with what `fill` has.
+Arguments are checked here. A cube has the same name and settings as that of the command, so that
+`fill` resumes what `python -m workflows.NAME` has begun, and vice versa.
 
-Planes are texts as for --plane, like "rotating:1/3" (`nasm.planes.parse`), or Planes; angles are
-directions of rays in them, in degrees.
+A plane is a Plane or a text as for --plane, like "rotating:1/3" (`nasm.planes.parse`). Angles are
+directions of rays in the plane, in degrees.
 """
 
 import functools
@@ -39,7 +39,7 @@ P = ParamSpec("P")
 
 
 def _recorded(maker: Callable[P, Job]) -> Callable[P, Job]:
-    """Return the maker whose jobs have the text of their call, for the `history` of the cube."""
+    """Wrap a maker so that its jobs store the text of their call, for the cube's `history`."""
 
     @functools.wraps(maker)
     def record(*args: P.args, **options: P.kwargs) -> Job:
@@ -53,7 +53,7 @@ def _recorded(maker: Callable[P, Job]) -> Callable[P, Job]:
 
 
 def _text(argument: object) -> str:
-    """Return an argument as a short text: a list or number itself, else its name or kind."""
+    """Return an argument as a short text: the value of a list or number, else its name or type."""
     if isinstance(argument, np.ndarray | np.generic):
         argument = argument.tolist()
     if argument is None or isinstance(argument, str | float | int | list | tuple | range | dict):
@@ -84,9 +84,9 @@ def escape(
     n_orbits : int or sequence of int
         Orbits per forcing, 1 to 10⁸; several increasing numbers are nested ensembles.
     precision : {"double", "single"}
-        Of the arithmetic; single is 2.5 times faster, and allowed up to 10⁶ steps.
+        Floating-point precision; `single` is 2.5 times faster and allowed up to 10⁶ steps.
     tile : int
-        Cells along each side of a tile, at least.
+        Minimum number of cells along each side of a tile.
 
     Examples
     --------
@@ -122,26 +122,27 @@ def over_plane(
     seconds: float = 1e-3,
     tile: int = 8,
 ) -> Job:
-    """Return the Job of a function of your own over a plane of forcings: a cube of its name.
+    """Return the Job of your own function over a plane of forcings; the cube has its name.
 
     Parameters
     ----------
     function : callable
         κ, an array of the P strengths of a forcing → a number, or a sequence of one number for each
-        variable. It is sent to the workers with what it names of your own; the packages that it
-        imports must be installed there. The cube holds a digest of its text, and of the functions,
-        modules and constants of your own that it names: changed ones are refused.
+        variable. It is sent to the workers together with your own code that it refers to; the
+        packages that it imports must be installed there. The cube holds a digest of its text, and
+        of the functions, modules and constants of your own that it refers to; it is refused if one of
+        these has changed.
     plane : Plane or str
         The plane of forcings.
     first, second : Axis or str
         Cells along its two axes, "LO:HI:N".
     variables : mapping of str to str, optional
-        Name and description of each number. By default one, with the name of the function and the
-        first line of its docstring.
+        Name and description of each number; by default a single one, with the name of the function
+        and the first line of its docstring.
     seconds : float
-        CPU seconds of one forcing: many cheap ones are computed together.
+        CPU seconds per forcing; cheap forcings are computed many at a time.
     tile : int
-        Cells along each side of a tile, at least. What is lost if a worker dies is one tile.
+        Minimum number of cells along each side of a tile. If a worker dies, one tile is lost.
 
     Examples
     --------
@@ -186,11 +187,11 @@ def frequency_map(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     x, y : Axis or str
-        Cells "LO:HI:N" in whose centres orbits start, in turns, and turns a kick.
+        Cells "LO:HI:N" at whose centres orbits start; x in turns, y in turns per kick.
     n_max : int
         Steps (periods of the forcing) to average over, 4 to 10⁹.
     tile : int
-        Cells along each side of a tile, at least.
+        Minimum number of cells along each side of a tile.
 
     Examples
     --------
@@ -207,10 +208,10 @@ def frequency_map(
 
 @_recorded
 def last_barrier(angles: ArrayLike, tol: float = 2e-5, plane: Plane | str = "two-kicks") -> Job:
-    """Return the Job of the last barrier on rays, from both sides: the cube `barrier`.
+    """Return the Job of the last barrier on rays, bracketed from both sides: the cube `barrier`.
 
-    The cube holds the rays that `angles` fold to by the symmetries of the plane;
-    `pipeline.cubes.barrier.unfolded(cube, angles)` has all rays, and the last circles as texts.
+    The cube holds the rays onto which the symmetries of the plane fold `angles`.
+    `pipeline.cubes.barrier.unfolded(cube, angles)` returns all rays, and the last circles as texts.
 
     Parameters
     ----------
@@ -232,7 +233,7 @@ def last_barrier(angles: ArrayLike, tol: float = 2e-5, plane: Plane | str = "two
 
 @_recorded
 def last_barriers(profiles: Iterable[ArrayLike], tol: float = 1e-3) -> Job:
-    """Return the Job of the last barriers of single forcings of any periods: the cube `forcings`.
+    """Return the Job of the last barriers of single forcings of any period: the cube `forcings`.
 
     Parameters
     ----------
@@ -272,10 +273,11 @@ def breakdown(
     angles : array_like
         Directions of rays, in degrees.
     tol : float or None
-        Error of the scale that continuation aims at, 10⁻⁷ to 0.1; where it does not reach it,
-        residues may: the cube `breakdown`. With None residues alone: `breakdown_residue`.
+        Target error of the scale for continuation, 10⁻⁷ to 0.1; where continuation does not reach
+        it, residues are tried: the cube `breakdown`. If None, residues alone are used: the cube
+        `breakdown_residue`.
     q_max : int
-        Longest period of the orbits of residues, 10 to 10⁶.
+        Longest period of the orbits whose residues are used, 10 to 10⁶.
     plane : Plane or str
         The plane of forcings; continuation needs one whose origin is zero.
 
@@ -328,12 +330,12 @@ def flux(barrier: xr.Dataset, excesses: ArrayLike, q_max: int = 30_000) -> Job:
     Parameters
     ----------
     barrier : xr.Dataset
-        What `fill` returns for `last_barrier`, or `unfolded` makes of it; rays without an answer
-        are left out.
+        The Dataset that `fill` returns for `last_barrier`, or that `unfolded` makes from it; rays
+        without a critical scale are omitted.
     excesses : array_like
         Scales relative to that of the breakup, minus 1; positive.
     q_max : int
-        Longest period of orbits, 100 to 10⁶; 10 over the least excess is long enough.
+        Longest period of the orbits, 100 to 10⁶; 10 divided by the least excess is long enough.
 
     Examples
     --------
@@ -354,12 +356,12 @@ def diffusion(
 ) -> Job:
     """Return the Job of the diffusion coefficient of momentum beyond the last barrier of two kicks.
 
-    It is the cube `diffusion`.
+    The cube is `diffusion`.
 
     Parameters
     ----------
     barrier : xr.Dataset
-        As for `flux`, of the plane of two kicks.
+        As for `flux`; its plane must be that of two kicks.
     excesses : array_like
         Scales relative to that of the breakup, minus 1; positive.
     n_orbits : int
@@ -393,7 +395,7 @@ def tori(vectors: Iterable[tuple[float, float]], angles: ArrayLike, tol: float =
     angles : array_like
         Directions of rays in the (κ̄, Δκ) plane, in degrees.
     tol : float
-        Error of the scale to aim at, 10⁻⁴ to 0.1.
+        Target error of the scale, 10⁻⁴ to 0.1.
 
     Examples
     --------
@@ -413,7 +415,7 @@ def tori(vectors: Iterable[tuple[float, float]], angles: ArrayLike, tol: float =
 def proved_barrier(
     angles: ArrayLike, seconds: float = 8.0, plane: Plane | str = "two-kicks"
 ) -> Job:
-    """Return the Job of proved bounds of the onset of transport: the cube `proved_barrier`.
+    """Return the Job of proved bounds on the onset of transport: the cube `proved_barrier`.
 
     It needs the extra `proof`. The theorems are in nasm/proofs/README.md.
 
@@ -422,8 +424,8 @@ def proved_barrier(
     angles : array_like
         Directions of rays, in degrees.
     seconds : float
-        CPU time for each proof of each ray, 0.1 to 10⁴. Bounds depend on the speed of the machine;
-        each of them holds.
+        CPU time for each proof on each ray, 0.1 to 10⁴. The bounds depend on the speed of the
+        machine, but each of them is valid.
     plane : Plane or str
         The plane of forcings; its origin must be zero.
 
@@ -439,19 +441,19 @@ def proved_barrier(
 
 
 def _plane(plane: Plane | str) -> Plane:
-    """Return the Plane of a text, or the Plane itself."""
+    """Return the Plane that a text describes, or the Plane itself."""
     if not isinstance(plane, Plane | str):
         raise ValueError(f"plane={plane!r} must be a Plane or a text like 'two-kicks'")
     return planes.parse(plane) if isinstance(plane, str) else plane
 
 
 def _axis(axis: Axis | str) -> Axis:
-    """Return the Axis of a text, or the Axis itself."""
+    """Return the Axis that a text describes, or the Axis itself."""
     return axis if isinstance(axis, Axis) else parse_axis(axis)
 
 
 def _angles(angles: ArrayLike) -> FloatArray:
-    """Return the angles in increasing order, each once."""
+    """Return the distinct angles in increasing order."""
     values = np.unique(np.atleast_1d(floats("angles", angles)))
     if not (values.size and np.isfinite(values).all()):
         reason = "must be finite directions in degrees, at least one"
@@ -471,7 +473,7 @@ def _irrational(omega: OmegaLike) -> RotationNumber:
 
 
 def _excesses(excesses: ArrayLike) -> list[float]:
-    """Return positive excesses in increasing order, each once."""
+    """Return the distinct positive excesses in increasing order."""
     values = np.unique(np.atleast_1d(floats("excesses", excesses)))
     if not (values.size and values[0] > 0 and np.isfinite(values).all()):
         reason = "must be finite and positive: scales over that of the breakup, minus 1"

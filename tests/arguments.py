@@ -46,7 +46,7 @@ STARTS = {
     "theta": 0.1,
     "phase": 0.0,
     "gamma": 0.1,
-    "u": np.zeros((2, 64)),  # deviations of the rotation
+    "u": np.zeros((2, 64)),  # deviations from the rotation
     "circle": circles.invariant_circle(GAMMA, (0.0, 0.0)),
 }
 COUNTS = {"n": 64, "n_max": 100, "n_orbits": 5, "n_modes": 1000, "q_max": 100, "sizes": [1]}
@@ -54,7 +54,7 @@ TOLERANCES = {"distance": 0.01, "budget": 0.1}
 AXES = {"lo": 0, "hi": 1, "text": "0:1:4"}
 GOOD = FORCINGS | NUMBERS | STARTS | COUNTS | TOLERANCES | AXES
 
-# Functions that take others.
+# Functions that take other arguments.
 OTHERS = {
     escape.first_escape: {"x": np.zeros(5)},
     orbits.orbit: {"x": np.zeros(2)},

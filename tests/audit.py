@@ -1,4 +1,4 @@
-"""Audits of proofs: programs with a changed line, and what must notice it."""
+"""Audits of proofs: programs with a changed line, and the checks that must notice it."""
 
 import ast
 import inspect
@@ -20,9 +20,9 @@ from nasm.arithmetic.lanes import fma
 
 
 def changed(source, changes):
-    """The source with each of the changes (right, wrong), each of which fits at one place.
+    """The source after the changes (right, wrong), each of which must match in exactly one place.
 
-    White space does not count, so that a line may be broken anew.
+    White space is ignored, so that a line may be wrapped differently.
     """
     for right, wrong in changes:
         tokens = re.findall(r"\w+|[^\w\s]", right)
@@ -38,13 +38,13 @@ def changed(source, changes):
 def mutant(module, *changes):
     """The module with changes of its source."""
     other = types.ModuleType("mutant")
-    with pytest.MonkeyPatch.context() as patch:  # of one key: what is imported meanwhile stays
+    with pytest.MonkeyPatch.context() as patch:  # of one key: what is imported meanwhile is kept
         patch.setitem(sys.modules, "mutant", other)  # where dataclasses look for it
         exec(changed(inspect.getsource(module), changes), vars(other))
     return other
 
 
-ULP, COS_ERROR = 2.0**-53, 2.03e-14  # of rounding; and of cos 2πx, as tests prove over its range
+ULP, COS_ERROR = 2.0**-53, 2.03e-14  # rounding; cos 2πx, as tests prove over its range
 LONGEST = 1e11  # kicks of a box
 
 
@@ -55,8 +55,10 @@ def fused(a, b, c):
 
 
 def in_python(functions, *changes, fma=fused):
-    """The last of some kernels as a Python function on floats, after changes of the sources. It
-    returns the values of the kernel, and all variables of the kernel by name."""
+    """The last of some kernels, after changes of the sources, as a Python function on floats.
+
+    It returns the values of the kernel, and all variables of the kernel by name.
+    """
     source = "".join(inspect.getsource(function.py_func) for function in functions)
     program = ast.parse(changed(source, changes))
     for definition in program.body:
@@ -77,13 +79,13 @@ def in_python(functions, *changes, fma=fused):
 
 @dataclass(frozen=True)
 class Kernel:
-    """What audits have to know of a kernel.
+    """What audits need to know about a kernel.
 
-    functions : the last of them is one kick; the others are what it calls. names : of the numbers
-    of a state. known : of what is known of an orbit, Σ factor·displacement, for each part the names
-    of the displacement, its last difference, and its sum in Q; the factors are the parameters, then
-    their products. places : (σ,) or, in cells, (σ, σ_0, σ_1) of orbits in a box. rounding : of x̂ in
-    one kick, (for |κ|, for 1).
+    functions : the last one is one kick; it calls the others. names : of the numbers of a state.
+    known : for each part of the known displacement of an orbit, Σ factor·displacement, the names of
+    the displacement, its last difference, and its sum in Q; the factors are the parameters, then
+    their products. places : (σ,) or, in cells, (σ, σ_0, σ_1) of orbits in a box. rounding : of x̂
+    in one kick, as (coefficient of |κ|, constant).
     """
 
     functions: tuple
@@ -106,11 +108,11 @@ class Kernel:
         return place + [a * b for a, b in combinations_with_replacement(place, 2)]
 
     def swapped(self, parts):
-        """Of a cell after a kick: the strengths have changed places."""
+        """The parts of a cell after a kick, by which the two strengths change places."""
         return [parts[i] for i in (0, 2, 1, 3, 5, 4, 8, 7, 6)] if self.cells else parts
 
     def sources(self, state, k, spread, sine, cosine):
-        """What a kick adds to the last differences, but for κ cos times the displacements."""
+        """What a kick adds to the last differences, apart from κ cos times the displacements."""
         moves = [state[name] for name, *_ in self.known[: len(self.places[0])]]
         widths = [spread if i == 1 else arb(0) for i in range(len(moves))]
         squares, mixed = product(moves, moves), product(widths, moves)
@@ -124,12 +126,12 @@ class Kernel:
         return strengths[0] + (strengths[1] * arb(place[1]) if self.cells else arb(0))
 
     def largest(self, sums):
-        """The largest of Σ factor·sum in a box."""
+        """The largest value of Σ factor·sum in a box."""
         return sum(map(abs, sums)) if self.cells else abs(sums[0]) + sums[1].max(arb(0))
 
 
 def product(f, g):
-    """The coefficients of the product of two linear forms, as of `factors`."""
+    """The coefficients of the product of two linear forms, in the order of `factors`."""
     pairs = combinations_with_replacement(range(len(f)), 2)
     return [f[i] * g[j] + f[j] * g[i] if i < j else f[i] * g[i] for i, j in pairs]
 
@@ -139,7 +141,7 @@ def combined(factors, state, names):
 
 
 def used(value, bound):
-    """The share of the bound that a value uses, > 1 if it is larger by a single bit."""
+    """The share of the bound that a value uses, > 1 if it is larger even by a single bit."""
     if not bound > 0:
         return math.inf if value > 1e-30 else 0.0
     share = float((value / bound).mid())
@@ -147,13 +149,13 @@ def used(value, bound):
 
 
 def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
-    """What one kick makes of a state, against what it has to, in arithmetic of many digits.
+    """Compare what one kick makes of a state with what it must, in arithmetic of many digits.
 
-    strengths : k, and for cells h and those of the next kick. Returns the shares of the bounds that
-    are used, by name, > 1 where a bound is too small; of a box that is bad none.
+    strengths : k, and for cells h and those of the next kick. Returns by name the share of each
+    bound that is used, > 1 where a bound is too small; for a bad box, none.
 
-    1. Along any orbit of the box the chain holds but for a defect; A and B grow by its parts.
-    2. `rest` grows by what Q may be larger by and is not in the sums; and all of it is paid.
+    1. Along any orbit of the box the chain holds up to a defect; A and B grow by its parts.
+    2. `rest` grows by all that may enlarge Q and is not in the sums; and all of it is paid.
     3. A box that is too large, or has lost its Wronskian, is bad.
     4. y, and the last differences of all solutions, change by the kick.
     """
@@ -196,7 +198,7 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
             line -= 2 * pi * k * (sine * known + pi * cosine * straight**2)
             more = more.max(abs(change - line))
 
-    # Rounding, at worst: of x̂, of the solutions here and at the next site, of cos, and of V.
+    # Rounding, at worst, of x̂, of the solutions here and at the next site, of cos, and of V.
     rounded = a["A"] * (abs(b["w"]) + abs(b["v"]) + abs(a["v"]))
     rounded += a["B"] * (abs(b[steps1[0]]) + abs(b["t"]) + abs(a["t"]))
     rounded += sum(abs(a[name]) for name in moves)
@@ -233,13 +235,13 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     record = b["paid"] - a["paid"]
     if kernel.cells:
         shares["records"] = used(b["paid"], paid)
-    elif record > 1e-9 * a["paid"]:  # later, records are as good as their sum is rounded
+    elif record > 1e-9 * a["paid"]:  # later, records are limited by the rounding of their sum
         shares["records"] = used(record * (1 + LONGEST * ULP), payment + of_V)
     return shares
 
 
 def audit_of_kicks(kernel, *changes):
-    """The largest shares by name; it ends where a bound is too small."""
+    """Return the largest shares by name; stop where a bound is too small."""
     kick, largest = in_python(kernel.functions, *changes), {}
     for row in rows(kernel):
         for name, share in audit_of_a_kick(kernel, kick, *row).items():
@@ -250,7 +252,7 @@ def audit_of_kicks(kernel, *changes):
 
 
 def row_of_the_cube(kernel):
-    """A row in which the cube is nearly all of the defect, and W as small as may be."""
+    """A row in which the cubic term is nearly all of the defect, and W as small as allowed."""
     row = dict.fromkeys(kernel.names, 0.0)
     row |= {"x": -0.25, "y": 0.3, "v": 1.0, "V": 1.0, "t": 1e-4, kernel.known[0][1]: 1e-4}
     strengths = (1.9, 1e-10, 1.0, 0.0) if kernel.cells else (1.9,)
@@ -259,8 +261,9 @@ def row_of_the_cube(kernel):
 
 @cache
 def rows(kernel, count=400):
-    """(strengths, scale, numbers) of a kick, in which each part of the bounds is the largest now
-    and then, and nearly all that is due has been paid before.
+    """Rows (strengths, scale, numbers) of kicks that test all parts of the bounds.
+
+    Each part is the largest now and then, and nearly all that is due has been paid before.
     """
     rng, kick = np.random.default_rng(1), in_python(kernel.functions)
     found = [row_of_the_cube(kernel)]
@@ -284,7 +287,7 @@ def rows(kernel, count=400):
         for (move, step, _), part in zip(kernel.known, parts, strict=False):
             row[move] = float(part * rng.choice([-1, 1]))
             row[step] = row[move] * rng.uniform(-3, 1)
-        if spread and rng.uniform() < 0.2:  # the kick takes p where it was
+        if spread and rng.uniform() < 0.2:  # the kick leaves p where it was
             row["zp"] = -spread * math.cos(2 * math.pi * row["x"]) / (2 * math.pi)
             row["p"] = 0.0
         row |= {"A": parts[-1] / abs(row["v"]), "B": parts[-2] / abs(row["t"])}
@@ -296,7 +299,7 @@ def rows(kernel, count=400):
         if wronskian < 0:
             row |= {name: -row[name] for name in ("v", "w")}
         scale = float(1 / abs(wronskian) * rng.choice([1.0, 1.0, 1.0, 1.002]))
-        begun = rng.choice([0, 0.5])  # sums that have begun would hide what is small
+        begun = rng.choice([0, 0.5])  # sums that have begun would hide small terms
         for *_, name in kernel.known:
             row[name] = row["V"] ** 2 * size(-8, 8) * float(rng.uniform() < begun)
         row["rest"] = row["V"] ** 2 * abs(size(-12, 0)) * float(rng.choice([0, 1]))

@@ -1,4 +1,4 @@
-"""The explorer in a headless Chromium: a server as a user starts it, and pages of it."""
+"""The explorer in headless Chromium: a server, started as a user would, and its pages."""
 
 import json
 import re
@@ -17,7 +17,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 needed = pytest.mark.skipif(
     CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium"
 )
-PATIENCE = 100_000  # milliseconds, in which kernels may have to be compiled
+PATIENCE = 100_000  # milliseconds; kernels may have to be compiled first
 
 
 @pytest.fixture(scope="session")
@@ -41,7 +41,7 @@ def served(store):
 
 @pytest.fixture(scope="session")
 def store(tmp_path_factory, here, workers):
-    """A directory with escape times of a small plane, and something like the boundary."""
+    """A directory with escape times of a small plane, and a stand-in for the boundary."""
     from nasm.planes import two_kicks
     from pipeline.cubes.barrier import last_barrier
     from workflows.explore.field import View
@@ -76,8 +76,10 @@ def chromium():
 
 @contextmanager
 def pages(chromium, url):
-    """Yield a function that opens the explorer, with a query, in a tab of a width; in the end
-    close the tabs. No script may have failed."""
+    """Yield a function that opens the explorer in a tab, with a query and a width.
+
+    At the end close the tabs, and check that no script has failed.
+    """
     failures = []
 
     def opened(query="", width=1400):
@@ -99,13 +101,13 @@ def pages(chromium, url):
 def wait(tab, condition, argument=None, timeout=PATIENCE):
     """Wait until a condition in JavaScript is true.
 
-    Playwright's own way is to ask before each frame, for which frames are drawn all the time.
+    By default Playwright checks before each frame, so that frames are drawn all the time.
     """
     return tab.wait_for_function(condition, arg=argument, timeout=timeout, polling=50)
 
 
 def ready(tab, but="nothing"):
-    """Wait until nothing is computed, but for what may go on, "this|that"."""
+    """Wait until no computation is going on, except for those in `but`, "this|that"."""
     wait(tab, """(but) => {
         const line = Bokeh.documents[0].get_model_by_name("status").text
         const words = line.match(/>(.*?)( …)?</)[1].replace(/ \\(.*?\\)/g, "")
@@ -117,7 +119,7 @@ def ready(tab, but="nothing"):
 def insist(gesture, happened):
     """Repeat a gesture until happened(timeout=…), which waits for something, returns.
 
-    On a busy machine the mouse may rest for 0.3 s in it, which Bokeh takes for a long press.
+    On a busy machine the mouse may pause for 0.3 s, which Bokeh takes for a long press.
     """
     from playwright.sync_api import TimeoutError
 
@@ -130,7 +132,7 @@ def insist(gesture, happened):
 
 
 def click(tab, label, at, happened):
-    """Click in a picture, at parts of its width and height, until something has happened."""
+    """Click in a picture, at fractions of its width and height, until something has happened."""
     spot = spots(tab, label, at)[0]
     return insist(lambda: tab.mouse.click(*spot), happened)
 
@@ -149,21 +151,21 @@ def drag(tab, label, start, end, happened):
 
 
 def zoom(tab, label, at, *turns):
-    """Turn the wheel at a place of a picture; -600 shows a tenth of it."""
+    """Turn the wheel at a place in a picture; -600 zooms in by a factor of ten."""
     tab.mouse.move(*spots(tab, label, at)[0])
     for turn in turns:
         tab.mouse.wheel(0, turn)
 
 
 def spots(tab, label, *parts):
-    """Scroll to a picture; where the places at these parts of its width and height are."""
+    """Scroll to a picture; return the points at these fractions of its width and height."""
     left, top, width, height = picture(tab, label)
     return [(left + across * width, top + down * height) for across, down in parts]
 
 
 def columns(tab, name):
     """The columns of a data source of the page, as lists of flat lists."""
-    # As text, which is quicker than what Playwright does with lists of numbers.
+    # As text, which is faster than Playwright's own conversion of lists of numbers.
     return json.loads(tab.evaluate("""(name) => {
         const data = Bokeh.documents[0].get_model_by_name(name)?.data ?? {}
         const text = (x) => typeof x == "string" ? JSON.stringify(x)
@@ -174,7 +176,7 @@ def columns(tab, name):
 
 
 def picture(tab, label):
-    """Scroll to the first figure of a section: x, y, width, height of it inside its axes."""
+    """Scroll to the first figure of a section; return x, y, width and height inside its axes."""
     return tab.evaluate("""(label) => {
         const section = document.querySelector(`section[aria-label="${label}"]`)
         const find = (view) => view.model.type == "Figure" ? view

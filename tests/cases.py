@@ -1,4 +1,4 @@
-"""Tables of cases, of which the fast suite takes a third; and random continued fractions."""
+"""Tables of cases, a third of them for the fast suite; and random continued fractions."""
 
 import pytest
 from hypothesis import strategies as st
@@ -7,8 +7,10 @@ from nasm.numbers import parse
 
 
 def thirds(table):
-    """The rows of a table, a list or a dict by name, as parameters: each third row for the fast
-    suite, the others for the slow one."""
+    """Return the rows of a table, a list or a dict by name, as parameters.
+
+    Every third row is for the fast suite, the others for the slow one.
+    """
     named = table.items() if isinstance(table, dict) else ((None, row) for row in table)
     return [
         pytest.param(row, id=name and str(name), marks=[pytest.mark.slow] if i % 3 else [])
@@ -17,7 +19,7 @@ def thirds(table):
 
 
 def spell(prefix, tail=()):
-    """The text of a continued fraction."""
+    """Return the text of a continued fraction."""
     first, *rest = prefix
     parts = [*map(str, rest), *([f"({','.join(map(str, tail))})"] if tail else [])]
     return f"[{first};{','.join(parts)}]" if parts else f"[{first}]"

@@ -1,18 +1,18 @@
-"""Draw changes of one token in the programs that prove, and see whether their tests notice.
+"""Draw one-token changes of the programs that prove, and see whether their tests notice them.
 
-    python tests/changes_of_proofs.py draw 53 100   # list the first changes that a seed draws
-    python tests/changes_of_proofs.py table         # run the tests with those of a table
-    python tests/changes_of_proofs.py table 5 17    # with these, by number
+    python tests/changes_of_proofs.py draw 53 100   # list the first 100 changes drawn by seed 53
+    python tests/changes_of_proofs.py table         # run the tests with the changes of the table
+    python tests/changes_of_proofs.py table 5 17    # only with these, by number
 
-Changes are drawn from what a proof rests on: `PROVING`. What only chooses where to look, or speaks
-of what was found, is left out. A constant becomes another, a comparison, a sign or an operation its
-opposite, and a `demand` or a `raise` does nothing. Whether a change is unsound, so that something
-false could be called proved, is for people to say. changes_of_proofs.toml has what they said of the
-first changes of seed 53, in the order in which they were drawn, until 40 were unsound; after the
-sources have changed a seed draws others.
+Changes are drawn from the code on which proofs rest, `PROVING`. Code that only chooses where to
+search, or reports results, is left out. A constant becomes another, a comparison, a sign or an
+operation its opposite, and a `demand` or a `raise` does nothing. Whether a change is unsound, so
+that something false could be called proved, is a human judgement. changes_of_proofs.toml records
+these judgements for the first changes of seed 53, in the order drawn, until 40 were unsound. Once
+the sources have changed, a seed draws different changes.
 
-The changed program is in the memory of a forked process, and never on disk. Tests that change lines
-themselves do not count: their tables say only that a line is another.
+The changed program exists only in the memory of a forked process, never on disk. Tests that change
+lines themselves do not count: their tables would show only that a line differs.
 """
 
 import ast
@@ -34,10 +34,10 @@ import pytest
 
 HERE = Path(__file__).parent
 FORKED = multiprocessing.get_context("fork")
-# What tests import, but for what may be changed: once, before processes are forked.
+# What tests import, except what may be changed: imported once, before processes are forked.
 COMMON = "distributed", "hypothesis", "matplotlib.figure", "xarray", "flint", "nasm.barriers"
 PROOFS = HERE.parent / "nasm" / "proofs"
-# Of each module the functions on which proofs rest; None: all.
+# For each module, the functions on which proofs rest; None means all.
 PROVING = {
     "certificate_checker": None,
     "barrier": "_omega_ball _divisors _russmann Grid residual norm slope_modes "
@@ -48,7 +48,7 @@ PROVING = {
     "transport_cells": "prove_cell _covered _cover _bisect _start _replay _trigonometry _kick",
 }
 KERNELS = "transport", "transport_cells"
-# Tests of each module, what takes little time first.
+# Tests of each module, the quickest first.
 TESTS = {
     "certificate_checker": (
         "certificate_checker",
@@ -71,7 +71,7 @@ OTHERS = {
 
 
 class Change(NamedTuple):
-    """A token of a module, at a row and a column, and what takes its place."""
+    """A token of a module, at a row and a column, and its replacement."""
 
     module: str
     row: int
@@ -95,12 +95,12 @@ class Change(NamedTuple):
 
 
 def table():
-    """The rows of changes_of_proofs.toml."""
+    """Return the rows of changes_of_proofs.toml."""
     return tomllib.loads((HERE / "changes_of_proofs.toml").read_text(encoding="utf-8"))["change"]
 
 
 def of_row(row):
-    """The Change of a row; LookupError if its line is not there."""
+    """Return the Change of a row; LookupError if the source lacks its line."""
     lines = source(row["module"]).splitlines()
     found = [i for i, line in enumerate(lines) if line.strip() == row["right"]]
     if len(found) < row.get("occurrence", 1):
@@ -115,7 +115,7 @@ def source(module):
 
 
 def candidates(module):
-    """All changes of what a proof rests on."""
+    """Yield all changes of the code on which proofs rest."""
     text, names = source(module), PROVING[module]
     rows = {
         row
@@ -139,7 +139,7 @@ def candidates(module):
 
 
 def draw(seed, count):
-    """Changes in an order of chance, one at a place."""
+    """Return changes in random order, at most one per place."""
     found, places = [change for module in PROVING for change in candidates(module)], set()
     random.Random(seed).shuffle(found)
     chosen = []
@@ -150,14 +150,14 @@ def draw(seed, count):
             places.add(change[:3])
             try:
                 compile(change.applied(source(change.module)), "changed", "exec")
-            except SyntaxError:  # as of x[*rows]
+            except SyntaxError:  # for example of x[*rows]
                 continue
             chosen.append(change)
     return chosen
 
 
 def noticed_by(change, seconds=3600):
-    """The test that fails with the change, "" if none does, fast or slow."""
+    """Return the first test, fast or slow, that fails with the change; "" if none does."""
     ahead, behind = FORKED.Pipe(False)
     child = FORKED.Process(target=_tested, args=(change, behind))
     child.start()
@@ -196,7 +196,7 @@ def _tested(change, pipe):
 
 
 class _First:
-    """Of pytest: quick tests come first; and the first that fails."""
+    """Pytest plugin that runs quick tests first and records the first failure."""
 
     failed = ""
 
@@ -214,7 +214,7 @@ class _First:
 
 
 class _Loader(SourceFileLoader):
-    """Of a module that is changed in memory, or has kernels that others keep on disk unchanged."""
+    """Loader of a module changed in memory, or with kernels that others keep on disk unchanged."""
 
     def __init__(self, name, path, change):
         super().__init__(name, path)
@@ -225,7 +225,7 @@ class _Loader(SourceFileLoader):
         return compile(self.text, self.path, "exec", dont_inherit=True)
 
     def exec_module(self, module):
-        # Audits read the source: they see the changed one.
+        # Audits that read the source see the changed one.
         lines = self.text.splitlines(keepends=True)
         linecache.cache[self.path] = len(self.text), None, lines, self.path
         kernels = import_module("nasm.arithmetic.kernels")

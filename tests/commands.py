@@ -1,4 +1,4 @@
-"""Run commands as a user does, and look at what they leave."""
+"""Run commands as a user does, and inspect the files they leave."""
 
 import csv
 import runpy
@@ -18,21 +18,21 @@ def invoke(name, out, *options):
 
 
 def succeed(name, out, *options):
-    """Run a command that must end well; return what it prints."""
+    """Run a command that must succeed; return what it prints."""
     result = invoke(name, out, *options)
     assert result.exit_code == 0, result.output + repr(result.exception)
     return result.output
 
 
 def table(path, **where):
-    """Rows of a CSV table in which some columns have some texts."""
+    """Return the rows of a CSV table in which these columns have these texts."""
     with open(path, encoding="utf-8", newline="") as file:
         rows = csv.DictReader(file)
         return [row for row in rows if all(row[key] == text for key, text in where.items())]
 
 
 def snapshot(out):
-    """Times of all files of a directory but its lock."""
+    """Return the modification times of all files in a directory except its lock."""
     files = [path for path in out.rglob("*") if path.is_file() and path.name != ".lock"]
     return {path: path.stat().st_mtime_ns for path in files}
 

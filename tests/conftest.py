@@ -1,4 +1,4 @@
-"""What tests of commands share."""
+"""Shared fixtures of the tests."""
 
 import signal
 import uuid
@@ -15,28 +15,28 @@ from pipeline.store import place_of
 # Ctrl-C works in the tests, and in the programs that they start, however pytest was started.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Kernels compile in a first example, and on a busy machine any takes long.
+# The first example compiles kernels, and on a busy machine any example may take long.
 settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
 
 
 @pytest.fixture(scope="session", autouse=True)
 def drawn_as_sketches():
-    """Commands draw figures in full in `test_every_command`, and `test_figures` looks at them."""
+    """Draw sketches; `test_every_command` draws in full, and `test_figures` inspects figures."""
     with sketches():
         yield
 
 
 @pytest.fixture(scope="session")
 def here():
-    """What `connect` yields, with two workers that are threads of this process."""
+    """Yield what `connect` yields, with two workers that are threads of this process."""
     with toy.workers_here() as client:
         yield client
 
 
 @pytest.fixture(scope="session")
 def workers(here):
-    """Options by which all commands of a session compute on these workers."""
+    """Return the options that make all commands of a session compute on these workers."""
     return ["--scheduler", here().scheduler.address]
 
 

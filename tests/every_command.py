@@ -1,11 +1,11 @@
 """Run commands at their smallest: `every_command.py OUT COMMAND,COMMAND,… RUNS [HIDDEN ...]`.
 
-RUNS is how often each of them runs, in the same folder; after the first time whatever computes
-raises an error. HIDDEN are packages that then cannot be imported, as where an extra is not
-installed. Prints a JSON object {command: [exit code, what it printed, whether it looked for
-python-flint, faults of its figures on screen and in a column]}, of the last run with an error if
-there is one. All sweeps share two workers, threads of this process. The explorer would run until it
-is stopped, if Bokeh is not hidden.
+RUNS is how often each command runs, in the same folder; after the first run, whatever computes
+raises an error. HIDDEN are packages that cannot be imported, as if an extra were not installed.
+Prints a JSON object {command: [exit code, what it printed, whether it looked for python-flint,
+faults of its figures on screen and in a column]}, of the last run, or of the one that failed. All
+sweeps share two workers, threads of this process. The explorer would run until it is stopped, if
+Bokeh is not hidden.
 """
 
 import json
@@ -46,14 +46,14 @@ SMALLEST = {
     "status": "",
     "verify": "",
     "explore": "--no-browser",
-    # Those that can make proofs come last: the others are to end well before python-flint is there.
+    # Those that can make proofs come last: the others must succeed before python-flint is imported.
     "ask": "0.3 0.2 --prove",
     "proved_boundary": "--n-rays 2 --cpu-seconds 0.1",
     "proved_map": "--cells 32 --cpu-seconds 0.001 --distance 0.5",
     "work_precision": "--method barriers --method barrier-proof --ray 45",
 }
-AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # which keep no cubes
-LOOKING = "claims", "convergence", "proved_map"  # at some rays, a second or two, to plan sweeps
+AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # these two keep no cubes
+LOOKING = "claims", "convergence", "proved_map"  # at some rays, for a second or two, to plan sweeps
 COMPUTING = {
     "pipeline.store": ["replace"],
     "pipeline.sweep.sweep": ["_Run"],
@@ -69,7 +69,7 @@ PROVING = ("ask", "proved_boundary", "proved_map", "work_precision")
 
 
 class Hidden:
-    """A finder of modules that finds none of some packages, and notes what was looked for."""
+    """A finder of modules that hides some packages, and records what was looked for."""
 
     def __init__(self, packages):
         self.packages, self.asked = packages, set()
@@ -81,7 +81,7 @@ class Hidden:
 
 
 def compute_nothing(patch, but_look):
-    """Let all functions of COMPUTING raise an error, but those of `nasm` if `but_look`."""
+    """Make all functions of COMPUTING raise an error, except those of `nasm` if `but_look`."""
 
     def refuse(*_, **__):
         raise AssertionError("computes again what is there")
@@ -92,7 +92,7 @@ def compute_nothing(patch, but_look):
 
 
 def look_at_figures():
-    """Draw each figure in a column too, and return the list in which its faults are put."""
+    """Draw each figure in a column too, and return the list that collects its faults."""
     from figure_faults import faults
     from sketches import sketches
 

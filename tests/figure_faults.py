@@ -1,4 +1,4 @@
-"""What is wrong with a figure as a reader sees it: `faults` of a figure that was saved."""
+"""What is wrong with a saved figure as a reader sees it: `faults`."""
 
 from itertools import combinations
 
@@ -17,7 +17,7 @@ _SMALL = 3.0  # points: what is drawn smaller may be cut by an axis, or lie unde
 
 
 def faults(figure):
-    """List what a reader would complain of, in words."""
+    """List in words what a reader would complain about."""
     renderer = FigureCanvasAgg(figure).get_renderer()
     texts = _drawn(figure, renderer)
     return [
@@ -65,7 +65,7 @@ def _cut(figure, texts, renderer):
 
 
 def _overprinted(texts, renderer):
-    """Yield texts that are printed over each other; those that are slanted are left out."""
+    """Yield texts that are printed over each other; slanted texts are left out."""
     straight = [text for text in texts if text.get_rotation() % 90 == 0]
     boxes = [text.get_window_extent(renderer).padded(-1.5) for text in straight]
     for (one, box), (other, place) in combinations(zip(straight, boxes, strict=True), 2):
@@ -138,7 +138,7 @@ def _cut_markers(figure):
 
 
 def look(handle):
-    """Return what tells a legend's entry from others."""
+    """Return what distinguishes an entry of a legend from the others."""
     if isinstance(handle, Line2D):
         marker = handle.get_marker()
         inside = str(handle.get_markerfacecolor()) if marker != "None" else ""
@@ -151,7 +151,7 @@ def look(handle):
 
 
 def _alike(figure):
-    """Yield entries of one legend that differ in words alone."""
+    """Yield entries of one legend that differ only in their words."""
     for legend in figure.findobj(Legend):
         seen = {}
         for handle, text in zip(legend.legend_handles, legend.get_texts(), strict=True):

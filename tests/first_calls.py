@@ -1,7 +1,7 @@
 """Name the kernels that tiles load after a worker's first call: `first_calls.py FILE`.
 
-FILE holds a pickled Job. Prints as a JSON list the kernels that its first tiles have to load, or
-compile. A process of its own shows them: one that has planned the job may have loaded some before.
+FILE holds a pickled Job. Prints as a JSON list the kernels that its first tiles have to load or
+compile. This takes a process of its own: one that has planned the job may have loaded some already.
 """
 
 import gc

@@ -1,6 +1,6 @@
-"""Check an installed copy: run `python tests/installed.py` from elsewhere, with its Python.
+"""Check an installed copy: run `python tests/installed.py` with its Python, from another folder.
 
-Every file that the packages need is there, as it is in the checkout, and a command answers.
+Every file that the packages need is there, identical to the checkout, and a command answers.
 """
 
 import subprocess
@@ -33,7 +33,7 @@ def check_files() -> int:
 
 
 def check_command() -> str:
-    """Ask about one forcing, by the script that is installed; return its first line."""
+    """Ask about one forcing with the installed script; return the first line of its answer."""
     script = Path(sysconfig.get_path("scripts")) / "nasm-transport"
     with TemporaryDirectory() as folder:
         command = [script, "ask", "0.3", "0.2", "--out", "out"]

@@ -4,7 +4,7 @@ Of each row that is no image of another, the script shows by methods that know n
 for the last barrier
 
 1. a circle at `lower`: Newton's method in Fourier space converges on a finer grid (`nasm.circles`),
-   from circles that are continued on the ray, or from the sites of a long periodic orbit;
+   starting from circles continued along the ray or from the sites of a long periodic orbit;
 2. no circle at `upper`, and none at some scales up to 1% above: converse KAM eliminates all starts
    on a transversal within 10⁵ periods (`nasm.converse_kam`), or in rows of "proof" interval
    arithmetic proves transport (`nasm.proofs.transport`);
@@ -16,10 +16,10 @@ for the last barrier
 New rows are judged with
 
     --new CLASS PROFILE OMEGA NEAR [START]            residues of the circle OMEGA next to a scale
-    --bracket CLASS PROFILE OMEGA LOWER UPPER [START] OMEGA exists at LOWER, nothing from UPPER on
+    --bracket CLASS PROFILE OMEGA LOWER UPPER [START] OMEGA exists at LOWER, no circle from UPPER
 
 with strengths separated by spaces, and printed if the methods agree. OMEGA and the scales may come
-from anywhere.
+from any source.
 """
 
 import sys
@@ -36,39 +36,38 @@ from nasm.numbers import convergents, distinct_convergents, parse
 from nasm.proofs import transport
 
 STEPS = 100_000  # of converse KAM
-ABOVE = (0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)  # of upper: no circle there either
+ABOVE = (0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)  # relative distances above upper; no circle there either
 NEAREST = (1e-4, 3e-4, 1e-3)  # distances below a breakup at which circles are certified
-SHORTEST, SITES = 20, 6000  # period from which on residues are compared, and kicks up to which
+SHORTEST, SITES = 20, 6000  # periods of compared residues: shortest, and longest in kicks
 HULL = 60_000  # sites of the orbit from which Newton's method starts
 
 
 def eliminated(kappa, steps=STEPS):
-    """Whether converse KAM eliminates all starts that it tries."""
+    """True if converse KAM eliminates all starts that it tries."""
     if symmetry_line.has_dominant_line(kappa):
         return symmetry_line.longest_lived(kappa, steps)[1] < inf
     return transversal.longest_lived(kappa, steps).kicks < inf
 
 
 def circle_below(omega, start, profile, breakup, distance):
-    """(scale, u) of a certified circle at breakup·(1 - distance) or further in; or (nan, None)."""
+    """(scale, u) of a certified circle at or below breakup·(1 - distance), or (nan, None)."""
     return continuation.certified_circle(omega, profile, breakup, distance, start)
 
 
 def is_circle(omega, kappa):
-    """Whether Newton's method certifies the circle of ω, from the sites of a long orbit."""
+    """True if Newton's method certifies the circle of ω, from the sites of a long orbit."""
     u = hull(omega, kappa)
     return u is not None and circles.invariant_circle(omega, kappa, 65_536, u).certified
 
 
 def hull(omega, kappa):
-    """Deviations (P, n) of the sites of an orbit of a long convergent, one site of which is held;
-    None if it is lost."""
+    """Deviations (P, n) of a long convergent's orbit with one site held; None if it is lost."""
     n_kicks, strongest = kappa.size, int(np.abs(kappa).argmax())
     kappa, chains = np.roll(kappa, -strongest), []
     for fraction in distinct_convergents(omega, HULL // n_kicks):
         p, q = fraction.as_integer_ratio()
         u = np.full(q * n_kicks, 0.0 if kappa[0] > 0 else 0.5)
-        if len(chains) > 1:  # the last orbit but one, and the last as often as it takes
+        if len(chains) > 1:  # join the last orbit but one and copies of the last
             one, other = chains[-2:]
             often = (q - one[1].size // n_kicks) // (other[1].size // n_kicks)
             parts, turns = [], 0
@@ -94,7 +93,7 @@ def hull(omega, kappa):
 
 @njit
 def hold(kappa, p, q, u):
-    """Newton's method for a chain of Pq sites x_n = np/Pq + u_n, site 0 held, in place.
+    """Apply Newton's method in place to a chain of Pq sites x_n = np/Pq + u_n, with site 0 held.
 
     Returns whether it converges, the force on site 0, and Greene's residue.
     """
@@ -140,7 +139,7 @@ class MinimaxOrbits:
     """Minimax orbits of the convergents of a circle, on κ = start + s·profile.
 
     u : deviations (P, n) of the circle at a scale just below its breakup. Orbits begin where the
-    circle is stretched most, and their sites there are moved over a gap; then they are followed.
+    circle is stretched most: their site there is moved across a gap. Then they are continued.
     """
 
     def __init__(self, omega, start, profile, u):
@@ -182,13 +181,13 @@ class MinimaxOrbits:
         return np.roll(self.start + scale * self.profile, -self.site)
 
     def _moved(self, i, scale, u):
-        """The orbit next to deviations: (u, R); None if it is lost, or has R < 0."""
+        """Return (u, R) of the orbit close to deviations u; None if it is lost or has R < 0."""
         (p, q), kappa, u = self.fractions[i].as_integer_ratio(), self._kappa(scale), u.copy()
         x_before, x = u[0], u[0] + 1e-3 / q
         found, before, _ = hold(kappa, p, q, u)
         u[0] = x
         ok, force, residue = hold(kappa, p, q, u)
-        if not (found and ok and force > before):  # the action has a minimum here, no maximum
+        if not (found and ok and force > before):  # the action has a minimum here, not a maximum
             return None
         for _ in range(30):
             if abs(x - x_before) < 1e-12 / q or abs(force) < 3e-17 or force == before:
@@ -204,7 +203,7 @@ class MinimaxOrbits:
         return (u, residue) if residue > 0 else None
 
     def _sought(self, i, scale, places=16):
-        """The orbit at the highest maximum of the action over a gap: (u, R) or None."""
+        """Return (u, R) of the orbit at the highest maximum of the action across a gap, or None."""
         (p, q), kappa = self.fractions[i].as_integer_ratio(), self._kappa(scale)
         n_kicks, n_sites = kappa.size, kappa.size * q
         site = (np.arange(n_sites) + self.site) % n_kicks
@@ -237,8 +236,10 @@ class MinimaxOrbits:
         return self._moved(i, scale, u)
 
     def agreement(self, i, later, near):
-        """The scale at which convergents i and i + later have one residue, by the secant method;
-        NaN without one."""
+        """Return the scale at which convergents i and i + later have equal residues, or NaN.
+
+        It is found by the secant method.
+        """
         q = self.fractions[i + later].denominator
 
         def difference(scale):
@@ -259,9 +260,9 @@ class MinimaxOrbits:
 
 
 def breakup(omega, start, profile, near, tolerance=1e-5):
-    """Where residues say that a circle breaks next to a scale, from a certified circle below.
+    """Locate by residues where a circle breaks near a scale, from a certified circle below.
 
-    Returns value, error and the scale of that circle; NaN where the residues do not settle.
+    Returns value, error and the scale of that circle; NaN if the residues do not settle.
     """
     for distance in NEAREST:
         below, u = circle_below(omega, start, profile, near, distance)
@@ -300,7 +301,7 @@ def _has_circle(omega, start, profile, scale, breakup):
 
 
 def doubts(row):
-    """What the methods do not confirm of a row: list of sentences."""
+    """List, in sentences, what the methods do not confirm about a row."""
     start = np.zeros(len(row.profile)) if row.start is None else np.array(row.start)
     profile, found = np.array(row.profile), []
     if row.method.startswith("image of "):
@@ -325,8 +326,10 @@ def doubts(row):
 
 
 def new_row(kind, profile, omega, near, start=None):
-    """The Row of a ray whose last circle is said to be `omega`, next to a scale; None if the
-    methods do not agree on it."""
+    """Return the Row of a ray whose last circle is said to be `omega`, breaking near a scale.
+
+    None if the methods do not agree on it.
+    """
     profile, omega = np.array(profile, float), parse(omega)
     first = np.zeros(profile.size) if start is None else np.array(start, float)
     value, error, lower = breakup(omega, first, profile, near)
@@ -340,8 +343,10 @@ def new_row(kind, profile, omega, near, start=None):
 
 
 def new_bracket(kind, profile, omega, lower, upper, start=None):
-    """The Row of a ray on which the circle `omega` is said to exist at `lower`, and none at
-    `upper`; None if the methods do not agree."""
+    """Return the Row of a ray for a stated bracket; None if the methods do not agree.
+
+    The circle `omega` is said to exist at `lower`, and no circle at `upper`.
+    """
     numbers = (lower + upper) / 2, (upper - lower) / 2, lower, upper
     row = Row(0, kind, tuple(profile), start, *numbers, omega, "bracket")
     return None if doubts(row) else row

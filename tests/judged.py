@@ -12,7 +12,7 @@ TABLE = Path(__file__).with_name("judged_forcings.csv")
 
 @dataclass(frozen=True)
 class Row:
-    """One judged ray κ = start + s·profile; the head of the table says what its columns mean."""
+    """One judged ray κ = start + s·profile; the head of the table explains its columns."""
 
     number: int
     kind: str
@@ -27,12 +27,12 @@ class Row:
 
     @property
     def exists_below(self):
-        """The largest scale below which a circle is known to exist next to it."""
+        """The largest scale such that a circle is known to exist just below it."""
         residues = self.value - self.error if "bracket" not in self.method else -inf
         return max(self.lower, residues)
 
     def text(self):
-        """The line of the table."""
+        """Return the row as a line of the table."""
         numbers = (self.value, self.error, self.lower, self.upper)
         fields = [str(self.number), self.kind, spelled(self.profile), spelled(self.start or ())]
         fields += [f"{number:.17g}" for number in numbers]
@@ -44,7 +44,7 @@ def spelled(strengths):
 
 
 def table():
-    """The Rows of the table by their numbers."""
+    """Return the Rows of the table by their numbers."""
     lines = [line for line in TABLE.read_text().splitlines() if not line.startswith("#")]
     rows = {}
     for cells in csv.DictReader(lines):
@@ -64,13 +64,13 @@ def table():
 
 
 def image(row, operations):
-    """A ray whose barriers break with those of a row: profile, start, and factor and shift of s.
+    """Return the ray whose barriers break with a row's: profile, start, factor and shift of s.
 
-    operations : text, one or more of these, in the order in which they are applied:
+    operations : text, one or more of these in the order of application, with "; " between:
         "shift n"    begin the period n kicks later,
         "reverse"    last kick first: time is reversed,
         "negate"     κ → -κ: x → x + 1/2,
-        "alternate"  κ_n → (-1)ⁿ κ_n, of an even number of kicks: y → y + 1/2,
+        "alternate"  κ_n → (-1)ⁿ κ_n, for an even number of kicks: y → y + 1/2,
         "repeat n"   the period n times,
         "pause n"    n - 1 zeros after each kick: y → y/n and κ → κ/n,
         "times c"    profile·c,
@@ -103,7 +103,7 @@ def image(row, operations):
 
 
 def image_row(number, kind, row, operations):
-    """The Row of an image of a row."""
+    """Return the Row of an image of a row."""
     profile, start, factor, shift = image(row, operations)
     value, lower, upper = (factor * scale - shift for scale in (row.value, row.lower, row.upper))
     error = abs(factor) * row.error + 4e-16 * abs(value)

@@ -1,4 +1,4 @@
-"""Slow and obvious implementations, and arithmetic of many digits, to compare the package with."""
+"""Slow, obvious implementations and multiprecision arithmetic, to compare the package with."""
 
 import math
 import tomllib
@@ -19,7 +19,7 @@ KAPPA_G = LITERATURE["kappa_G"]["value"]
 
 @njit
 def kick(kappa, x, y):
-    """S_κ, Eq. (6), by the library's sine of radians."""
+    """Return S_κ, Eq. (6), with the library's sine in radians."""
     y = y + kappa / (2 * math.pi) * math.sin(2 * math.pi * x)
     return x + y, y
 
@@ -35,14 +35,14 @@ def _escape_time(kappa, x, y, n_max, lo, hi):
 
 
 def escape_time(kappa, x, y, n_max, window=(-2.0, 2.3)):
-    """The definition of n*, one orbit after the other."""
+    """Compute n* from its definition, one orbit after another."""
     kappa = np.asarray(kappa, dtype=float)
     starts = zip(x, y, strict=True)
     return np.array([_escape_time(kappa, x0, y0, n_max, *window) for x0, y0 in starts])
 
 
 def second_variation(kappa, site, x, y, n):
-    """The smallest eigenvalue of the action's, over the sites |k| < n about the start (x, y)."""
+    """Return the smallest eigenvalue of the second variation, at sites |k| < n about (x, y)."""
     at = [(site, x)]
     ahead, p, behind, q = x, y, x, y
     for k in range(1, n):
@@ -56,7 +56,7 @@ def second_variation(kappa, site, x, y, n):
 
 
 def exact_step(kappa, x, y):
-    """T at mpmath's working precision."""
+    """Apply T at mpmath's working precision."""
     for strength in kappa:
         y = y + mpmath.mpf(strength) / (2 * mpmath.pi) * mpmath.sinpi(2 * mpmath.mpf(x))
         x = x + y
@@ -73,7 +73,7 @@ def continued_fraction(prefix, tail, terms=400):
 
 
 def nearest_float(value):
-    """An mpf rounded once, to double."""
+    """Round an mpf once, to double."""
     with mpmath.workprec(53):
         return float(+value)
 
@@ -92,7 +92,7 @@ def point(circle, theta):
 
 
 def invariance_error(circle):
-    """max |T∘K(θ) - K(θ + ω)| of some random θ, by the definitions of T and K."""
+    """Return max |T∘K(θ) - K(θ + ω)| over some random θ, by the definitions of T and K."""
     worst = 0.0
     for theta in np.random.default_rng(3).uniform(size=100):
         x, y = point(circle, theta)
@@ -105,8 +105,10 @@ def invariance_error(circle):
 
 @njit
 def _residue_along(kappa, x, y, p):
-    """R of the product of tangent maps along an orbit, or inf where that overflows, and the largest
-    error of a step."""
+    """Return R of the product of tangent maps along an orbit, and the largest error of a step.
+
+    R is inf where the product overflows.
+    """
     a, b, c, d, worst = 1.0, 0.0, 0.0, 1.0, 0.0
     for i in range(x.size):
         x1, y1 = x[i], y[i]
@@ -122,10 +124,10 @@ def _residue_along(kappa, x, y, p):
 
 
 def residue(kappa, p, q):
-    """R of the ordered minimax orbit of p/q; NaN where `action` finds none.
+    """Return R of the ordered minimax orbit of p/q; NaN where `action` finds none.
 
-    The orbit that it finds is a witness, of which all that matters is checked here: it closes, it
-    is in the order of the rotation, and R > 0 as of no minimizing orbit, but for rounding.
+    The orbit found is a witness; all that matters is checked here: it closes, its points have the
+    order of the rotation, and R > 0 up to rounding, as for no minimizing orbit.
     """
     try:
         _, minimax = action.ordered_orbits(kappa, p, q)
@@ -141,13 +143,15 @@ def residue(kappa, p, q):
     return value
 
 
-RESOLVED = 1e-4  # of residues in floats, of orbits of some 10⁴ kicks
+RESOLVED = 1e-4  # error of residues in floats, for orbits of some 10⁴ kicks
 
 
 def residues_fall(omega, kappa, q):
-    """Whether the residues of minimax orbits fall, from the first convergent of period q or longer
-    to that a tail further on, by half or more, as they do if a circle exists; None where an orbit
-    is not found and the other does not answer, by a residue > 1."""
+    """Return whether the residues of minimax orbits fall, as they do if a circle exists.
+
+    They must fall by half or more from the first convergent of period q or longer to the one a tail
+    further on. None where an orbit is not found and the other does not answer, by a residue > 1.
+    """
     omega = as_rotation_number(omega)
     longer = [f for f in islice(convergents(omega), 100) if f.denominator >= q]
     pair = longer[0], longer[len(omega.tail)]

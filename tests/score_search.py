@@ -4,18 +4,18 @@
                                  [--classes "two kicks,zeros"] [--images 5]
                                  [--minutes 10]
 
-A search is a function of (profile, tol, start=None) that returns a CriticalScale. By class the
-script prints
+A search is a function of (profile, tol, start=None) that returns a CriticalScale. For each class
+the script prints
 
-    cases, answered  rows asked, and those with a value (status OK or WIDE);
-    value            false values: further from that of the table than both errors together;
-    lower            false lower ends: above a scale from which on no circle is left;
+    cases, answered  rows searched, and those with a value (status OK or WIDE);
+    value            false values: further from the table's value than both errors together;
+    lower            false lower ends: above a scale beyond which no circle exists;
     upper            false upper ends: below a scale at which a circle exists;
     width            (upper - lower)/value, median and largest;
     CPU              seconds, median and largest.
 
 Each contradiction and each row without a value is listed with its number. The exit code is 1 if
-there is a contradiction. Rows left over after the minutes of CPU time are named.
+there is a contradiction. Rows not reached within the minutes of CPU time are listed.
 """
 
 import argparse
@@ -37,7 +37,7 @@ WARM = (1.0, 0.3), (0.3, 0.2, 0.25)  # kernels compile before the clock starts
 
 @dataclass(frozen=True)
 class Score:
-    """What became of one row. false : names of the fields of `found` that the row contradicts."""
+    """The result of one row. false : names of the fields of `found` that the row contradicts."""
 
     row: object
     found: object
@@ -55,7 +55,7 @@ class Score:
 
 
 def contradictions(row, found):
-    """The names of those of value, lower and upper of a CriticalScale that a row contradicts."""
+    """Return which of value, lower and upper of a CriticalScale a row contradicts."""
     rounding = 1e-14 * abs(row.value)
     false = {
         "value": abs(found.value - row.value) > found.error + row.error + rounding,
@@ -77,7 +77,7 @@ def score(search, row, tol):
 
 
 def summary(name, scores):
-    """One line of the table."""
+    """Return one line of the table."""
     widths = [score.width for score in scores if score.answered] or [inf]
     seconds = [score.seconds for score in scores]
     false = [sum(field in score.false for score in scores) for field in ("value", "lower", "upper")]
@@ -87,7 +87,7 @@ def summary(name, scores):
 
 
 def report(scores):
-    """The lines of a report: the table by class, its total, and all that is wrong or missing."""
+    """Return the lines of a report: table by class, total, and all that is wrong or missing."""
     heads = ("cases", "answered", "value", "lower", "upper")
     lines = [f"{'class':28}" + "".join(f"{head:>9}" for head in heads) + "    width: median, worst"]
     lines[0] += "; CPU s"
@@ -103,7 +103,7 @@ def report(scores):
 
 
 def with_images(rows, n_images):
-    """The rows that were judged themselves, and the first n_images exact images of each."""
+    """Return the rows that were judged directly, and the first n_images exact images of each."""
     kept, seen = [], Counter()
     for row in rows:
         judged = re.match(r"image of (\d+)", row.method)

@@ -1,4 +1,4 @@
-"""A real server of S3's protocol on this machine: SeaweedFS."""
+"""A real S3 server on this machine: SeaweedFS."""
 
 import json
 import os
@@ -17,14 +17,14 @@ from pipeline.store import place as places
 
 SECRET = "not-to-be-found-anywhere"
 _WEED = shutil.which("weed") or shutil.which("weed", path=Path(os.sys.executable).parent)
-_SERVERS = "master", "volume", "filer", "s3"  # each has a port, and one for its own protocol
+_SERVERS = "master", "volume", "filer", "s3"  # each has a port, and another for gRPC
 
 
 @contextmanager
 def serving(folder):
-    """Serve objects that are kept in the folder, to this environment.
+    """Serve the objects in a folder, with the environment set to use them.
 
-    Yields functions that end the server, as a crash does, and start it again.
+    Yields two functions: one kills the server as a crash would, the other starts it again.
     """
     config = folder / "identities.json"
     credentials = [{"accessKey": "somebody", "secretKey": SECRET}]
@@ -72,7 +72,7 @@ def free_ports(n):
 
 @contextmanager
 def environment(address):
-    """What obstore needs to use the server: our credentials, as a user would give them."""
+    """Set what obstore needs to use the server: our credentials, given as a user would."""
     variables = {
         "AWS_ENDPOINT_URL": address,
         "AWS_ALLOW_HTTP": "true",

@@ -1,8 +1,8 @@
-"""Ordered periodic orbits by brute force, to judge `nasm.action`, of which nothing is used.
+"""Ordered periodic orbits by brute force, to test `nasm.action` without using any of it.
 
-A chain of N = Pq sites x_j, x_{j+N} = x_j + p, is an orbit if x_{j+1} - 2x_j + x_{j-1} is the kick
-(κ_j/2π) sin 2πx_j of each site. It is ordered if at each site its q points are in the order of a
-rotation.
+A chain of N = Pq sites x_j, x_{j+N} = x_j + p, is an orbit if x_{j+1} - 2x_j + x_{j-1} equals the
+kick (κ_j/2π) sin 2πx_j at each site. It is ordered if at each site its q points are in the order of
+a rotation.
 """
 
 import math
@@ -13,7 +13,7 @@ from numba import njit
 
 
 def residue(kappa, x):
-    """R by the product of the tangent maps, in mpmath's precision."""
+    """R from the product of the tangent maps, in mpmath's precision."""
     matrix = mpmath.eye(2)
     for strength, at in zip(kappa, x, strict=True):
         c = mpmath.mpf(strength) * mpmath.cospi(2 * at)
@@ -39,9 +39,11 @@ def hessian(kappa, x):
 
 
 def on_symmetry_lines(kappa, p, q):
-    """Residues of the ordered orbits under one or two kicks that have a point on a symmetry line,
-    to 25 digits: x_j + x_{-j} = 2c about a site, or with one kick x_j + x_{-1-j} = 2c about the
-    middle between two, where 2c = 0 or 1."""
+    """Residues, to 25 digits, of the ordered orbits that have a point on a symmetry line.
+
+    Under one or two kicks: x_j + x_{-j} = 2c about a site, or with one kick x_j + x_{-1-j} = 2c
+    about the midpoint of two sites, where 2c = 0 or 1.
+    """
     n_sites, found = len(kappa) * q, []
     centres = [(site, twice, 0) for site in range(len(kappa)) for twice in (0, 1)]
     centres += [(0, twice, 1) for twice in (0, 1) if len(kappa) == 1]
@@ -88,8 +90,10 @@ def _forces(kappa, p, x, force):
 
 @njit
 def _minimize_others(kappa, p, x):
-    """Minimize the action over all sites but x_0, in place: by Newton's method where it is convex,
-    and one site after the other where it is not. Whether that converges."""
+    """Minimize the action over all sites but x_0, in place; return whether that converges.
+
+    By Newton's method where the action is convex, and one site after the other where it is not.
+    """
     n = x.size
     force, inverse, step, last = np.empty(n), np.empty(n), np.empty(n), np.inf
     for _ in range(300):
@@ -123,8 +127,11 @@ def _minimize_others(kappa, p, x):
 
 
 def by_scan(kappa, p, q, per_gap=20):
-    """Residues of ordered orbits: with x_0 on a dense grid, for each site of the period, the others
-    minimize the action; where the force on x_0 changes its sign Newton's method ends the search."""
+    """Residues of ordered orbits, found with x_0 on a dense grid for each site of the period.
+
+    The other sites minimize the action; where the force on x_0 changes its sign, Newton's method
+    ends the search.
+    """
     kappa, found = np.asarray(kappa, float), []
     for site in range(kappa.size):
         strengths, before = np.tile(np.roll(kappa, -site), q), None
@@ -156,8 +163,11 @@ def _polish(strengths, p, q, x, period, found):
 
 
 def misses(orbit, kappa, p, q, kind):
-    """What is wrong with an Orbit, if anything: it must be at rest, in order, and have one negative
-    curvature of the action if it is a minimax orbit, else none."""
+    """What is wrong with an Orbit, if anything.
+
+    It must be at rest and in order; the action must have one negative curvature at a minimax orbit,
+    and otherwise none.
+    """
     x, strengths = orbit.sites(), np.tile(np.roll(kappa, -orbit.site), q)
     force = np.empty(x.size)
     _forces(strengths, float(p), x, force)

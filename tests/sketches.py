@@ -1,4 +1,4 @@
-"""Figures with few dots, for tests that look at no picture."""
+"""Figures at low resolution, for tests that do not look at them."""
 
 from contextlib import contextmanager
 
@@ -10,7 +10,7 @@ SAVE = Figure.savefig
 
 @contextmanager
 def sketches():
-    """Draw figures with few dots and once: PDFs, which take as long again, are left empty."""
+    """Draw figures once and at low resolution: PDFs, which take as long again, are left empty."""
 
     def save(figure, file, **how):
         if how["format"] != "pdf":

@@ -17,7 +17,7 @@ ASYMMETRIC = np.array((1, 0.7, 0.3))
 
 
 @pytest.mark.parametrize("family", ["minimizing", "minimax"])
-def test_residues_without_a_symmetry_against_fifty_digits(family):
+def test_residues_without_a_symmetry_agree_with_fifty_digits(family):
     kappa, p, q = 0.4 * ASYMMETRIC, 37, 29
     orbit = dict(zip(("minimizing", "minimax"), action.ordered_orbits(kappa, p, q), strict=True))
     orbit = orbit[family]
@@ -39,9 +39,9 @@ def test_residues_without_a_symmetry_against_fifty_digits(family):
     assert orbit.refined_residue() == pytest.approx(expected, rel=1e-14)
 
 
-def test_a_breakup_beyond_a_near_miss_is_found_and_is_no_breakup_by_norms():
-    # The ray passes 4e-4 below another sheet of the boundary, at 0.5195. Circles below it look as
-    # if they were to break there; the residues of long orbits fall beyond it and rise at the end.
+def test_a_breakup_beyond_a_near_miss_is_found_by_residues_but_not_by_norms():
+    # The ray passes 4e-4 below another sheet of the boundary, at 0.5195. Circles below it seem
+    # about to break there; the residues of long orbits fall beyond it and rise at the end.
     omega, profile = parse("[0;1,2,1,3,1,2,(1)]"), rotating_forcing(*ray(160), "1/3", 0)
     by_norms = continuation.critical_scale(omega, profile, 1e-3)
     assert by_norms.status is Status.UNDECIDED
@@ -55,8 +55,8 @@ def test_a_breakup_beyond_a_near_miss_is_found_and_is_no_breakup_by_norms():
     assert oracles.residues_fall(omega, (found.value + 0.002) * profile, 800) is False
 
 
-def test_far_beyond_the_breakup_orbits_are_lost_and_have_no_residue_of_0():
-    # The first place tried in the gap had no ordered orbit: that was taken for a flat action.
+def test_far_beyond_the_breakup_orbits_are_lost_and_do_not_get_residue_0():
+    # The first place tried in the gap had no ordered orbit, which was mistaken for a flat action.
     kappa = 0.5585 * np.array([0.0494274894847, 0.792760428306, -0.139033252069, 0.792760428306])
     for fraction in distinct_convergents(parse("[0;1,4,1,4,(1)]"), 200)[-3:]:
         residue = periodic.residue(kappa, fraction.numerator, fraction.denominator)
@@ -79,9 +79,9 @@ def test_the_residue_of_period_two_is_kappa_squared_over_4_at_each_call():
         assert periodic.residue((2.5,), 1, 2) == pytest.approx(2.5**2 / 4, rel=1e-14)
 
 
-def test_a_pass_that_no_single_site_shows_is_found():
-    # Beyond R = 1 of 2/5 of the standard map, seen as two kicks, two sites fall at once: held, each
-    # leaves a negative curvature.
+def test_a_pass_that_is_not_a_maximum_along_any_single_site_is_found():
+    # Beyond R = 1 of 2/5 of the standard map, seen as two kicks, two sites fall at once: with
+    # either of them held fixed, a negative curvature remains.
     kappa, p, q = (1.1723, 1.1723), 4, 5
     for kind, orbit in enumerate(action.ordered_orbits(kappa, p, q)):
         assert not short_orbits.misses(orbit, kappa, p, q, kind)
@@ -89,7 +89,7 @@ def test_a_pass_that_no_single_site_shows_is_found():
 
 
 def _random_cases(n_profiles, kicks, n_fractions, seed):
-    """kappa, p, q up to twice the breakup of the last circle; of repeated forcings too."""
+    """Yield kappa, p, q up to twice the breakup of the last circle, also for repeated forcings."""
     random = np.random.default_rng(seed)
     for n in range(n_profiles):
         period = kicks[n % len(kicks)]
@@ -125,12 +125,13 @@ def test_every_short_orbit_is_found_up_to_twice_the_breakup(judge, kicks, n_prof
             judged += 1
             agreed += np.isclose(residue, others, rtol=1e-6).any()
     assert judged > 0.7 * len(cases)
-    # Beyond R = 1 there may be several passes, under repeated kicks some on no symmetry line.
+    # Beyond R = 1 there may be several passes; under repeated kicks some lie on no symmetry line.
     assert agreed > 0.9 * judged
 
 
 def test_no_orbit_is_joined_twice_at_a_scale(monkeypatch):
-    # Residues of 0 are not followed from scale to scale: each was joined again for each longer one.
+    # Orbits with residue 0 are not followed from scale to scale; they used to be joined again for
+    # each longer orbit.
     joined, calls = action.joined, []
 
     def counted(last, one, chain, kind):
@@ -144,7 +145,7 @@ def test_no_orbit_is_joined_twice_at_a_scale(monkeypatch):
     assert len(calls) == len(set(calls)) > 3
 
 
-def test_only_long_lost_orbits_are_taken_as_evidence_of_broken_circles(monkeypatch):
+def test_only_the_loss_of_long_orbits_is_taken_as_evidence_of_broken_circles(monkeypatch):
     kappa, omega = (0.3, 0.2, 0.25), parse("[1;4,(1)]")
     assert farey.circle_exists(omega, kappa)
     scanned = action.ConvergentOrbits.scan

@@ -1,9 +1,9 @@
-"""Bad arguments: each is refused by a message with its value and the remedy.
+"""Bad arguments: each is refused with a message that states its value and the remedy.
 
 The tables below are grouped by argument. A row names the functions that take the argument, bad
 values of it, and a part of the message, where {name} and {value} are those of the argument and …
 is any text. To add a case, add a value to a row or a row to its argument; all other arguments are
-good ones, from `arguments.py`.
+valid ones, from `arguments.py`.
 """
 
 import inspect
@@ -41,7 +41,7 @@ from nasm.converse_kam import aperiodic, symmetry_line, transversal
 from nasm.numbers import parse
 from pipeline.sweep.grid import Axis, parse_axis
 
-# Functions that take an argument alike.
+# Functions that treat an argument in the same way.
 ORBITS = orbits.orbit, orbits.rotation_number
 TORI = tori.invariant_torus, tori.critical_scale
 ESCAPES = escape.escape_time, escape.first_escape
@@ -306,7 +306,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("function", "name", "value", "message"), CASES)
-def test_a_bad_argument_is_refused_by_its_value_and_the_remedy(function, name, value, message):
+def test_a_bad_argument_is_refused_with_its_value_and_the_remedy(function, name, value, message):
     expected = message.replace("{name}", name).replace("{value}", repr(value))
     with pytest.raises(ValueError, match=re.escape(expected).replace("…", ".*")):
         function(**arguments(function) | {name: value})
@@ -320,7 +320,7 @@ def functions_of(argument):
     return {f for f in ours if [*inspect.signature(f).parameters][:1] == [argument]}
 
 
-# A torus has a pair of numbers; no_answer passes on what it gets.
+# A torus has a pair of numbers; no_answer passes its argument on.
 WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, critical.no_answer}
 _barrier = proofs.barrier
 WITH_OMEGA -= {_barrier.inequalities, _barrier.turns}  # checked before

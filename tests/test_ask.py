@@ -1,4 +1,4 @@
-"""Forcings in files, many at once, as JSON, and of more kicks than circles are sought under."""
+"""Forcings from files, in tables, as JSON, and with more kicks than the circle search allows."""
 
 import json
 
@@ -19,7 +19,7 @@ SHORT = np.array([0.3, 0.2, 0.25])
 
 
 def lengthened(kicks):
-    """The kicks 23 times over, one of them different by less than matters."""
+    """The kicks repeated 23 times, one of them changed by a negligible amount."""
     kappa = np.tile(kicks, 23)
     kappa[-1] += 1e-9
     return kappa
@@ -35,7 +35,7 @@ def lengthened(kicks):
         ("0.3 0.2\n0.5\n\n1,2,3\n", [[0.3, 0.2], [0.5], [1, 2, 3]]),
     ],
 )
-def test_a_file_is_one_forcing_or_one_in_each_line(text, forcings):
+def test_a_file_holds_one_forcing_or_one_in_each_line(text, forcings):
     found, is_table = forcings_in(text.encode())
     assert [forcing.tolist() for forcing in found] == forcings
     assert is_table == (len(forcings) > 1)
@@ -50,12 +50,12 @@ def test_a_file_is_one_forcing_or_one_in_each_line(text, forcings):
         ("0.3 nan\n1 2", "line 1"),
     ],
 )
-def test_a_file_of_anything_else_is_refused_by_the_line(text, reason):
+def test_the_error_for_a_file_of_anything_else_names_the_line(text, reason):
     with pytest.raises(ValueError, match=reason):
         forcings_in(text.encode())
 
 
-def test_json_is_the_verdict(tmp_path):
+def test_json_contains_the_verdict(tmp_path):
     kicks = tmp_path / "kicks.txt"
     kicks.write_text("0.3\n0.2\n")
     expected = verdict((0.3, 0.2))
@@ -71,7 +71,7 @@ def test_json_is_the_verdict(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_table_is_answered_line_by_line_and_keeps_what_was_answered(tmp_path, monkeypatch):
+def test_a_table_is_answered_line_by_line_and_keeps_answers_if_interrupted(tmp_path, monkeypatch):
     (tmp_path / "many.csv").write_text("a,b\n0.3,0.2\n1.2,0.9\n0,0\n")
     result = invoke("ask", tmp_path / "out", str(tmp_path / "many.csv"))
     assert result.exit_code == 0, result.output
@@ -122,7 +122,7 @@ def test_under_a_long_period_transport_is_shown_and_barriers_are_not():
     assert beyond.boundary.upper <= 1
 
 
-def test_a_proof_under_a_long_period_says_what_the_theorem_needs(tmp_path):
+def test_a_failed_proof_under_a_long_period_says_what_the_theorem_requires(tmp_path):
     found = verdict(lengthened(2 * SHORT), prove=True)
     assert (found.answer, found.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
     assert (found.proof.proved, "up to 64" in found.proof.reason) == (False, True)
@@ -132,7 +132,7 @@ def test_a_proof_under_a_long_period_says_what_the_theorem_needs(tmp_path):
     assert json.loads(result.stdout)["answer"] == "transport"
 
 
-def test_a_number_is_no_file_of_that_name(tmp_path, monkeypatch):
+def test_a_number_is_not_taken_for_a_file_of_that_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "0.3").write_text("0.9")
     assert main_of("ask").make_context("ask", ["0.3", "-1e-2"]).params["kappa"] == (0.3, -0.01)

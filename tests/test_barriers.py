@@ -1,4 +1,4 @@
-"""The last barrier: κ_G, all other circles, other methods, its symmetries; and led astray."""
+"""The last barrier: κ_G, all other circles, other methods, symmetries; and misled searches."""
 
 import time
 from dataclasses import replace
@@ -25,18 +25,18 @@ GAMMA = parse("gamma")
 
 
 def mirror_images(omega, period):
-    """Those in [0, P] of the rotation numbers ±ω + P·n, whose circles all break at one scale."""
+    """The rotation numbers ±ω + P·n in [0, P], whose circles all break at the same scale."""
     images = [moebius(omega, sign, period * n) for sign in (1, -1) for n in range(-3, 4)]
     return {image for image in images if 0 <= float(image) <= period}
 
 
 def is_shown(found):
-    """Whether the value is between what is shown to exist and what is shown not to."""
+    """True if the status is OK and the value lies between lower and upper."""
     return found.status is Status.OK and found.lower < found.value < found.upper
 
 
 def first_escapes(found, profile):
-    """Steps of the first escape at the lower scale and beyond the upper one."""
+    """Steps until the first escape at the lower scale, and at 1.2 times the upper one."""
     kappas = np.outer([np.fmin(found.lower, found.value), 1.2 * found.upper], profile)
     return escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
 
@@ -50,8 +50,10 @@ def test_on_the_axes_gamma_and_one_minus_gamma_are_degenerate():
 
 
 def nobles(bound):
-    """All nobles in (0, 1) that lie next to a fraction p/q between it and a Farey neighbour of no
-    larger denominator, with q up to `bound`."""
+    """All nobles in (0, 1) next to a fraction p/q, q ≤ `bound`, towards a Farey neighbour.
+
+    The denominator of the neighbour is at most q.
+    """
     fractions = [(p, q) for q in range(1, bound + 1) for p in range(q + 1)]
     pairs = [(*f, *g) for f in fractions for g in fractions if g[1] <= f[1]]
     found = {moebius(GAMMA, r, p, s, q) for p, q, r, s in pairs if abs(p * s - r * q) == 1}
@@ -70,7 +72,7 @@ SAMPLES += [
 
 
 @pytest.mark.parametrize(("angle", "bound", "q_max"), SAMPLES)
-def test_of_all_short_nobles_the_last_one_is_the_barrier(angle, bound, q_max):
+def test_the_barrier_is_the_last_to_break_of_all_short_nobles(angle, bound, q_max):
     found, omegas = critical_scale(ray(angle), 1e-3), nobles(bound)
     assert is_shown(found)
     scales = [periodic.critical_scale(omega, ray(angle), q_max) for omega in omegas]
@@ -82,19 +84,19 @@ def test_of_all_short_nobles_the_last_one_is_the_barrier(angle, bound, q_max):
 
 
 PROFILES = [(1, 0.2, 0.2), ray(20), (1.8, -0.1, -0.1), ray(37), (0.2, 0.1, 1, 0.1), ray(115)]
-# Both lines of the centre meet minimizing orbits here, of first order at 93°.
+# Both symmetry lines of the centre meet minimizing orbits here, of first order at 93°.
 PROFILES += [rotating_forcing(*ray(93), "1/3", 0), rotating_forcing(*ray(160), "1/3", 0.02)]
 GENERIC = (0.3, 0.2, 0.25)
 CASES = [(1e-3, profile, None) for profile in PROFILES]
 CASES += product([1e-4, 1e-3], map(ray, [0, 36.1, 43.9, 62.5, 104, 127.7]), [None])
 CASES += [(2e-5, ray(24.3), None)]
-# Three kicks, and antiperiodic ones, have last circles of their own.
+# The last circles under three kicks and under antiperiodic forcings, by name.
 OWN = [(1e-3, GENERIC, "[1;4,(1)]"), (1e-3, (1, 1, 1, 1, -1, -1, -1, -1), "[2;(4)]")]
 OWN += [(tol, (k, 1, -k, -1), "[0;(4)]") for tol, k in ((1e-3, 0.3), (1e-3, 1), (1e-4, 1))]
 
 
 @pytest.mark.parametrize("case", thirds([*OWN, *CASES]))
-def test_every_method_finds_the_breakup_in_a_bracket_of_the_tolerance(case):
+def test_all_methods_agree_on_the_breakup_and_the_bracket_is_as_narrow_as_the_tolerance(case):
     tol, profile, omega = case
     found = critical_scale(profile, tol)
     assert is_shown(found)
@@ -104,7 +106,7 @@ def test_every_method_finds_the_breakup_in_a_bracket_of_the_tolerance(case):
     if omega:
         assert str(found.omega) == omega
     upper, last = transversal.upper_scale(profile, 300)
-    # Under antiperiodic kicks half a period is the step of which the law speaks.
+    # Under antiperiodic forcing the step in the law is half a period.
     half = len(profile) // 2
     antiperiodic = half and np.array_equal(profile[half:], np.negative(profile[:half]))
     step = half if antiperiodic else len(profile)
@@ -132,7 +134,7 @@ def test_the_eight_rays_of_the_square_have_one_barrier():
 
 
 def disguised(profile, rng):
-    """A forcing whose barriers break at the same scale."""
+    """A random symmetric image of a forcing, whose barriers break at the same scale."""
     profile = rng.choice([-1, 1]) * np.roll(profile, rng.integers(profile.size))
     profile = profile[:: rng.choice([-1, 1])]
     alternates = profile.size % 2 == 0 and rng.random() < 0.5
@@ -167,8 +169,8 @@ def test_hidden_symmetries_of_random_forcings_change_nothing(monkeypatch):
     assert decided >= 0.9 * 24
 
 
-# So near to a shorter forcing the boundary falls like a cusp. At (1, 1, 1.0001) some start survives
-# 64 000 steps at 0.967, none at 0.968, on the line x = 1/2 as on a transversal.
+# So close to a forcing of shorter period the boundary falls like a cusp. At (1, 1, 1.0001) some
+# start survives 64 000 steps at 0.967 and none at 0.968, on the line x = 1/2 as on a transversal.
 @pytest.mark.parametrize(
     ("profile", "tol", "breakup", "about", "top"),
     [
@@ -177,12 +179,12 @@ def test_hidden_symmetries_of_random_forcings_change_nothing(monkeypatch):
         ((1, 1 - 1e-7), 1e-1, KAPPA_G, 0.01, 1.0001 * KAPPA_G),
     ],
 )
-def test_next_to_a_shorter_forcing_the_value_is_right_or_missing(profile, tol, breakup, about, top):
+def test_near_a_shorter_forcing_the_value_is_right_or_missing(profile, tol, breakup, about, top):
     found = critical_scale(profile, tol)
     assert not found.lower >= min(breakup + about, found.upper)
     assert breakup - about < found.upper < top
     assert np.isnan(found.value) or abs(found.value - breakup) < found.error + about
-    if len(profile) == 2:  # no residue sees the cusp, which is no contradiction
+    if len(profile) == 2:  # residues do not resolve the cusp: no contradiction
         assert found.status is Status.NEAR_CUSP
         assert np.isnan([found.value, found.error]).all()
 
@@ -194,7 +196,7 @@ def test_next_to_a_shorter_forcing_the_value_is_right_or_missing(profile, tol, b
         pytest.param(1e-4, "[0;4,4,4,4,2,(1)]", 20_000, 1e-4, marks=pytest.mark.slow),
     ],
 )
-def test_next_to_antiperiodic_kicks_no_circle_breaks_beyond_upper(away, omega, q, tol):
+def test_near_antiperiodic_forcing_no_circle_breaks_above_upper(away, omega, q, tol):
     # An earlier search missed these two circles: its upper ends were below their breakups.
     profile = np.array([1, 1, -1, -1 + away])
     judge = periodic.critical_scale(omega, profile, q, between=(0.354, 0.356))
@@ -215,13 +217,13 @@ def test_next_to_antiperiodic_kicks_no_circle_breaks_beyond_upper(away, omega, q
         ((1, 0.45, 1), 0.5505),
         ((1, 0.4, 1, 0.4, 1), 0.4961),  # a circle is certified at .49635
         ((1, 1, 0.55, 1, 1), 0.6287),  # above other bands of circles
-        (rotating_forcing(*ray(45), "5/13", 1 / 26), 0.2962),  # the first search sees nothing there
+        (rotating_forcing(*ray(45), "5/13", 1 / 26), 0.2962),  # missed by the first search
         (1 + 1.78e-4 * np.array([1, -1, -1, 1]), 0.956),  # near a cusp
     ],
     ids=str,
 )
-def test_where_circles_break_and_come_back_there_is_a_narrow_bracket(profile, known):
-    """Up to where circles are known to exist, by residues, searches miss their survivors."""
+def test_where_circles_break_and_reappear_the_bracket_is_still_narrow(profile, known):
+    """Circles exist up to `known` by their residues, though searches miss the survivors there."""
     found = critical_scale(profile, 1e-3)
     assert max(known, found.lower) < found.value < found.upper < found.lower * (1 + 4e-3)
     assert (found.status is Status.WIDE) == (found.upper - found.lower > 2e-3 * found.value)
@@ -232,7 +234,7 @@ def test_where_circles_break_and_come_back_there_is_a_narrow_bracket(profile, kn
 
 
 @pytest.mark.slow
-def test_the_answers_for_20_random_forcings_are_true():
+def test_the_results_for_20_random_forcings_are_correct():
     rng, decided, escaped = np.random.default_rng(300), 0, 0
     for _ in range(20):
         profile = rng.normal(size=int(rng.integers(3, 7)))
@@ -240,7 +242,7 @@ def test_the_answers_for_20_random_forcings_are_true():
         if found.status is not Status.OK:
             continue
         decided += is_shown(found)
-        # No circle of another ω is certified beyond, and orbits escape beyond only.
+        # No circle of another ω is certified above the bracket, and orbits escape only above it.
         for omega in (
             moebius(noble, 1, n) for noble in nobles(3) for n in range(profile.size // 2)
         ):
@@ -251,7 +253,7 @@ def test_the_answers_for_20_random_forcings_are_true():
         assert inside == np.inf
         escaped += outside < np.inf
     assert decided >= 0.9 * 20
-    assert escaped >= 0.8 * 20  # and some orbits take longer
+    assert escaped >= 0.8 * 20  # the other orbits take longer
 
 
 WRONG = [*product([ray(30)], [0.99, 1.01], [1e-2]), *product([GENERIC], [0.98, 1.02], [1e-2])]
@@ -259,7 +261,7 @@ WRONG += product([ray(30)], [0.998, 1.002], [1e-3])
 
 
 @pytest.mark.parametrize("case", thirds(WRONG))
-def test_a_false_value_of_residues_is_not_believed(case, monkeypatch):
+def test_a_wrong_breakup_by_residues_does_not_mislead_the_search(case, monkeypatch):
     (profile, factor, tol), real = case, periodic.critical_scale
     exact = critical_scale(profile, tol).value
 
@@ -275,8 +277,10 @@ def test_a_false_value_of_residues_is_not_believed(case, monkeypatch):
 
 
 def misled(monkeypatch, candidates):
-    """Let step 2 find these candidates, round by round, and after them what it does find. Returns
-    the list of the rounds' forcings."""
+    """Let the search by survivors have these candidates, round by round, and then its own.
+
+    Returns the list of the rounds' forcings.
+    """
     rounds, real = [], barriers.candidates
 
     def other(kappa, start, *steps):
@@ -299,7 +303,7 @@ def assert_same_barrier(found, expected):
 @pytest.mark.parametrize(
     "wrong", thirds([["gamma"], ["[0;2,3,(1)]", "gamma+1"], ["[0;1,5,(1)]"], []])
 )
-def test_a_wrong_candidate_is_caught_and_the_right_one_found(angle, wrong, monkeypatch):
+def test_a_wrong_candidate_is_rejected_and_the_right_one_is_found(angle, wrong, monkeypatch):
     expected = critical_scale(ray(angle), 1e-3)
     assert not {parse(name) for name in wrong} & mirror_images(expected.omega, 2)
     misled(monkeypatch, [wrong])
@@ -307,7 +311,7 @@ def test_a_wrong_candidate_is_caught_and_the_right_one_found(angle, wrong, monke
 
 
 @pytest.mark.parametrize("wrong", [["2gamma", "[0;5,(1)]"], ["[0;2,3,(1)]"], []])
-def test_where_all_candidates_are_wrong_the_tree_answers(wrong, monkeypatch):
+def test_if_all_candidates_are_wrong_the_farey_tree_finds_the_circle(wrong, monkeypatch):
     expected = critical_scale(ray(30), 1e-3)
     rounds = misled(monkeypatch, [wrong] * 100)
     assert_same_barrier(critical_scale(ray(30), 1e-3), expected)
@@ -315,7 +319,7 @@ def test_where_all_candidates_are_wrong_the_tree_answers(wrong, monkeypatch):
 
 
 @pytest.mark.parametrize(("profile", "questions"), [(GENERIC, 1), ((1, 0.8, 1), 8)])
-def test_with_too_few_questions_there_is_no_value_but_a_true_bound(profile, questions):
+def test_a_search_with_too_few_questions_has_no_value_but_a_valid_bound(profile, questions):
     exact = critical_scale(profile, 1e-3)
     found = critical_scale(profile, 1e-3, effort=barriers.Effort(max_questions=questions))
     assert found.status is Status.NOT_CONVERGED
@@ -325,7 +329,7 @@ def test_with_too_few_questions_there_is_no_value_but_a_true_bound(profile, ques
     assert exact.lower < found.upper
 
 
-def test_above_a_survivor_the_search_climbs_to_a_scale_without_circles():
+def test_above_a_survivor_the_scale_is_raised_until_no_circle_exists():
     segment = barriers._Segment(np.zeros(3), np.array(GENERIC))
     tree = barriers._Tree(segment, np.inf, barriers.Effort())
     exact, scale = critical_scale(GENERIC, 1e-2).value, tree.lowest_excluded(1.75)
@@ -334,7 +338,7 @@ def test_above_a_survivor_the_search_climbs_to_a_scale_without_circles():
     assert not tree.exists(scale)
 
 
-def test_a_circle_that_breaks_just_after_the_named_one_is_the_last():
+def test_a_circle_that_breaks_just_after_the_one_excluded_last_is_the_barrier():
     """[0;4,3,(1)], which the tree excludes last, breaks 9e-5 earlier than [0;4,3,2,(1)]."""
     profile = (-0.663821954890323, 0.9944856278202228, -0.4426921491035081)
     earlier, later = (
@@ -348,15 +352,15 @@ def test_a_circle_that_breaks_just_after_the_named_one_is_the_last():
 
 @pytest.fixture(scope="module")
 def compiled():
-    """The kernels of a search, so that its time is that of the search."""
+    """Compile the kernels of a search, so that only the search itself is timed."""
     critical_scale(np.random.default_rng(64).normal(size=9), 1e-4)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seconds", [2, 6])
 @pytest.mark.parametrize("period", [9, 24, 64])
-def test_a_search_ends_within_its_seconds(period, seconds, compiled):
-    """Or when the question is answered that was asked last."""
+def test_a_search_ends_within_the_seconds_allowed(period, seconds, compiled):
+    """Or once the question that is open at that time has been answered."""
     profile = np.random.default_rng(64).normal(size=period)
     begun = time.thread_time()
     found = critical_scale(profile, 1e-4, seconds=seconds)
@@ -364,12 +368,12 @@ def test_a_search_ends_within_its_seconds(period, seconds, compiled):
     assert not found.lower > found.upper
 
 
-def test_a_search_that_had_no_time_says_so_from_another_start_too():
+def test_a_search_from_another_start_is_not_converged_if_its_time_runs_out():
     found = critical_scale((1, 0.7, 0.5), 1e-3, start=(0.1, 0.1, 0.1), seconds=1e-3)
     assert found.status is Status.NOT_CONVERGED
 
 
-def test_a_circle_above_the_bracket_that_no_effort_is_left_for_is_no_upper_end(monkeypatch):
+def test_upper_is_missing_if_no_effort_is_left_for_a_circle_above_the_bracket(monkeypatch):
     monkeypatch.setattr(barriers, "_eliminated_above", lambda _, tol, at: (at.outside, GAMMA))
     found = critical_scale(ray(30), 1e-3, effort=barriers.Effort(max_questions=0))
     assert found.status is Status.NOT_CONVERGED
@@ -385,10 +389,10 @@ def test_without_a_circle_certified_near_the_breakup_the_status_is_wide(monkeypa
 
 
 @pytest.mark.parametrize("offset", thirds([0.01, 3.52361034802e-3, 1e-3, 0.1]))
-def test_near_the_cusp_the_answer_is_honest(offset):
+def test_near_the_cusp_results_are_consistent_or_have_no_value(offset):
     tip = KAPPA_G * 2**0.5
     found = [critical_scale(ray(45 - offset), tol) for tol in (1e-3, 1e-4)]
-    # What is shown by one is not excluded by the other.
+    # Neither tolerance excludes what the other shows.
     lower = max((scale.lower for scale in found if not np.isnan(scale.lower)), default=0)
     upper = min(scale.upper for scale in found)
     assert lower < upper < tip * (1 + 1e-4)
@@ -422,7 +426,7 @@ def test_the_last_circle_is_an_invariant_graph_at_the_lower_scale(profile):
     assert measured == pytest.approx(float(found.omega), abs=1e-9)
 
 
-def test_without_a_certified_circle_there_is_no_last_one():
+def test_without_a_certified_circle_there_is_no_last_circle():
     nothing = CriticalScale(1.0, 0.1, np.nan, 2.0, GAMMA, Status.OK)
     with pytest.raises(ValueError, match=r"lower=nan.*tol=1e-3"):
         barriers.last_circle(nothing, (1, 0))
@@ -431,8 +435,8 @@ def test_without_a_certified_circle_there_is_no_last_one():
 
 
 @pytest.mark.parametrize("kappa", thirds([(0.9, 0.3), (1.2,), (0.3, 0.9), (0.2, 0.2, 0.9)]))
-def test_the_longest_lived_start_keeps_the_last_rotation_number_a_while(kappa):
-    """At the start of the period, whichever site the search began at."""
+def test_the_longest_lived_start_has_the_rotation_number_of_the_last_circle_for_a_while(kappa):
+    """The start is moved to the beginning of the period, whichever site the search used."""
     scale = barriers.critical_scale(kappa, 1e-3)
     beyond = scale.value * 1.0005 * np.array(kappa)
     x, y, steps = survivors.longest_lived_start(beyond, 10_000)
@@ -452,9 +456,9 @@ def test_no_circle_exists_just_above_the_upper_end_of_a_bracket_in_bands():
 
 
 @pytest.mark.slow
-def test_a_coarse_tolerance_knows_a_breakup_in_bands_too():
+def test_a_coarse_tolerance_also_finds_a_breakup_in_bands():
     scale = critical_scale((1, 0.63, 1), 1e-2)
-    # A circle exists at 0.62595, by the search of a referee.
+    # A circle exists at 0.62595, as a referee's search showed.
     assert scale.status in (Status.OK, Status.WIDE)
     assert scale.value + scale.error > 0.62595
     assert scale.upper > 0.62595

@@ -1,7 +1,8 @@
-"""Sweeps outlive faults: a seed decides what befalls the driver and its workers, and when.
+"""Sweeps survive faults: a seed decides what happens to the driver and its workers, and when.
 
 A driver is a program on two workers of its own. After each run with faults the store is compared
-with what it held before and with a serial computation; a last run without any completes the cube.
+with its earlier contents and with a serial computation; a last run without faults completes the
+cube.
 """
 
 import os
@@ -51,7 +52,7 @@ def begun(out):
 
 
 def kill_worker(process, choose):
-    with suppress(psutil.Error, IndexError):  # none is there
+    with suppress(psutil.Error, IndexError):  # there is no worker
         children = psutil.Process(process.pid).children()
         choose.choice([one for one in children if "spawn_main" in str(one.cmdline())]).kill()
 
@@ -61,15 +62,15 @@ def kill_driver(process, choose):
 
 
 def interrupt(process, choose):
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to its workers too
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does, also to its workers
 
 
-# Exit codes of a driver on account of a fault, if not 0, as a shell tells them.
+# Exit codes of a driver after a fault, if not 0, as a shell reports them.
 ENDS = {kill_worker: 1, kill_driver: 137, interrupt: 130}
 
 
 def in_session(leader):
-    """Whether a process of a driver's session is left: its workers may outlive it for a while."""
+    """True if a process of a driver's session remains: workers may outlive it for a while."""
     for pid in psutil.pids():
         with suppress(OSError):
             if os.getsid(pid) == leader:
@@ -78,7 +79,7 @@ def in_session(leader):
 
 
 def run(out, faults, choose, n_workers=2):
-    """Run a driver with faults, each after some of the tiles that are missing have begun."""
+    """Run a driver with faults, each after some of the missing tiles have begun."""
     place, log_before, codes = store.place_of(out), len(begun(out)), {0}
     before = whole(place)
     with driver(out, n_workers) as process:
@@ -96,16 +97,16 @@ def run(out, faults, choose, n_workers=2):
     assert "Traceback" not in told, said
     assert code in (0, 137) or "again" in told, said
     assert len(re.findall("^Error: ", told, re.MULTILINE)) <= 1, said
-    assert not before & set(begun(out)[log_before:])  # none is computed again
+    assert not before & set(begun(out)[log_before:])  # no tile is computed again
     now = whole(place)
-    assert before <= now  # none is lost
+    assert before <= now  # no tile is lost
     if code == 0:
         assert now == set(np.ndindex(SIDE, SIDE)), said
     return now
 
 
 def whole(place):
-    """The tiles that are committed, which are those of a serial computation."""
+    """Return the committed tiles, after comparing them with a serial computation."""
     if not toy.commit_times(Path(place.root)):
         return set()
     assert list(store.verify(place, "toy")) == []
@@ -117,7 +118,7 @@ def whole(place):
     return done
 
 
-def test_a_sweep_outlives_a_worker_and_its_driver(here, tmp_path):
+def test_a_sweep_survives_the_loss_of_a_worker_and_of_its_driver(here, tmp_path):
     out = tmp_path / "out"
     done = run(out, [kill_worker, kill_driver], random.Random(0), n_workers=1)
     plan = toy.cube(SIDE, SIDE, tile=1, log=str(tmp_path / "log"), seconds=0.02)
@@ -129,7 +130,7 @@ def test_a_sweep_outlives_a_worker_and_its_driver(here, tmp_path):
     *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 5)),
     *(pytest.param(seed, marks=pytest.mark.release) for seed in range(5, 13)),
 ])  # fmt: skip
-def test_a_sweep_outlives_a_schedule_of_faults(tmp_path, seed):
+def test_a_sweep_survives_a_schedule_of_faults(tmp_path, seed):
     choose, out = random.Random(seed), tmp_path / "out"
     schedule = [choose.choices(list(ENDS), k=choose.randint(1, 3)) for _ in range(2)]
     for faults in [*schedule, []]:

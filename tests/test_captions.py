@@ -1,4 +1,4 @@
-"""What captions say where there is little to say: no nan, and percents in plain digits."""
+"""What captions say where there is little to say: no nan, and percentages in plain digits."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ from workflows.shared.direct_iteration import exponent
 @pytest.mark.parametrize(
     ("away", "said"), [(0.02, "within 1."), (0.1, "within 10"), (9, "No cell is open")]
 )
-def test_the_proved_map_says_how_near_open_cells_are_in_plain_percents(away, said):
+def test_the_proved_map_says_how_near_open_cells_are_in_plain_percentages(away, said):
     angles = np.array([0.0, 45.0])
     kappa1, kappa2 = 0.5 * ray(angles).T
     known = {"angle": angles, "critical_scale": ("angle", [0.5, 0.5])}
@@ -48,7 +48,7 @@ def test_the_proved_map_says_how_near_open_cells_are_in_plain_percents(away, sai
     assert "e+0" not in caption
 
 
-def test_a_law_of_the_flux_that_cannot_be_fitted_is_none():
+def test_a_law_of_the_flux_that_cannot_be_fitted_is_reported_as_no_fit():
     excesses = np.geomspace(0.1, 0.5, 5)
     circles = dict.fromkeys([0.0, 30.0], "[0;(1)]")
     cube = beyond.flux(two_kicks(), dict.fromkeys(circles, 1.0), circles, excesses, 100).cube

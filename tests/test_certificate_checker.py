@@ -26,7 +26,7 @@ def random_box(rng):
 
 
 def orbit(a, box, place, n):
-    """x_k and κ_k of an orbit of the box, exactly but for 300 bits."""
+    """x_k and κ_k of an orbit of the box, exact to 300 bits."""
     y, delta, k0, h0, k1, h1, *shears = map(checker.ball, box)
     moved = [s * h for s, h in zip(place[1:], (h0, h1), strict=True)]
     x = [checker.ball(a), checker.ball(a) + y + place[0] * delta]
@@ -38,7 +38,7 @@ def orbit(a, box, place, n):
 
 
 def variation(eta, cosines):
-    """Q/2, of which half of site 0's part is on the other side."""
+    """Q/2, where half of the term of site 0 belongs to the other side."""
     around = [2 * eta[1], *(a + b for a, b in zip(eta, [*eta[2:], 0.0], strict=False))]
     terms = [x * ((2 + c) * x - y) for x, c, y in zip(eta, cosines, around, strict=True)]
     return terms[0] / 2 + sum(terms[1:])
@@ -48,7 +48,7 @@ def test_the_second_variation_has_sharp_bounds_in_boxes():
     rng, largest = np.random.default_rng(1), np.zeros(5)
     for i in range(400):
         a, box = random_box(rng)
-        with ctx.workprec(128 if i % 4 else 24):  # rounding counts with few bits
+        with ctx.workprec(128 if i % 4 else 24):  # with few bits, rounding matters
             begun, first = checker.on_a_line(a, box)
             sites = list(checker.orbits(*begun, 4))
             bound, eta = checker.summed(sites, *first), checker.some_sequence(sites, *first)
@@ -73,7 +73,7 @@ def test_the_second_variation_has_sharp_bounds_in_boxes():
 
 
 @pytest.mark.parametrize(("most", "a", "small"), [(8, 0.2, 1e-6), (80, 0.9, 1e-6), (24, 0.9, 0.1)])
-def test_the_inverse_is_bounded_by_how_near_it_is(most, a, small):
+def test_the_inverse_is_bounded_by_the_defect_of_its_approximation(most, a, small):
     """1/(1 + a cos) = (1 + 2 Σ (-b)^k cos)/√(1 - a²). The last has too few modes to converge."""
     r, root = 1.2, (1 - a**2) ** 0.5
     weighted = (1 - root) / a * r
@@ -98,7 +98,7 @@ ALPHA, RHO = (5**0.5 - 1) / 4, 0.01
 
 
 def norm_of_residuals(kappa, u):
-    """‖E_j‖ in floats, u_j = Σ_k c_k e^{2πikφ} + its conjugate, by 512 points."""
+    """‖E_j‖ in floats from 512 points, where u_j = Σ_k c_k e^{2πikφ} + its conjugate."""
     k = np.fft.fftfreq(512, 1 / 512)
     modes = np.zeros((2, 512), complex)
     modes[:, : u.shape[1]] = u
@@ -130,7 +130,7 @@ def test_residuals_of_a_circle_are_those_of_the_chain():
     assert found["epsilon"] == pytest.approx(slopes @ exact, rel=1e-9)
 
 
-def test_what_a_grid_of_a_fan_misses_is_bounded_in_the_best_strip():
+def test_what_a_grid_of_a_patch_misses_is_bounded_in_the_best_strip():
     f = np.array([0, 0.05, 0.02])
     with ctx.workprec(checker.BITS):
         grid = checker.Grid(arb(RHO), [arb_poly(f.tolist())] * 2)

@@ -1,4 +1,4 @@
-"""Certificates say what they prove, of the forcing as it was given, and no more."""
+"""A certificate claims what it proves about the given forcing, and no more."""
 
 import hashlib
 import json
@@ -53,7 +53,7 @@ def resealed(certificate):
 
 
 def refuted(certificate, changes, reason=None):
-    """After changes, though it claims what it then is about."""
+    """Assert that the certificate is refuted after changes, with its claim updated to match."""
     changed = certificate | changes
     changed["claim"] = claim(changed)
     with pytest.raises(Refuted, match=reason):
@@ -75,7 +75,7 @@ def test_a_claim_is_of_the_forcing_as_it_was_given(made):
     }
 
 
-def test_certificates_name_the_statements_of_the_document_by_their_digests():
+def test_certificates_identify_the_statements_of_the_readme_by_their_digests():
     text = (Path(nasm.__file__).parent / "proofs" / "README.md").read_text(encoding="utf-8")
     statements = re.findall(r"```text\n(.*?)\n```", text, re.DOTALL)
     digests = {s.split(".")[0]: hashlib.sha256(s.encode()).hexdigest() for s in statements}
@@ -85,7 +85,7 @@ def test_certificates_name_the_statements_of_the_document_by_their_digests():
 
 
 @pytest.mark.parametrize("name", PROOFS)
-def test_a_proof_prints_on_a_line_and_as_a_table_and_is_no_key(name):
+def test_a_proof_prints_on_one_line_and_as_a_table_and_is_not_hashable(name):
     proof = PROOFS[name]()
     line, table = repr(proof), proof._repr_html_()
     assert "\n" not in line
@@ -101,7 +101,7 @@ def in_hex(*numbers):
 
 
 def of_another(omega, *kappa):
-    """Changes to another circle and forcing, of which nothing is shortened."""
+    """Return changes to another circle and forcing, with nothing shortened."""
     given = {"omega": omega, "kappa": in_hex(*kappa)}
     return given | {"shortened_from": given}
 
@@ -132,7 +132,8 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("fan", {"tilt": in_hex(9.9, 9.9)}, "claimed"),
     ("fan", {"kappa": in_hex(9.9, 9.9)}, "shortened"),
     ("fan", {"constants": {}}, "unknown"),
-    # (0.5, 0) is (0.5, -0), for which ω + 1 is the same circle moved by half a turn: not so beside.
+    # (0.5, 0) equals (0.5, -0), for which ω + 1 is the same circle moved by half a turn; the
+    # forcings beside it have no such symmetry.
     ("fan", {"shortened_from": {"omega": "[1;(1)]", "kappa": in_hex(0.5, 0)}}, "omega"),
     ("fan", of_another("[0;3,(1)]", 0.5, 0), "inequality"),
     ("fan", of_another("[0;(1)]", 0.51, 0), "inequality"),
@@ -185,7 +186,7 @@ def test_a_changed_function_of_a_circle_is_refused(name, bit, made):
 
 
 @pytest.mark.parametrize("name", thirds([*COVERS]))
-def test_boxes_that_die_too_late_or_leave_a_gap_are_refused(name):
+def test_boxes_that_are_eliminated_too_late_or_leave_a_gap_are_refused(name):
     right = json.loads(json.dumps(COVERS[name]().certificate()))
     check(right)
     boxes, lives, kappa = boxes_of(right), right["lives"], right["kappa"]
@@ -221,7 +222,7 @@ def test_boxes_that_die_too_late_or_leave_a_gap_are_refused(name):
         changes += [other_box(2, other) for other in (slope + 0.5, slope / 3)]
         changes += [other_life(life[:1]), {"points": right["points"][:-1]}]
         changes += [{"points": [in_hex(x + 2.0**-10, y), *right["points"][1:]]}]
-        # If a share could be rounded, both halves could be 0, and Q 2⁻⁵³.
+        # If a share could be rounded, both halves could be 0 and Q could be 2⁻⁵³.
         refuted(right, other_box(2, -(2.0**-53)), "a share of the site is")
     for change in changes:
         refuted(right, change)
@@ -229,7 +230,7 @@ def test_boxes_that_die_too_late_or_leave_a_gap_are_refused(name):
 
 @pytest.mark.parametrize("name", PROOFS)
 @pytest.mark.parametrize("key", ["version", "sha256", "name"])
-def test_another_statement_is_refused(name, key, made):
+def test_a_certificate_of_another_statement_is_refused(name, key, made):
     names = list(certificate_checker.THEOREMS)
     following = names[names.index(made[name]["theorem"]["name"]) - 1]
     other = {"version": 2, "sha256": "0" * 64, "name": following}[key]
@@ -251,16 +252,16 @@ def test_a_certificate_with_one_digit_changed_is_refused(name, made):
 @pytest.mark.parametrize(
     "kappa", [(1.1, 1.1), (1.1, -1.1), (1.1, 0, -1.1, 0), (0, 1.1, 0, -1.1), (0.5, 1.2) * 3]
 )
-def test_forcings_are_followed_to_their_shorter_forms(kappa):
+def test_the_checker_follows_a_forcing_to_its_shorter_form(kappa):
     check(proofs.transport.prove(kappa).certificate())
     check(proofs.barrier.prove(parse("gamma"), np.array(kappa) / 10).certificate())
 
 
-# --- lines of the checker that alone refuse a false certificate -----------------------------------
+# --- single lines without which the checker would accept a false certificate ---------------------
 
 
 def polygon_at_one_height():
-    """A curve that leads out and back: half way to the breakup all of its starts are eliminated."""
+    """Certify a curve out and back; halfway to the breakup, all of its starts are eliminated."""
     points = np.array([[0.5, 0.0], [0.5, 2.0**-6], [0.5, 0.0]])
     kappa = tuple((0.5 * np.array(SEVERAL)).tolist())
     proof, _ = proofs.transport._covered(kappa, kappa, 0, points, 10.0)
@@ -269,7 +270,7 @@ def polygon_at_one_height():
 
 
 def box_across_a_corner():
-    """Half way to the breakup, a box of two pieces, the second of which crosses all circles."""
+    """Certify a box of two pieces halfway to the breakup; the second piece crosses all circles."""
     kappa, slopes = 0.5 * np.array(SEVERAL), np.array([0.25])
     straight, whole = np.array([[0.5, 0.0], [0.5, 2.0**-8]]), np.array([[0.25, 0.25]])
     cycle = np.tile(kappa, 3)
@@ -288,13 +289,13 @@ def box_across_a_corner():
 
 
 def matrix_without_an_inverse():
-    """Of (1, 1, 5) the matrix of the theorem is singular at best: nobody says what follows."""
+    """For (1, 1, 5) the theorem's matrix is singular at best, so that nothing follows from it."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(proofs.transport, "_is_twist", lambda _: True)
         return proofs.transport.prove((1.0, 1.0, 5.0)).certificate()
 
 
-ALONE = [  # the line, what it would be, why it refuses, and the certificate
+ALONE = [  # the line, its replacement, why it refuses, and the certificate
     ("points[0][1] != points[-1][1]", "True", "images", polygon_at_one_height),
     ("2 * (s + delta) <= piece + 1", "True", "corner", box_across_a_corner),
     ("if pivot <= 0:", "if pivot < 0:", "does not apply", matrix_without_an_inverse),
@@ -308,16 +309,16 @@ def test_a_false_certificate_is_refused(reason, forge):
 
 
 @pytest.mark.parametrize(("line", "wrong", "reason", "forge"), ALONE)
-def test_a_changed_line_would_accept_it(line, wrong, reason, forge):
+def test_a_changed_line_would_accept_the_false_certificate(line, wrong, reason, forge):
     forged = json.loads(json.dumps(forge()))
     assert mutant(certificate_checker, (line, wrong)).check(forged) == forged["claim"]
 
 
-# --- what is too large, or no number of its kind --------------------------------------------------
+# --- values that are too large or of the wrong type -----------------------------------------------
 
 
 def first(value):
-    """The change of a list's first item."""
+    """Return a change of the first item of a list."""
     return lambda row: [value, *row[1:]]
 
 
@@ -385,7 +386,7 @@ LARGE = [  # a certificate, what is changed in it, and why it is refused
 
 
 @pytest.mark.parametrize(("name", "changes", "reason"), LARGE)
-def test_what_is_too_large_is_refused_before_anything_is_computed(
+def test_oversized_or_invalid_values_are_refused_before_anything_is_computed(
     name, changes, reason, made, monkeypatch
 ):
     def computes(*_):
@@ -402,26 +403,26 @@ def test_what_is_too_large_is_refused_before_anything_is_computed(
         check(resealed(made[name] | changed))
 
 
-def test_whoever_has_the_time_has_longer_proofs_checked(made):
+def test_the_caller_sets_how_many_kicks_are_checked(made):
     n = sum(made["transport"]["lives"])
     with pytest.raises(Refuted, match=f"more than {n - 1} kicks in all"):
         check(made["transport"], n - 1)
     assert check(made["transport"], n) == made["transport"]["claim"]
 
 
-def test_orbits_that_are_lost_are_not_followed(made):
-    """Bounds grow like 4 to the power of 4^n, whose exponents would take all memory."""
+def test_orbits_too_far_apart_are_not_followed_further(made):
+    """Bounds grow like 4 to the power of 4^n; their exponents would exhaust the memory."""
     lives = [10**5] * len(made["transport"]["lives"])
     refuted(made["transport"], {"lives": lives}, "orbits of a box are too far apart")
 
 
-def test_a_circle_with_a_large_residual_is_refused_without_an_inverse(made, monkeypatch):
+def test_a_circle_with_a_large_residual_is_refused_without_computing_an_inverse(made, monkeypatch):
     monkeypatch.setattr(certificate_checker, "inverse", None)
     unit, numbers = -1, [[[[[], [0, 1, 1, 1]]]]]
     refuted(made["barrier"], {"moves": {"unit": unit, "numbers": numbers}}, "a residual is")
 
 
-def test_an_object_in_an_object_without_end_is_refused():
+def test_deeply_nested_objects_are_refused():
     deep = {}
     for _ in range(10**5):
         deep = {"claim": deep}
@@ -440,7 +441,7 @@ MALFORMED = [
 @pytest.mark.parametrize(
     "name", [*thirds(["ray", "cell", "fan", "transport", "barrier"]), "several"]
 )
-def test_what_is_malformed_is_refused_and_raises_nothing_else(name, made):
+def test_malformed_certificates_are_refused_and_raise_nothing_else(name, made):
     for certificate in (None, [], {}, {"sha256": 1}, {"theorem": {}}):
         with pytest.raises(Refuted):
             check(certificate)

@@ -1,4 +1,4 @@
-"""Invariant circles: two Newton's methods, iteration, symmetries, fakes; grids below resonances."""
+"""Invariant circles: two Newton methods, iteration, symmetries, fakes; grids below resonances."""
 
 from dataclasses import replace
 from itertools import islice
@@ -92,14 +92,16 @@ def test_phases_of_high_modes_are_exact():
 
 
 def polished(circle):
-    """Its deviations after Newton's method on a grid that resolves it to rounding."""
+    """Return the u of a circle after Newton's method on a grid that resolves it to rounding."""
     start = fourier.resample(circle.u, 512)
     return circles.invariant_circle(circle.omega, circle.kappa, start=start).u
 
 
 def assert_same_circle(carried, kappa, omega):
-    """The carried circle is certified, invariant under the map of kappa, and the one found directly
-    for that map and omega."""
+    """Assert that the carried circle is the one found directly for kappa and omega.
+
+    It must also be certified, and invariant under the map of kappa.
+    """
     assert tuple(carried.kappa) == kappa
     assert carried.omega == omega
     assert carried.certified
@@ -129,7 +131,7 @@ def test_a_forcing_without_symmetry_centre_is_shifted_all_the_way_round():
 
 
 def naive_circle(n, kappa_end, step):
-    """The farthest circle of the standard map that n modes and small updates make believe in."""
+    """Return the farthest apparent circle of the standard map, by n modes and small updates."""
     u, kappa = np.zeros((1, n)), 0.0
     while kappa < kappa_end:
         trial, change, steps = u, 1.0, 0
@@ -143,7 +145,7 @@ def naive_circle(n, kappa_end, step):
 
 
 @pytest.mark.parametrize(("n", "past"), [(16, 0.27), (32, 0.1), (64, 0.05), (128, 0.009)])
-def test_fake_circles_of_too_few_modes_or_small_updates_are_rejected(n, past):
+def test_fake_circles_from_too_few_modes_or_small_updates_are_rejected(n, past):
     kappa, fake = naive_circle(n, KAPPA_G + past, 0.01)
     assert kappa > KAPPA_G + past - 0.01
     assert kappa > KAPPA_G
@@ -153,7 +155,7 @@ def test_fake_circles_of_too_few_modes_or_small_updates_are_rejected(n, past):
     n_max = max(n, circles.newton.MIN_POINTS)
     circle = circles.invariant_circle(GAMMA, (kappa,), n_max=n_max, start=fake)
     assert not circle.certified
-    # Nor are they circles once they are polished.
+    # Polishing does not make them circles either.
     assert not circles.newton.polished_is_circle(GAMMA, np.array([kappa]), fake)
     assert not circles.newton.polish(GAMMA, np.array([kappa]), fake)
     assert not circles.newton.polished_is_circle(GAMMA, np.array([kappa]), fake)
@@ -170,7 +172,7 @@ def test_both_certificates_agree_on_circles_with_enough_modes(name):
         assert np.abs(circles.residual(omega, kappa, polished)).max() < 1e-10
 
 
-def test_what_is_off_a_circle_is_polished_or_rejected():
+def test_a_function_off_a_circle_is_polished_or_rejected():
     kappa = np.array([0.3, 0.2])
     wanted = fourier.resample(circles.invariant_circle(GAMMA, kappa).u, 512)
     off = wanted + 1e-3 * np.sin(2 * np.pi * np.arange(512) / 512)
@@ -178,7 +180,7 @@ def test_what_is_off_a_circle_is_polished_or_rejected():
     assert circles.newton.polish(GAMMA, kappa, off)
     np.testing.assert_allclose(off, wanted, atol=1e-8)
     assert circles.newton.polished_is_circle(GAMMA, kappa, off)
-    nothing = np.full((2, 512), np.nan)  # max and min pass over NaN: without the twist checks would
+    nothing = np.full((2, 512), np.nan)  # max and min ignore NaN; only the twist reveals it
     assert not circles.newton.polished_is_circle(GAMMA, kappa, nothing)
     assert not circles.newton.polish(GAMMA, kappa, nothing)
     assert circles.newton.solve(GAMMA, kappa, nothing, 512)[1] is Status.NO_CIRCLE
@@ -186,7 +188,7 @@ def test_what_is_off_a_circle_is_polished_or_rejected():
 
 
 @pytest.mark.parametrize("past", [2e-4, 1e-3, 1e-2, 0.27, 1.0])
-def test_past_breakdown_there_is_never_a_circle(past):
+def test_beyond_the_breakup_there_is_never_a_circle(past):
     for n_max in (64, 128, 256, 512, 1024, 2048, 4096):
         circle = circles.invariant_circle(GAMMA, (KAPPA_G + past,), n_max=n_max)
         assert circle.status in (Status.TOO_FEW_MODES, Status.NO_CIRCLE, Status.NOT_CERTIFIED)
@@ -200,7 +202,7 @@ def test_a_circle_that_is_off_by_a_millionth_is_not_invariant():
 
 
 @pytest.mark.parametrize("kappa", [(2.0, 0.1), (0, 2.0), (2.5, -2.5), (1e6, 1e6)])
-def test_beyond_the_twist_no_circle_is_certified(kappa):
+def test_no_circle_is_certified_at_strengths_of_two_or_more(kappa):
     assert not circles.invariant_circle(GAMMA, kappa).certified
 
 
@@ -209,11 +211,11 @@ def test_beyond_the_twist_no_circle_is_certified(kappa):
     [
         *(((0, 2, 10**n), (0.2, 0.1), Status.NEARLY_RATIONAL) for n in (9, 15)),
         ((0, 1, 1, 1, 10**8), (0.2, 0.1), Status.NEARLY_RATIONAL),
-        (LIOUVILLE, (0.05, 0.02), Status.OK),  # its resonances are asleep
+        (LIOUVILLE, (0.05, 0.02), Status.OK),  # too weak for its resonances to matter
         (LIOUVILLE, (0.3, 0.2), Status.NEARLY_RATIONAL),
     ],
 )
-def test_next_to_fractions_a_circle_has_a_status(prefix, kappa, status):
+def test_a_circle_of_nearly_rational_omega_has_a_status(prefix, kappa, status):
     circle = circles.invariant_circle(RotationNumber(prefix, (1,)), kappa)
     assert circle.status is status
 
@@ -229,7 +231,7 @@ def test_just_below_the_breakup_enough_modes_certify_the_circle():
 
 
 def test_on_far_too_fine_a_grid_rounding_hides_a_circle():
-    # From the rotation: rounding in the high modes decides.
+    # Starting from the rotation, rounding in the high modes decides.
     start = np.zeros((2, 16384))
     assert not circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384, start=start).certified
     adapted = circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384)
@@ -255,7 +257,7 @@ def test_a_start_far_from_the_circle_gives_a_status_or_the_circle():
 
 @settings(max_examples=300)
 @given(irrationals, st.integers(1, 30_000))
-def test_a_grid_keeps_the_modes_asked_for_and_ends_below_a_resonance(omega, n_modes):
+def test_a_grid_keeps_the_requested_modes_and_ends_below_a_resonance(omega, n_modes):
     n = fourier.grid(omega, n_modes)
     kept = fourier.cut(omega, n)
     assert kept >= n_modes
@@ -264,7 +266,7 @@ def test_a_grid_keeps_the_modes_asked_for_and_ends_below_a_resonance(omega, n_mo
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_grid_is_no_larger_than_the_next_resonance_asks_for(name):
+def test_a_grid_is_no_larger_than_the_next_resonance_requires(name):
     omega = parse(name)
     for n_modes in (100, 1000, 20_000):
         q = next(f.denominator for f in convergents(omega) if f.denominator >= n_modes)
@@ -272,7 +274,7 @@ def test_a_grid_is_no_larger_than_the_next_resonance_asks_for(name):
         assert q / 0.36 < fourier.grid(omega, n_modes) < 1.2 * q / 0.36
 
 
-def test_a_cut_between_two_resonances_that_are_close_is_below_both():
+def test_a_cut_between_two_close_resonances_is_below_both():
     omega = RotationNumber((0, 4, 30), (1,))  # 121 and 125
     assert fourier.cut(omega, 350) == 121
     assert fourier.cut(omega, fourier.grid(omega, 121)) == 121

@@ -101,21 +101,21 @@ def test_residues_answer_where_continuation_misses_the_tolerance():
     judge(found)
 
 
-def test_where_no_method_answers_there_is_the_status_of_the_first():
+def test_if_no_method_answers_the_status_is_that_of_the_first():
     found = computed(two_kicks(), [f"[0;2,{10**9},(1)]"], [0.0])
     assert found.status == status_code(Status.NEARLY_RATIONAL)
     assert style.has_flag(found.method, "continuation")
     assert found.critical_scale.isnull()
 
 
-def test_in_a_plane_with_an_origin_residues_answer_alone():
+def test_in_a_plane_with_a_nonzero_origin_only_residues_answer():
     found = computed(three_kicks(0.2), ["gamma"], [45.0], breakdown.by_residue, 100)
     assert style.has_flag(found.method, "residue")
 
 
 @pytest.mark.slow
 def test_the_main_job_s_circles_are_right_on_all_rays():
-    """From 0 to 90 degrees; the others are images."""
+    """Rays from 0 to 90 degrees; the others are their images."""
     angles = rays.ray_angles(two_kicks(), 181, 8)
     found = computed(two_kicks(), map(str, rays.PAPER_CIRCLES), angles[angles <= 90])
     assert (found.error <= 1e-4).all()
@@ -123,12 +123,15 @@ def test_the_main_job_s_circles_are_right_on_all_rays():
     judge(found)
 
 
-AWAY = 1e-3, 1e-2  # where circles are certified, relative to the breakup; next to cusps further in
+# Distances below the breakup, relative to it, at which circles are certified; larger at cusps.
+AWAY = 1e-3, 1e-2
 
 
 def judge(found):
-    """Compare points by continuation with residues, and find witnesses of the others: a certified
-    circle just below, and just above nowhere to go for a circle, by converse KAM."""
+    """Compare points by continuation with residues, and find witnesses of the others.
+
+    These are a certified circle just below, and just above no room for a circle by converse KAM.
+    """
     by_residue = style.has_flag(found.method, "residue").values
     for place in np.ndindex(found.critical_scale.shape):
         omega, profile = parse(found.circle.values[place[0]]), ray(found.angle.values[place[1]])
@@ -146,8 +149,10 @@ def judge(found):
 
 
 def no_circle(omega, kappa):
-    """Whether converse KAM eliminates all starts on the dominant line between orbits of lower and
-    higher rotation numbers, where a circle of ω would cross it."""
+    """True if converse KAM eliminates all starts where a circle of ω would cross the dominant line.
+
+    These starts lie between orbits of lower and higher rotation numbers.
+    """
     low, high, (site, a) = [], [], dominant_centre(kappa)
     for fraction in takewhile(lambda f: f.denominator < 400, convergents(omega)):
         with suppress(LostError):

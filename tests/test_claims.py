@@ -1,4 +1,4 @@
-"""The rules must be able to say no, and the page must hold what they said."""
+"""The rules must be able to reject a claim, and the page must contain their verdicts."""
 
 import ast
 import re
@@ -45,7 +45,7 @@ def test_the_rules(value, verdict):
     assert (rules.printed("0.97"), rules.printed("3")) == ((0.97, pytest.approx(0.005)), (3.0, 0.5))
 
 
-def test_an_erratum_is_shown_by_both_numbers_only():
+def test_an_erratum_is_shown_only_if_both_numbers_confirm_it():
     numbers = (0.1, 1e-14), (0.1, 1e-9), (1e-14, 1e-14), (np.nan, 0.0)  # printed, corrected
     errata = [Erratum("", "", "", *two, 1e-12, "", "") for two in numbers]
     assert [erratum.shown for erratum in errata] == [True, False, False, False]
@@ -62,7 +62,7 @@ def test_wrong_equations_do_not_hold(monkeypatch):
 
 
 def three_rays(ours, circle, six):
-    """CB_gt on three rays, and the paper's six, `six` of them in parts of it."""
+    """Return the paper's six circles, breaking at `six` times CB_gt, and CB_gt, on three rays."""
     angles = np.array([0.0, 20.0, 45.0])
     names = [str(parse(name)) for name in NAMES]
     small = np.full((6, 3), 1e-10)
@@ -103,7 +103,7 @@ def test_text_is_escaped_and_subscripts_are_set():
 
 @pytest.fixture(scope="module")
 def exact():
-    """The claims that take no sweep, and the errata."""
+    """Return the claims that need no sweep, and the errata."""
     from workflows.claims.boundary import _reductions
     from workflows.claims.circles import circle_claims
     from workflows.claims.errata import errata
@@ -121,7 +121,7 @@ def test_no_equation_fails_and_all_errata_are_shown(exact):
     assert all(erratum.shown for erratum in errata)
 
 
-def test_claims_and_errata_are_read_from_the_cube_as_they_were_found(exact, tmp_path):
+def test_claims_and_errata_are_read_back_from_the_cube_unchanged(exact, tmp_path):
     found, errata = exact
     texts = rules.printed_texts("claims")
     names = {(text["place"], text["statement"]): name for name, text in texts.items()}
@@ -131,7 +131,7 @@ def test_claims_and_errata_are_read_from_the_cube_as_they_were_found(exact, tmp_
     assert judgement(cube) == (found, errata)
 
 
-def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
+def test_the_page_and_the_tables_contain_every_claim(exact, tmp_path):
     found, errata = exact
     circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
     ranges, run = envelope.ranges(circles, barrier), Run(tmp_path, None, {}, False)
@@ -148,7 +148,7 @@ def test_the_page_and_the_tables_hold_every_claim(exact, tmp_path):
     assert len(table(tmp_path / "claims_envelope.csv")) == len(ranges)
 
 
-def test_the_page_begins_with_failed_claims_and_has_each_command_once(exact, tmp_path):
+def test_the_page_begins_with_failed_claims_and_shows_each_command_once(exact, tmp_path):
     found, errata = exact
     last = replace(found[-1], verdict=Verdict.FAILS, value="the one that fails")
     circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)

@@ -1,4 +1,4 @@
-"""The command line: help comes at once; what does not fit is one message, and nothing is made."""
+"""The command line: help is quick; bad input gives one message, and nothing is written."""
 
 import ast
 import inspect
@@ -28,7 +28,7 @@ COMMANDS, ROOT = commands(), Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_file_at_the_top_is_a_command_that_says_what_it_does(name):
+def test_every_file_at_the_top_level_is_a_command_with_help_and_a_version(name):
     assert main_of(name).help
     assert all(option.help for option in main_of(name).params if option.param_type_name == "option")
     told = CliRunner().invoke(main_of(name), ["--version"])
@@ -76,7 +76,7 @@ def test_without_the_compiler_a_command_says_in_one_sentence_what_to_unset(comma
     assert not any(tmp_path.iterdir())
 
 
-def test_a_foreign_package_of_our_name_is_one_sentence(tmp_path):
+def test_another_package_of_the_same_name_is_explained_in_one_sentence(tmp_path):
     (tmp_path / "pipeline").mkdir()
     (tmp_path / "pipeline/__init__.py").touch()
     paths = {**os.environ, "PYTHONPATH": f"{tmp_path}:{ROOT}"}
@@ -87,7 +87,7 @@ def test_a_foreign_package_of_our_name_is_one_sentence(tmp_path):
     assert f"hidden by another package pipeline, {tmp_path}/pipeline/__init__.py; install" in line
 
 
-def test_full_changes_defaults_and_what_is_given_stays():
+def test_full_changes_defaults_but_not_the_options_given():
     options = ["--full", "--n-orbits", "7"]
     long = main_of("direct_boundary").make_context("it", options).params
     assert (long["n_max"], long["n_orbits"]) == ([100_000, 500_000, 1_000_000], 7)
@@ -109,7 +109,7 @@ def test_every_command_has_a_folder_of_its_own():
 
 
 def test_files_of_different_commands_have_different_names():
-    """Of all literal names; what the others are is seen in `test_every_command`."""
+    """Literal names are checked here, the others in `test_every_command`."""
     assert not [(a, b) for a in COMMANDS for b in COMMANDS if a != b and b.startswith(a)]
     for name in COMMANDS:
         source = inspect.getsource(inspect.unwrap(main_of(name).callback))
@@ -117,7 +117,7 @@ def test_files_of_different_commands_have_different_names():
         assert [file for file in names if not file.startswith(name)] == []
 
 
-def test_a_figure_for_a_column_stands_beside_the_one_for_a_screen(tmp_path):
+def test_a_figure_for_a_column_is_saved_beside_that_for_the_screen(tmp_path):
     style.save(Figure(), tmp_path, "name", "caption", kinds=["png"])
     with style.sheet(column=True):
         (path,) = style.save(Figure(), tmp_path, "name", "caption", kinds=["png"])
@@ -126,20 +126,20 @@ def test_a_figure_for_a_column_stands_beside_the_one_for_a_screen(tmp_path):
     assert sorted(file.name for file in tmp_path.iterdir()) == files
 
 
-def test_angles_are_up_to_where_they_are_said_to_be():
+def test_angles_reach_as_far_as_the_help_says():
     help = CliRunner().invoke(main_of("last_barrier"), ["--help"], terminal_width=200).output
     assert "from 0 to 180 degrees, or to 360 where κ and -κ differ" in help
     reach = {name: ray_angles(parse(name), 3, 0)[-1] for name in ("two-kicks", "three-kicks:0.2")}
     assert reach == {"two-kicks": 180, "three-kicks:0.2": 360}
 
 
-def test_equal_numbers_count_once():
+def test_equal_rotation_numbers_are_used_once():
     options = ["--omega", "[0;(1)]", "--omega", "2gamma", "--omega", "gamma"]
     omega = main_of("circle_boundaries").make_context("it", options).params["omega"]
     assert list(omega) == ["gamma", "2gamma"]
 
 
-def test_help_needs_no_numpy_and_so_comes_at_once():
+def test_help_is_quick_because_numpy_is_not_imported():
     code = "import sys; from workflows.shared.cli import main_of\n"
     code += f"for name in {COMMANDS}: main_of(name).main(['--help'], standalone_mode=False)\n"
     code += "assert not {'numpy', 'jinja2', 'obstore', 'dask'} & sys.modules.keys()"
@@ -148,7 +148,7 @@ def test_help_needs_no_numpy_and_so_comes_at_once():
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_mistyped_option_names_the_one_that_was_meant(name):
+def test_the_error_for_a_mistyped_option_names_the_one_that_was_meant(name):
     options = [each for option in main_of(name).params for each in option.opts if each[:2] == "--"]
     known = {*options, "--help"}
     assert len(known) > 2
@@ -164,11 +164,11 @@ def test_a_mistyped_option_names_the_one_that_was_meant(name):
 @pytest.mark.parametrize(
     "text", ["0.3 -.5\n1e-2", "\ufeff0.3\r\n-.5\r\n1e-2\r\n", "0.3, -.5,\t1e-2"]
 )
-def test_kicks_are_read_from_files_of_all_systems(text):
+def test_kicks_are_read_from_files_of_all_operating_systems(text):
     assert numbers_in(text.encode()) == [0.3, -0.5, 0.01]
 
 
-def test_numbers_of_the_command_line_may_be_negative():
+def test_numbers_on_the_command_line_may_be_negative():
     words = ["-0.69", "-.5", "-1e-3", "--prove", "-2E+1", "-inf"]
     assert main_of("ask").make_context("ask", words).params["kappa"] == (
         -0.69,
@@ -228,7 +228,7 @@ def test_numbers_of_the_command_line_may_be_negative():
         ("last_barrier", "--scheduler {}/tls.json", "needs TLS files"),
     ],
 )
-def test_bad_input_is_one_message_and_nothing_is_computed(
+def test_bad_input_gives_one_message_and_nothing_is_computed(
     tmp_path, monkeypatch, name, options, message
 ):
     monkeypatch.setattr("pipeline.sweep.cluster._FILE_PATIENCE", 0)
@@ -250,7 +250,7 @@ def test_bad_input_is_one_message_and_nothing_is_computed(
     assert not (tmp_path / "out").exists()
 
 
-def test_an_option_has_one_name_and_no_other_differs_from_it_by_an_s():
+def test_each_option_has_one_name_and_no_two_names_differ_only_by_an_s():
     options = [option for name in commands() for option in main_of(name).params]
     options = [option for option in options if option.name not in ("help", "kappa")]
     assert all(len(option.opts) == 1 for option in options)

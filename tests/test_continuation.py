@@ -1,4 +1,4 @@
-"""Breakdown by continuation against κ_G, against residues, and where it has to refuse."""
+"""Breakups by continuation against κ_G and residues, and cases that it has to refuse."""
 
 from itertools import takewhile
 
@@ -20,7 +20,7 @@ SAMPLES += [pytest.param(tol, 360, 77, 0.98, marks=pytest.mark.slow) for tol in 
 
 
 @pytest.mark.parametrize(("tol", "n", "seed", "part"), SAMPLES)
-def test_the_error_covers_the_difference_to_residues(tol, n, seed, part):
+def test_the_error_covers_the_difference_from_residues(tol, n, seed, part):
     # The claim is 98%; the seed is fixed, so that this is a statement about these n rays.
     covered = []
     for i, angle in enumerate(np.random.default_rng(seed).uniform(0, 180, n)):
@@ -45,7 +45,7 @@ def test_fineness_grows_by_the_golden_ratio_per_shrinking_by_delta():
 
 
 @pytest.mark.parametrize("tail", continuation.UNSTABLE_EIGENVALUES)
-def test_delta_is_the_growth_of_the_residues_slopes(tail):
+def test_delta_is_the_growth_factor_of_the_slopes_of_residues(tail):
     omega = RotationNumber((0,), tail)
     critical = periodic.critical_scale(omega, (1,), 10_000).value
     slopes = []
@@ -58,7 +58,7 @@ def test_delta_is_the_growth_of_the_residues_slopes(tail):
     assert continuation.UNSTABLE_EIGENVALUES[tail] == pytest.approx(slopes[1] / slopes[0], rel=2e-3)
 
 
-def test_next_to_an_unresolved_cusp_the_error_contains_its_depth():
+def test_near_an_unresolved_cusp_the_error_includes_its_depth():
     tip = KAPPA_G * 2**0.5
     for offset in (1e-4, 1e-5, 1e-6):
         found = continuation.critical_scale(parse("2gamma"), ray(45 - offset))
@@ -69,7 +69,7 @@ def test_next_to_an_unresolved_cusp_the_error_contains_its_depth():
 
 
 @pytest.mark.parametrize("tail", thirds([(2,), (3,), (1, 2), (5,), (1, 4)]))
-def test_tails_of_other_classes_are_answered_with_the_error_they_deserve(tail):
+def test_breakups_for_tails_of_other_classes_have_adequate_errors(tail):
     omega = RotationNumber((0,), tail)
     compared = 0
     for angle in (10, 30, 80, 110, 160):
@@ -79,7 +79,7 @@ def test_tails_of_other_classes_are_answered_with_the_error_they_deserve(tail):
             assert found.lower < judge.value
         if tail in continuation.UNSTABLE_EIGENVALUES:
             assert found.error < 1e-4
-        elif found.status is Status.OK:  # no better than the way from the last circle
+        elif found.status is Status.OK:  # no smaller than the distance from the last circle
             assert found.error > 1e-4
         if judge.status is found.status is Status.OK:
             assert abs(found.value - judge.value) <= found.error + judge.error
@@ -87,9 +87,10 @@ def test_tails_of_other_classes_are_answered_with_the_error_they_deserve(tail):
     assert compared >= 3
 
 
-# Before the circles meet the tail, where they stop while the next is 3 scales away, next to
-# fractions, and where they break at once. low, high: of what is certified all the same. Two highs
-# are residues' of minimizing orbits, to q = 60 000, with errors of 5e-7 and 2.3e-5.
+# Circles that end before they reach the tail, that stop while the next is 3 scales away, that are
+# close to fractions, and that break at once. low and high bound the scale certified nevertheless.
+# Two values of high are from residues of minimizing orbits, to q = 60 000, with errors of 5e-7 and
+# 2.3e-5.
 @pytest.mark.parametrize(
     ("omega", "profile", "tol", "status", "low", "high"),
     [
@@ -113,8 +114,9 @@ def test_without_enough_circles_there_is_a_status_and_no_value(
     assert not found.lower >= high
 
 
-# Near two shorter periods, where the depths of both count; and of 240 random rays those where half
-# the spread of the estimates fell short, by up to 1.67 times, at the finest tolerance.
+# A forcing near two shorter periods, where the depths of both count; and those of 240 random rays
+# on which, at the finest tolerance, half the spread of the estimates was too small an error, by a
+# factor of up to 1.67.
 NEAR = (-1.015869172540561, -1.0154541970028859, -1.015869172540561, -1.0151179126561691)
 ANGLES = np.random.default_rng(1401).uniform(0, 180, 240)
 HARD = [("gamma", NEAR, 1e-4, 0.02)]
@@ -122,7 +124,7 @@ HARD += [(NAMES[i % 6], ray(ANGLES[i]), 1e-6, 1e-4) for i in (54, 78, 181, 208, 
 
 
 @pytest.mark.parametrize("case", thirds(HARD))
-def test_where_that_is_hard_the_error_covers_the_difference_to_residues(case):
+def test_in_hard_cases_the_error_covers_the_difference_from_residues(case):
     name, profile, tol, bound = case
     judge = periodic.critical_scale(parse(name), profile)
     found = continuation.critical_scale(parse(name), profile, tol)
@@ -155,12 +157,12 @@ def test_a_circle_is_certified_at_the_given_distance_and_none_beyond(name, profi
     for too_high, distance in ((0.3, 0.1), (1e-2, 5e-3), (1e-3, 5e-4)):
         wrong = breakup * (1 + too_high)
         scale = continuation.certified_circle(omega, profile, wrong, distance)[0]
-        assert scale < breakup  # not NaN either: circles further in are met on the way
+        assert scale < breakup  # not NaN either: circles further in are found on the way
 
 
 @pytest.mark.parametrize("case", thirds([("gamma", (1,)), ("[0;1,2,(1)]", ray(30))]))
-def test_fakes_just_beyond_the_breakup_are_rejected(case):
-    # So near to it, Newton's method does converge: a scale beyond it would be that of a fake.
+def test_spurious_circles_just_beyond_the_breakup_are_rejected(case):
+    # So close to it Newton's method does converge: a scale beyond it would be a spurious circle's.
     name, profile = case
     breakup = periodic.critical_scale(parse(name), profile).value
     scale = continuation.certified_circle(parse(name), profile, breakup * (1 + 1e-4), 2e-5)[0]
@@ -173,7 +175,7 @@ def test_without_a_breakup_nothing_is_certified():
 
 
 @pytest.mark.slow
-def test_a_circle_is_certified_exactly_at_the_distance_if_it_can_be():
+def test_a_circle_is_certified_exactly_at_the_distance_if_possible():
     profile, distance = ray(23.4375), 1.6e-5
     breakup = periodic.critical_scale("gamma", profile).value
     found = continuation.certified_circle("gamma", profile, breakup, distance)[0]

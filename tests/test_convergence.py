@@ -1,4 +1,4 @@
-"""The convergence study: its fits on made-up data, and a small run of it."""
+"""The convergence study: its fits of synthetic data, and a small run of it."""
 
 import json
 
@@ -39,7 +39,7 @@ def test_the_bias_is_where_transport_begins_for_good():
     assert np.isnan(direct_iteration.direct_bias(everything, steps)).all()
 
 
-def test_the_diagonal_has_an_exponent_for_each_half_of_n():
+def test_the_diagonal_has_an_exponent_for_each_half_of_the_range_of_n():
     n = np.geomspace(100, 1e6, 40)
     excess = np.where(n <= 1e4, n ** (-1 / 2.7), 1.5 * n ** (-1 / 3.3))
     coords = {"n": n, "ensemble": [10, 1000], "angle": [20.0, 45.0]}
@@ -57,7 +57,7 @@ AXES = {"kappa_a": "strength of PROFILE", "kappa_b": "strength of the second kic
 PLANE = planes.Plane("of-a-profile", AXES, (0, 0, 0), PROFILE, (0, 1, 0))
 
 
-def test_breakups_are_those_of_the_rays_of_any_plane_from_zero():
+def test_breakups_are_computed_on_the_rays_from_zero_of_any_plane():
     breakups = convergence.breakups(PLANE, [0.0])
     assert breakups == {0.0: barriers.critical_scale(PROFILE, 1e-3).value}
     with pytest.raises(ValueError, match="needs rays from zero"):

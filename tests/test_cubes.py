@@ -1,4 +1,4 @@
-"""What the cubes plan, and that their tiles hold what the methods answer."""
+"""The plans of cubes, and their tiles against the results of the methods."""
 
 import dataclasses
 from fractions import Fraction
@@ -88,7 +88,7 @@ def test_a_tile_of_a_rotating_map_has_its_last_barrier_per_kick():
     assert found["omega"][:, 0] == pytest.approx([(3 - 5**0.5) / 4, (3 - 5**0.5) / 2], abs=1e-12)
 
 
-def test_a_code_of_status_is_read_by_the_words_beside_it():
+def test_status_codes_are_explained_by_the_flag_meanings():
     words = JOBS["barrier"].cube.template.status.attrs
     assert words == words | JOBS["flux"].cube.template.status.attrs
     meaning = dict(zip(words["flag_values"], words["flag_meanings"].split(), strict=True))
@@ -129,7 +129,7 @@ def test_a_value_names_its_error_and_its_status(name, main, names):
     linked = {key: link for key, link in links.items() if link}
     assert linked == {main: names}
     assert {*names.split()} <= {*template.data_vars}
-    # A cube that is made of this one names only what it has itself.
+    # A cube made from this one names only variables of its own.
     less = dataclasses.replace(JOBS[name].cube, template=template.drop_vars(["error", "status"]))
     remaining = " ".join(key for key in names.split() if key not in ("error", "status"))
     assert less.template[main].attrs.get("ancillary_variables", "") == remaining
@@ -141,13 +141,13 @@ def test_levels_are_linked_to_the_escape_times_that_they_describe():
     assert "ancillary_variables" not in plan().template.escape_time.attrs
 
 
-def test_the_hash_is_that_of_what_decides_the_numbers():
+def test_the_hash_depends_only_on_settings_that_decide_the_numbers():
     changes = {"plane": Plane("other", TWO.axes, (0, 0.1), TWO.first, TWO.second)}
     changes |= {"axes": (Axis(-1, 1.1, 6), AXES[1]), "sizes": [8, 41], "n_max": 301, "tile": 5}
     hashes = {plan(**{name: value}).config_hash for name, value in changes.items()}
     assert len({plan().config_hash, *hashes}) == 6
     assert plan(name="other").config_hash == plan().config_hash
-    # 2⁴⁰ cells and more, of which none is in memory.
+    # 2⁴⁰ cells and more are not held in memory.
     values = plan(axes=[Axis(-1, 1, 2**20)] * 2).template.escape_time
     assert values.chunks is not None
     retitled = plan().template.assign_attrs(title="another")
@@ -162,12 +162,12 @@ def test_the_hash_is_that_of_what_decides_the_numbers():
         barrier.last_barrier(TWO, np.arange(361) / 8, 1e-4),
     ],
 )
-def test_tiles_of_rays_are_seconds_of_work_in_few_files(job):
+def test_tiles_of_rays_take_seconds_so_that_files_are_few(job):
     axes = {dim: job.cube.template[dim].values[:n] for dim, n in job.cube.tile.items()}
     assert 1 < job.predict(axes, job.cube.settings) <= 3
 
 
-def test_the_boundary_at_any_angles_is_that_of_their_images():
+def test_the_boundary_at_any_angle_is_that_at_its_image_in_the_fundamental_domain():
     angles = [200.0, 45.0, 10.0, 95.0]
     found = barrier.boundary(angles, 1e-2)
     assert found.angle.values.tolist() == angles
@@ -185,7 +185,7 @@ def test_the_boundary_at_any_angles_is_that_of_their_images():
 
 
 def test_the_cost_of_a_tile_is_predicted_within_its_order_of_magnitude():
-    # Nothing escapes around the origin: n_max steps of every orbit in every cell.
+    # Nothing escapes near the origin: every orbit of every cell takes n_max steps.
     costs = []
     for lo, hi in ((-0.1, 0.1), (2, 2.2)):
         axis = Axis(lo, hi, 8)
@@ -197,7 +197,7 @@ def test_the_cost_of_a_tile_is_predicted_within_its_order_of_magnitude():
 
 
 @pytest.mark.parametrize("halves", [(1 / 64, 1 / 64), (1 / 65, 1 / 64), (1 / 64, 1 / 65)])
-def test_a_cell_is_certified_only_by_a_certificate_that_holds_all_of_it(halves):
+def test_a_cell_is_certified_only_by_a_certificate_that_covers_all_of_it(halves):
     cell = ("kappa2", "kappa1"), [[proofs.cells.TRANSPORT]]
     tile = xr.Dataset({"proved": cell}, {"kappa1": [1.0], "kappa2": [0.5]}, {"cells": 32})
     certificate = {"kappa": [(1.0).hex(), (0.5).hex()], "half_width": [h.hex() for h in halves]}
@@ -222,7 +222,7 @@ def test_a_cell_beyond_the_diagonal_is_certified_by_its_image_alone(painted):
 
 @pytest.mark.parametrize("end", [0.75, 0.5])
 @pytest.mark.parametrize("tilt", [(0.0, 0.25), (0.0, 0.125)])
-def test_a_triangle_is_certified_only_by_fans_that_fill_it(end, tilt):
+def test_a_triangle_is_certified_only_by_patches_that_fill_it(end, tilt):
     corners = {"kappa1_low": 0.5, "kappa2_low": 0.0, "kappa1_high": 0.5, "kappa2_high": 0.5}
     tile = {key: ("triangle", [x]) for key, x in corners.items()} | {"triangle": [3]}
     tile = xr.Dataset({"proved_below": ("triangle", [0.75])}, tile)

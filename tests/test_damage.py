@@ -1,4 +1,4 @@
-"""What becomes of a store that was copied under way, restored in part, or edited."""
+"""Stores that were copied during a sweep, restored in part, or edited."""
 
 import base64
 import json
@@ -23,7 +23,7 @@ ROOT = "toy.zarr/zarr.json"
 DIGESTS = "toy.zarr/digests.json"
 
 
-def test_a_tile_with_a_record_but_lost_or_cut_data_is_missing(place):
+def test_a_tile_with_a_record_but_lost_or_truncated_data_is_missing(place):
     plan = toy.cube()
     fill(place, plan)
     store.record_failure(place, "toy", (0, 0), "before it was computed")
@@ -53,7 +53,7 @@ def test_a_listing_while_tiles_are_committed_finds_no_record_without_data(on_dis
     with monkeypatch.context() as patch:
         patch.setattr(store.Place, "files", committing)
         done, written = store.tiles.commit_times(on_disk, store.tiles.arrays_of(on_disk, "toy"))
-    # One listing for each array, whose records come first; no chunk is read.
+    # Each array is listed once, the records first; no chunk is read.
     assert listed == [f"toy.zarr/{key}/c" for key in (COMMIT, "wave", "sign")]
     assert np.argwhere(done).tolist() == np.argwhere(np.isfinite(written)).tolist() == [[0, 0]]
     (state,) = store.status(on_disk)
@@ -79,7 +79,7 @@ def test_a_copy_made_during_a_sweep_is_completed_by_the_same_command(here, tmp_p
     toy.assert_complete(copy, plan)
 
 
-def test_of_how_many_tiles_were_wanted_nothing_is_believed_that_cannot_be(on_disk):
+def test_an_impossible_number_of_wanted_tiles_is_ignored(on_disk):
     fill(on_disk, toy.cube(), [(0, 0), (1, 1), (2, 2)])
     for noted, n_tiles in ((b"3", 3), (b"12", 12), (b"2", 20), (b"21", 20), (b"9" * 5000, 20)):
         put(on_disk, store.wanted_key("toy"), noted)
@@ -87,7 +87,7 @@ def test_of_how_many_tiles_were_wanted_nothing_is_believed_that_cannot_be(on_dis
         assert (state.done, state.tiles) == (3, n_tiles)
 
 
-def test_data_that_are_lost_under_way_are_missed_at_the_end(here, tmp_path):
+def test_data_lost_during_a_sweep_are_reported_at_its_end(here, tmp_path):
     plan = toy.cube(5, 5, tile=1)
 
     def lose_data():
@@ -142,7 +142,7 @@ def test_a_tile_whose_certificates_are_lost_or_changed_is_damaged(on_disk):
 
 
 def of_root(change):
-    """What changes the zarr.json of a cube, parsed, in the store."""
+    """Return a function that applies a change to the parsed zarr.json of a cube in the store."""
 
     def edit(place):
         metadata = json.loads(get(place, ROOT))
@@ -163,7 +163,7 @@ def swap_dimensions(attributes, wave):
 
 def double_a_coordinate(place):
     row = zarr.open_group(place.cube("toy"), mode="r+", use_consolidated=False)["row"]
-    row[:] = 2 * row[:]  # with a checksum of its own that is right
+    row[:] = 2 * row[:]  # written with a valid checksum
 
 
 FILL = base64.b64encode(np.float64(1).tobytes()).decode()
@@ -187,11 +187,11 @@ EDITS = {
 
 
 @pytest.mark.parametrize("edit", EDITS)
-def test_edited_metadata_are_restored_by_the_same_command_at_no_tile(on_disk, edit):
+def test_the_same_command_restores_edited_metadata_and_computes_no_tile(on_disk, edit):
     plan = toy.cube(10, 15, 5, plane='{"name": "a plane"}', n_max=10, precision="double")
     fill(on_disk, plan)
     before = {key: get(on_disk, key) for key in contents(on_disk)}
-    for by in (US, "mathematics 2"):  # of a later version, too, as the cube is complete
+    for by in (US, "mathematics 2"):  # also a later version, as the cube is complete
         EDITS[edit](on_disk)
         ((index, what),) = store.verify(on_disk, "toy", repair=True)
         assert index == ()
@@ -213,7 +213,7 @@ def test_other_settings_are_refused_whatever_was_edited(on_disk):
             store.create(on_disk, toy.cube(depth=depth), US)
 
 
-def test_a_study_whose_metadata_were_edited_is_written_anew(on_disk):
+def test_a_study_whose_metadata_were_edited_is_rewritten(on_disk):
     store.replace(on_disk, squares(1, depth=3), US)
     key = "squares.zarr/zarr.json"
     for old, new in ((b'"depth": 3', b'"depth": 4'), (b'"units": "1"', b'"units": "m"')):
@@ -265,7 +265,7 @@ def test_repair_of_edited_metadata_ends_with_code_1_and_changes_nothing(on_disk)
     assert (status.exit_code, "zarr.json of" in status.output) == (1, True)
 
 
-def test_no_control_characters_of_a_store_are_printed(on_disk, tmp_path):
+def test_control_characters_in_a_store_are_not_printed(on_disk, tmp_path):
     words = "\x1b]0;title\x07\nother: sound\u202e"
     fill(on_disk, toy.cube(), [(1, 1)])
     put(on_disk, "toy.zarr/.failed/0.0", words.encode())
@@ -287,7 +287,7 @@ def test_no_control_characters_of_a_store_are_printed(on_disk, tmp_path):
 
 
 @pytest.mark.benchmark
-def test_a_survey_costs_little_more_than_to_list_as_many_files(on_disk, capsys):
+def test_a_survey_costs_little_more_than_listing_as_many_files(on_disk, capsys):
     n = 1000
     coords = {dim: xr.Variable(dim, np.arange(n)) for dim in ("row", "column")}
     template = xr.Dataset({"level": blank(coords, "level")}, coords)
@@ -299,7 +299,7 @@ def test_a_survey_costs_little_more_than_to_list_as_many_files(on_disk, capsys):
             os.makedirs(folder := f"{on_disk}/{path}/{row}")
             for column in range(n):
                 with open(f"{folder}/{column}", "wb") as file:
-                    file.truncate(size)  # no space is taken
+                    file.truncate(size)  # takes no space on the disk
     seconds = {"listed": [], "surveyed": []}
     for _ in range(2):
         start = time.process_time()

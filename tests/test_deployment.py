@@ -1,8 +1,10 @@
-"""A sweep as on a cluster: scheduler, workers and driver are processes of their own, which speak
-TLS, and the cube is in an object store, a real server of S3's protocol.
+"""A sweep as on a cluster, into an object store.
 
-As a program, `python test_deployment.py SCHEDULER_FILE PEM URL SIDE`, it is the driver: a script of
-a user, which sweeps a function of their own. It prints what it needed.
+Scheduler, workers and driver are separate processes that communicate over TLS. The object store is
+a real server of the S3 protocol.
+
+Run as `python test_deployment.py SCHEDULER_FILE PEM URL SIDE`, this file is the driver: a user's
+script that sweeps a function of their own. It prints the CPU time and memory it needed.
 """
 
 import json
@@ -27,7 +29,7 @@ from pipeline import store
 
 SIDE = 32
 NAME = "least_residue"
-PATIENCE = 600  # seconds, in which workers may have to compile kernels
+PATIENCE = 600  # seconds, as workers may have to compile kernels
 
 
 def least_residue(kappa):
@@ -36,7 +38,7 @@ def least_residue(kappa):
 
 
 def residues(side):
-    """The Job in which each forcing is a tile."""
+    """Return a Job in which each forcing is a tile."""
     return pipeline.over_plane(least_residue, "two-kicks", f"0:1:{side}", f"0:1:{side}", tile=1)
 
 
@@ -60,7 +62,7 @@ def main(file, pem, url, side):
 
 @contextmanager
 def cluster(folder):
-    """Run a scheduler and two workers with their nannies; yield arguments of a driver."""
+    """Run a scheduler and two workers with their nannies; yield the arguments for a driver."""
     file, pem = folder / "scheduler.json", folder / "cluster.pem"
     made = Security.temporary()
     pem.touch(0o600)
@@ -82,7 +84,7 @@ def cluster(folder):
 
 @contextmanager
 def driver(cluster, url, side):
-    """Run a driver, which is killed in the end."""
+    """Run a driver, and kill it at the end."""
     command = map(str, [sys.executable, __file__, *cluster, url, side])
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
@@ -96,13 +98,16 @@ def committed(place):
 
 
 def sweep_with_interruptions(folder, side):
-    """Stop a sweep in four ways, and resume it each time; return its cube, and its last report."""
+    """Stop a sweep in four ways, and resume it each time.
+
+    Returns its cube, its last report and the damage found.
+    """
     with seaweed.serving(folder) as (kill_server, start_server), cluster(folder) as here:
         url = "s3://cubes/run"
         place, reached = store.place_of(url), []
 
         def advance(process):
-            """Wait until the sweep is further on by a tenth."""
+            """Wait until another tenth of the sweep is done."""
             before = committed(place)
 
             def is_further():

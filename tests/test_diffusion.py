@@ -13,7 +13,7 @@ from workflows.diffusion import study
 
 
 def rechester_and_white(one, two):
-    """D of two kicks, with correlations of up to four (Phys. Rev. Lett. 44 (1980) 1586)."""
+    """Return D of two kicks, with correlations of up to four (Phys. Rev. Lett. 44 (1980) 1586)."""
     (a1, a2, a3), (b1, b2, b3) = ([jv(order, kappa) for order in (1, 2, 3)] for kappa in (one, two))
     alone = one**2 * (1 - 2 * b2 + 2 * b2**2) + two**2 * (1 - 2 * a2 + 2 * a2**2)
     return (alone + 4 * one * two * (a3 * b3 - a1 * b1)) / (4 * np.pi) ** 2
@@ -39,13 +39,13 @@ def test_images_of_a_forcing_diffuse_alike():
         assert abs(one.value - factor * other.value) < 4 * error < 0.5 * one.value
 
 
-def test_the_error_is_the_scatter_of_other_orbits():
+def test_the_error_matches_the_scatter_of_other_orbits():
     found = [diffusion((1.6, 1.1 + 1e-7 * i), 256) for i in range(60)]
     scatter = np.std([each.value for each in found], ddof=1)
     assert scatter == pytest.approx(np.mean([each.error for each in found]), rel=0.3)
 
 
-def test_where_a_barrier_is_or_an_accelerator_mode_there_is_no_answer():
+def test_with_a_barrier_or_an_accelerator_mode_there_is_no_answer():
     inside = [critical_scale(ray(angle), 1e-2).lower * ray(angle) for angle in (0.0, 30.0, 45.0)]
     found = [diffusion(kappa, 64, 2**17) for kappa in inside]
     assert {each.status for each in found} == {Status.NOT_CONVERGED}

@@ -15,7 +15,7 @@ DIRECT = ["--n-rays", "5", "--n-cusp-rays", "0", "--n-orbits", "64", "--n-max", 
 
 @pytest.fixture(scope="module")
 def direct(tmp_path_factory, workers):
-    """The boundary by direct iteration on five rays: its directory."""
+    """The directory of the boundary by direct iteration on five rays."""
     out = tmp_path_factory.mktemp("direct") / "out"
     succeed("direct_boundary", out, *DIRECT, *workers)
     for name in ("direct_boundary.png", "direct_boundary_quadrant.pdf", "direct_boundary_rays.csv"):
@@ -50,7 +50,7 @@ def test_direct_iteration_closes_in_on_the_boundary_from_outside(direct):
 
 
 @pytest.mark.slow
-def test_direct_iteration_computes_about_the_tiles_that_it_predicts(direct):
+def test_direct_iteration_computes_about_as_many_tiles_as_it_predicts(direct):
     cube = xr.open_zarr(direct / "direct_boundary.zarr")
     n = int(cube.escape_time.notnull().sum())
     assert f"direct_boundary: {n} of {n} tiles\n" in succeed("status", direct)

@@ -34,8 +34,8 @@ def blocks(language, text):
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.S | re.M)
 
 
-def test_the_cluster_of_the_pipeline_is_that_of_the_readme():
-    """Whose lines are run."""
+def test_the_pipeline_page_starts_a_cluster_as_the_readme_does():
+    """Only the lines of the README are run."""
     pipeline = (ROOT / "pipeline" / "README.md").read_text(encoding="utf-8")
     assert blocks("sh", pipeline) == blocks("sh", README.partition("## On a cluster")[2])[:1]
 
@@ -58,7 +58,7 @@ def test_the_readme_is_short():
     assert len(README.encode()) <= 7000
 
 
-def test_the_readme_follows_the_order_in_which_a_stranger_reads():
+def test_the_readme_follows_the_order_in_which_a_newcomer_reads():
     heads = re.findall(r"^## (.+)$", README, re.M)
     expected = ["Install", "Three things to try", "From Python", "Your own forcing"]
     expected += ["What to trust", "Commands by question", "On a cluster", "Compare"]
@@ -66,18 +66,18 @@ def test_the_readme_follows_the_order_in_which_a_stranger_reads():
 
 
 @pytest.mark.parametrize("call", dict.fromkeys(CALLS))
-def test_a_command_of_the_readme_is_one(call):
+def test_a_command_of_the_readme_exists_and_takes_its_options(call):
     _, _, module, *options = shlex.split(call)
     name = module.removeprefix("workflows.")
     assert name in commands()
-    if "--scheduler" not in options:  # a path of a cluster, which is looked for
+    if "--scheduler" not in options:  # a file of a cluster, which would have to exist
         main_of(name).make_context(name, options)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("call", dict.fromkeys(CALLS))
 def test_a_command_of_the_readme_plans_its_run(call, tmp_path):
-    """Dry, as it stands but for the place of its results."""
+    """In a dry run, as it stands except for the folder of its results."""
     _, _, module, *options = shlex.split(call)
     main = main_of(module.removeprefix("workflows."))
     flags = [flag for parameter in main.params for flag in parameter.opts]
@@ -137,7 +137,7 @@ def test_versions_name_every_library_in_use(capsys):
     assert told["numpy"] == sys.modules["numpy"].__version__
 
 
-def test_a_copy_that_is_not_installed_tells_its_versions_too(monkeypatch, capsys):
+def test_a_copy_that_is_not_installed_shows_its_versions_too(monkeypatch, capsys):
     monkeypatch.setattr("nasm.versions.DISTRIBUTION", "no-such-distribution")
     nasm.show_versions()
     assert "no-such-distribution not installed" in capsys.readouterr().out
@@ -145,7 +145,7 @@ def test_a_copy_that_is_not_installed_tells_its_versions_too(monkeypatch, capsys
 
 @pytest.mark.parametrize("page", sorted((ROOT / ".docs").rglob("*.md")), ids=lambda path: path.stem)
 def test_python_on_a_page_is_run_by_the_build(page):
-    """Plain Python blocks, which nothing runs, are on no page; cells are valid Python."""
+    """No page has plain Python blocks, which nothing would run; cells are valid Python."""
     text = page.read_text(encoding="utf-8")
     assert blocks("python", text) == []
     cells = blocks(r"\{code-cell\} python", text)
@@ -158,7 +158,7 @@ def test_python_on_a_page_is_run_by_the_build(page):
 RUN_ELSEWHERE = "python3 -m venv", "pip ", "python -m pytest", "ruff "
 EXPLORE = "python -m workflows.explore"
 DOCUMENTS = [ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md", *PAGES]
-# Start a process, wait for what it does when it is ready, and let it go on.
+# Start a process, wait for the sign that it is ready, and let it run on.
 SCHEDULER_FILE = "{} & while [ ! -e scheduler.json ]; do kill -0 $!; sleep 0.2; done"
 PAGE_OF_LOG = (
     "import re, sys, urllib.request as u; u.urlopen(re.search(r'http://\\S+', sys.stdin.read())[0])"
@@ -183,7 +183,7 @@ WITH_SHELL = [page for page in DOCUMENTS if shell_lines(page)]
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_SHELL, ids=lambda path: path.stem)
 def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
-    """In one folder, which has the page's JSON as its file; a cluster's are processes here.
+    """In one folder that holds the page's JSON as a file; a cluster's processes run here.
 
     The explorer is asked for its page, and stopped by Ctrl-C. The sweep on the cluster has few
     rays: the main job before it computes as many as a user would.

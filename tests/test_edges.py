@@ -1,4 +1,4 @@
-"""The edge of nasm: every public function converts numbers of any kind, or refuses them."""
+"""The interface of nasm: every public function converts numbers of any kind or refuses them."""
 
 import inspect
 from importlib import import_module
@@ -30,7 +30,7 @@ from nasm import (
 from nasm.circles import continuation
 from nasm.converse_kam import transversal
 
-# They take what others of nasm have made, and trust it.
+# These modules and functions trust the results of other modules of nasm that they are given.
 TRUSTING = ("arithmetic", "action", "checks", "circles.fourier", "circles.parameterization")
 TRUSTING += ("proofs.cells", "proofs.certificate_checker", "proofs.certificates", "proofs.patches")
 TRUSTING += ("manifolds", "sources", "tables", "texts")
@@ -70,8 +70,8 @@ def faces():
                 yield f"{module.name}.{function.__name__}", function
 
 
-# Of those that compute for seconds, and of kernels, which convert nothing, only what they refuse is
-# asked; of kernels nothing.
+# Kernels convert nothing and are not tested. Functions that compute for seconds are only tested to
+# refuse bad arguments.
 KERNELS = {maps.kick, maps.unkick}
 SLOW = {barriers.boundary, barriers.critical_scale, proofs.bracket.critical_scale}
 SLOW |= {proofs.barrier.proved_lower, proofs.transport.prove, proofs.transport.proved_upper}
@@ -86,7 +86,7 @@ SEARCHES = {
 
 
 def good(function):
-    """Good arguments of a function, with those defaults that are numbers."""
+    """Valid arguments of a function, including those defaults that are numbers."""
     special = OTHERS.get(function, {}) | SPECIAL.get(function, {})
     parameters = inspect.signature(function).parameters.items()
     defaults = {
@@ -97,7 +97,7 @@ def good(function):
 
 
 def numeric(value):
-    """Whether a value is made of numbers."""
+    """True if a value consists of numbers."""
     try:
         return np.asarray(value).dtype.kind in "iuf" and np.size(value) > 0
     except ValueError:
@@ -133,7 +133,7 @@ def test_a_mask_or_a_text_is_refused_and_the_argument_is_named(function, name):
 
 
 def kinds_of(value):
-    """The same numbers as lists, as arrays without dimensions, and of small dtypes."""
+    """Yield the same numbers as arrays, as lists, and in small dtypes."""
     array = np.asarray(value)
     yield array
     yield array.tolist()
@@ -154,7 +154,7 @@ ANSWERING = [timed(case) for case in CASES if case.values[0] not in SLOW]
 
 
 @pytest.mark.parametrize(("function", "name"), ANSWERING)
-def test_numbers_of_any_kind_give_what_floats_and_ints_give_or_are_refused(function, name):
+def test_numbers_of_any_kind_give_the_result_of_floats_and_ints_or_are_refused(function, name):
     arguments = good(function) | SMALL.get(function, {})
     expected = called(function, arguments)
     for values in kinds_of(arguments[name]):

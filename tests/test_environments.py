@@ -1,4 +1,4 @@
-"""What a user's session, machine or site has set: no command trips over it, or loses a finding."""
+"""Settings of a user's session, machine or site: no command trips over them or loses a result."""
 
 import os
 import subprocess
@@ -14,7 +14,7 @@ HELP = "-m", "workflows.rotating", "--help"
 
 
 def python(*words, shell="", **environment):
-    """Run Python in the project with settings of the environment, and of the shell before it."""
+    """Run Python in the project, with settings of the environment and of the shell around it."""
     command = ["sh", "-c", f'{shell} exec "$@"', "sh", sys.executable, *map(str, words)]
     environment = {**os.environ, **environment}
     return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=120)
@@ -39,7 +39,7 @@ def test_letters_that_an_encoding_lacks_are_escaped(encoding):
         ("exec >/dev/full ;", 1, "Error: standard output cannot be written: No space left"),
     ],
 )
-def test_a_closed_or_full_stream_ends_no_command_but_loses_no_result(redirection, code, words):
+def test_a_closed_or_full_stream_stops_no_command_and_loses_no_result(redirection, code, words):
     told = python(*HELP, shell=redirection)
     output = (told.stdout + told.stderr).decode()
     assert told.returncode == code
@@ -48,8 +48,8 @@ def test_a_closed_or_full_stream_ends_no_command_but_loses_no_result(redirection
 
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
-def test_a_reader_that_goes_away_ends_nothing(tmp_path, stream):
-    """As `| head -1` does: what comes later is done, and the exit code is that of the work."""
+def test_a_reader_that_goes_away_stops_no_command(tmp_path, stream):
+    """As `| head -1` does: the rest of the work is done, and the exit code is that of the work."""
     script = f"""
 import click, sys
 from workflows.shared.cli import COMMON
@@ -73,7 +73,7 @@ main()
 
 
 @pytest.mark.parametrize("flag", ["-O", "-OO"])
-def test_python_without_its_checks_is_refused_in_one_sentence(flag):
+def test_python_without_assertions_is_refused_in_one_sentence(flag):
     told = python(flag, "-m", "workflows.status")
     assert told.returncode == 1
     (line,) = told.stderr.decode().splitlines()
@@ -85,7 +85,7 @@ RUN = "import runpy; runpy.run_module('workflows{}', run_name='__main__')"
 
 
 @pytest.mark.parametrize("name", ["", ".ask", ".last_barrier", ".status"])
-def test_a_command_on_windows_says_one_sentence(name):
+def test_a_command_on_windows_prints_one_sentence(name):
     told = python("-c", WITHOUT + RUN.format(name))
     (line,) = told.stderr.decode().splitlines()
     assert line.startswith("nasm runs on Linux and macOS; on Windows, ")
@@ -103,7 +103,7 @@ def test_an_import_on_windows_says_why_it_fails(package):
 
 @pytest.mark.parametrize("name", commands())
 def test_a_path_may_begin_with_the_home_directory(tmp_path, monkeypatch, name):
-    """A shell leaves ~ as it is after --out=, and who deletes a folder ~ deletes the home."""
+    """A shell leaves ~ as it is after --out=, and deleting a folder named ~ deletes the home."""
     monkeypatch.setenv("HOME", str(tmp_path))
     plane = '{"name": "p", "axes": {"kappaa": "a", "kappab": "b"}, "origin": [0, 0], '
     (tmp_path / "plane.json").write_text(plane + '"first": [1, 0], "second": [0, 1]}')
@@ -153,7 +153,7 @@ SETTINGS = {
 
 @pytest.mark.slow
 def test_a_sweep_runs_under_the_settings_of_other_programs(tmp_path):
-    """All together, in a session where a site has set more."""
+    """All at once, in a session with further settings of the site."""
     (tmp_path / "sitecustomize.py").write_text(SESSION)
     (tmp_path / "matplotlibrc").write_bytes("# größer\nfont.size: 20".encode("latin-1"))
     paths = {"PYTHONPATH": f"{tmp_path}:{ROOT}", "MATPLOTLIBRC": f"{tmp_path}/matplotlibrc"}

@@ -19,8 +19,8 @@ from nasm.critical import Status
 from nasm.escape import boundary, ensemble, escape_time, first_escape
 from nasm.symmetries import ray
 
-# (strengths with chaos from wall to wall, steps): so few steps that rounding has not grown to where
-# it matters. With starts that differ by 1e-12 no time of the ensemble of 1000 differs.
+# (strengths with chaos from wall to wall, steps): too few steps for rounding to matter. With starts
+# that differ by 1e-12, all times of the ensemble of 1000 are the same.
 SHORT = [((8.0,), 10), ((6.0, 5.0), 8), ((4.0, -5.0, 6.0), 5)]
 
 FORCINGS = [(2.5,), (1.5, 1.4), (1.2, -1.3, 1.6)]
@@ -49,14 +49,14 @@ def _kick_each(c, x, y):
 
 
 def scalar_times(kappa, x, y, n_max, window, precision="double"):
-    """One orbit after the other with the kernel's own kick on floats: no lanes, blocks, packing."""
+    """Iterate orbit by orbit with the kernel's own kick on floats: no lanes, blocks or packing."""
     kind, series = escape._PRECISIONS[precision]
     arrays = escape.kick_series(np.array(kappa), series), x - 0.25, y
     return _scalar_times(*(array.astype(kind) for array in arrays), n_max, *window)
 
 
 @pytest.mark.parametrize("strength", [0.3, -2.0])
-def test_the_kernel_s_kick_is_right_to_rounding(strength):
+def test_the_kernel_s_kick_is_accurate_to_rounding(strength):
     rng = np.random.default_rng(3)
     x, y = rng.uniform(-0.5, 0.5, 2000), rng.uniform(-0.5, 0.5, 2000)
     c = escape.kick_series(np.array([strength]))
@@ -65,16 +65,16 @@ def test_the_kernel_s_kick_is_right_to_rounding(strength):
         for i in range(x.size):
             shifted = mpmath.mpf(x[i] - 0.25)
             exact_x, exact_y = oracles.exact_step([strength], shifted + 0.25, y[i])
-            # A sine that is right to 2.5e-16, and half an ulp of the sum.
+            # The sine is accurate to 2.5e-16; add half an ulp of the sum.
             bound = 2.5e-16 * abs(strength) / (2 * np.pi) + np.spacing(abs(kicked_y[i])) / 2
             assert abs(kicked_y[i] - exact_y) <= bound
-            # X is known to a whole turn.
+            # X is known up to whole turns.
             turns = kicked_x[i] + 0.25 - exact_x
             assert abs(turns - mpmath.nint(turns)) <= bound + 1.2e-16
 
 
 @pytest.mark.parametrize(("kappa", "n_max"), SHORT)
-def test_times_are_those_of_the_definition(kappa, n_max):
+def test_escape_times_are_those_of_the_definition(kappa, n_max):
     x, y = ensemble(1000)
     times = escape_time(kappa, x, y, n_max)
     assert_array_equal(times, oracles.escape_time(kappa, x, y, n_max))
@@ -87,7 +87,7 @@ def test_long_escape_times_are_distributed_as_those_of_the_definition(kappa):
     ours = escape_time(kappa, x, y, 5000)
     single = scalar_times(kappa, x, y, 5000, escape.PAPER_WINDOW, "single")
     for others in (oracles.escape_time(kappa, x, y, 5000), single):
-        assert (ours != others).any()  # chaos: these are draws
+        assert (ours != others).any()  # chaos: these are random draws
         assert 200 < np.isfinite(ours).sum() < 3999
         # At (1.5, 1.5), kicks that are stronger by 3% have a p-value of 1e-5.
         assert ks_2samp(np.minimum(ours, 5001), np.minimum(others, 5001)).pvalue > 1e-3
@@ -96,8 +96,8 @@ def test_long_escape_times_are_distributed_as_those_of_the_definition(kappa):
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize("n_orbits", [1, 63, 130])
 def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_orbits):
-    # 20 001 steps: the longest chunk, and a last block that is not full. With fewer the last step
-    # may fall anywhere in a block, and on an escape.
+    # 20 001 steps: the longest chunk, and a last block that is not full. With fewer steps, the last
+    # one may fall anywhere in a block, and on an escape.
     x, y = ensemble(n_orbits)
     full, single = (
         scalar_times(kappa, x, y, 20_001, escape.PAPER_WINDOW, precision)
@@ -121,7 +121,7 @@ def test_no_orbit_leaks_through_a_certified_circle_in_single_precision(angle):
 
 
 @pytest.mark.parametrize("window", [(-2.0, 2.3), (0.05, 0.28), (-0.4, 0.25), (-0.5, 0.5)])
-def test_windows_of_any_kind(window):
+def test_escape_times_are_right_in_windows_of_any_kind(window):
     lo, hi = window
     x, y = ensemble(130)
     y = lo + (hi - lo) * y / 0.3  # inside, so that the smallest time is not 0
@@ -181,7 +181,7 @@ def test_ensembles_are_nested_and_fill_the_paper_s_rectangle_evenly(n_orbits):
     x, y = ensemble(n_orbits)
     assert_array_equal(ensemble(100), (x[:100], y[:100]))
     assert ((x >= 0) & (x < 1) & (y >= 0) & (y < 0.3)).all()
-    # Of 5 × 5 boxes, a random sample of 1000 would miss the mean of the fullest by about 15.
+    # In 5 × 5 boxes, the fullest one of a random sample of 1000 would be about 15 above the mean.
     counts, _, _ = np.histogram2d(x, y, bins=5, range=[(0, 1), (0, 0.3)])
     assert np.abs(counts - n_orbits / 25).max() <= 6
 
@@ -211,7 +211,7 @@ def test_boundary_is_where_a_ray_first_meets_transport():
     radius = np.hypot(kappa1, kappa2[:, None])
     times = np.where(radius > 0.6, 100.0, np.inf)
     angles = np.array([[20.0, 45.0], [90.5, 160.0]])
-    half_diagonal = 0.05 / np.sqrt(2) + 0.05 / 16  # of a cell, and half the distance of samples
+    half_diagonal = 0.05 / np.sqrt(2) + 0.05 / 16  # of a cell, plus half the spacing of samples
     found = boundary(times, kappa1, kappa2, angles, 100)
     assert found.shape == angles.shape
     assert np.abs(found - 0.6).max() <= half_diagonal
@@ -241,8 +241,8 @@ def test_the_boundary_is_unknown_in_transport_or_next_to_unknown_cells():
 
 
 @pytest.mark.parametrize(("profile", "barrier"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
-def test_direct_critical_scale_is_shown_from_above(profile, barrier):
-    for n_max in (3000, 30_000):  # how the bias falls is in test_work_precision
+def test_an_escape_bounds_the_direct_critical_scale_from_above(profile, barrier):
+    for n_max in (3000, 30_000):  # test_work_precision tests how the bias falls
         found = escape.critical_scale(profile, n_max, 256)
         assert found.status is Status.OK
         x, y = ensemble(256)
@@ -306,7 +306,7 @@ def test_a_critical_scale_needs_a_window_that_orbits_leave():
     assert np.isnan(escape.onset_scale((1, 0), 64, 64, window=(-1e6, 1e6)))
 
 
-def test_what_is_masked_in_a_field_is_unknown_and_its_cells_must_fit():
+def test_masked_cells_of_a_field_are_unknown_and_its_axes_must_fit():
     times, centres = np.full((4, 4), np.inf), (np.arange(4) + 0.5) / 4
     times[2:, 2:] = 5
     mask = np.zeros((4, 4), bool)

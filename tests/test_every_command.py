@@ -56,29 +56,29 @@ def test_without_python_flint_commands_that_prove_say_what_to_install(tmp_path):
         assert code == 0 or not list((tmp_path / "out" / name).glob("*"))
 
 
-def test_every_command_ends_well_and_what_it_keeps_goes_to_netcdf(tmp_path):
-    """Without Bokeh, which the explorer needs. Those that prove nothing do not look for FLINT.
+def test_every_command_ends_as_expected_and_its_cubes_can_be_saved_as_netcdf(tmp_path):
+    """Without Bokeh, which the explorer needs. Commands that prove nothing do not look for FLINT.
 
-    Each runs twice, and computes nothing when it runs again.
+    Each runs twice, and computes nothing the second time.
     """
     for name, (code, told, asked, _) in run(tmp_path / "out", SMALLEST, 2, "bokeh").items():
         assert code == (name == "explore"), f"{name}: {told}"
         assert code == 0 or "pip install '.[explore]'" in told
         assert asked == (name in PROVING), name
     files = [path for path in tmp_path.glob("out/*/*") if path.is_file() and path.name != ".lock"]
-    for path in files:  # so that in one folder no command replaces a file of another
+    for path in files:  # so that commands with one folder do not overwrite each other
         page = path.name == "index.html"  # of the gallery
         assert page or path.name.startswith(path.parent.name), path
     cubes = [path for path in tmp_path.glob("out/*/*.zarr") if path.is_dir()]
     assert len(cubes) > 30
     for path in cubes:
         cube = xr.open_zarr(path)
-        assert cube.chunks is not None  # one length along each dimension, or ValueError
+        assert cube.chunks is not None  # ValueError if chunks along a dimension differ
         for name, variable in cube.variables.items():
             words = variable.attrs
             assert words["long_name"], (path, name)
             assert words.get("units", "1") in ("1", "degree", "s", "turn"), (path, name)
-        with dask.config.set(scheduler="synchronous"):  # SciPy writes no netCDF for a cluster
+        with dask.config.set(scheduler="synchronous"):  # SciPy cannot write netCDF on a cluster
             cube.to_netcdf(path.with_suffix(".nc"))
         with xr.open_dataset(path.with_suffix(".nc"), engine="scipy") as back:
             xr.testing.assert_equal(back, cube)

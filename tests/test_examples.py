@@ -1,4 +1,4 @@
-"""The examples of docstrings: each is run, and gives the output that is shown."""
+"""The examples in docstrings: each is run, and gives the output shown."""
 
 import doctest
 from importlib import import_module
@@ -11,7 +11,7 @@ import pipeline
 
 
 def examples():
-    """Yield the examples of each docstring of both packages, a DocTest."""
+    """Yield the examples of each docstring of both packages, as a DocTest."""
     finder = doctest.DocTestFinder(exclude_empty=True)
     for package in nasm, pipeline:
         for module in walk_packages(package.__path__, f"{package.__name__}."):
@@ -21,10 +21,10 @@ def examples():
 @pytest.mark.parametrize(
     "example", [example for example in examples() if example.examples], ids=lambda test: test.name
 )
-def test_an_example_gives_what_is_shown(example, tmp_path, monkeypatch):
+def test_an_example_gives_the_output_shown(example, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     report = []
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-    runner = doctest.DocTestRunner(verbose=False, optionflags=flags)  # whatever pytest's -v says
+    runner = doctest.DocTestRunner(verbose=False, optionflags=flags)  # regardless of pytest's -v
     runner.run(example, out=report.append)
     assert not report, "".join(report)

@@ -1,4 +1,4 @@
-"""The explorer without a browser: what it computes for a view, its address, whom it answers."""
+"""The explorer without a browser: views it computes, state in its URL, requests it answers."""
 
 import asyncio
 import os
@@ -41,7 +41,7 @@ from workflows.shared.run import place_of
 
 
 def escapes(view, row, column, steps):
-    """n* of one pixel of a view in the plane of two kicks."""
+    """Return n* at one pixel of a view in the plane of two kicks."""
     kappa = [
         low + (i + 0.5) * (high - low) / n
         for i, n, (low, high) in ((column, view.shape[1], view.a), (row, view.shape[0], view.b))
@@ -51,7 +51,7 @@ def escapes(view, row, column, steps):
 
 
 def pictures(view, steps, fields=()):
-    """All pictures of a view with their blocks, and how many forcings were computed for them."""
+    """Return all pictures of a view with their block sizes, and the number of forcings computed."""
     tree, n_forcings = field.Quadtree(two_kicks(), view, steps, list(fields)), 0
     found = [tree.picture()]
     for calls in tree.rounds():
@@ -63,13 +63,13 @@ def pictures(view, steps, fields=()):
     return found, n_forcings
 
 
-# The boundary of N = 300 crosses both.
+# The boundary for N = 300 crosses both views.
 VIEW = View((0.8, 1.1), (0.0, 0.3), (54, 54))
 NEAR = View((0.96995, 0.97005), (0.09995, 0.10005), (54, 54))
 
 
 @pytest.mark.parametrize("view", [VIEW, NEAR])
-def test_pixels_with_an_escape_or_at_the_boundary_have_their_own_time(view):
+def test_pixels_that_escape_or_lie_at_the_boundary_have_their_own_escape_time(view):
     found, n_forcings = pictures(view, 300)
     times, block = found[-1]
     assert block == 1
@@ -82,7 +82,7 @@ def test_pixels_with_an_escape_or_at_the_boundary_have_their_own_time(view):
     assert [blocks for _, blocks in found] == sorted((b for _, b in found), reverse=True)
 
 
-def test_expensive_pixels_are_computed_along_the_boundary_only(monkeypatch):
+def test_expensive_pixels_are_computed_only_along_the_boundary(monkeypatch):
     beyond = View((0.9, 1.2), (0.0, 0.3), VIEW.shape)
     every, n_forcings = pictures(beyond, 300)
     own = every[-1][0]
@@ -95,14 +95,14 @@ def test_expensive_pixels_are_computed_along_the_boundary_only(monkeypatch):
     assert (times == own)[near].all()
     blocks, apart = (x.reshape(18, 3, 18, 3) for x in (times, ~near))
     alike = (blocks == blocks[:, 1:2, :, 1:2]).all(axis=(1, 3))
-    assert alike[apart.all(axis=(1, 3))].mean() > 0.9  # it runs elsewhere between whole blocks
-    # Of fewer steps the boundary is elsewhere, and has pixels of its own.
+    assert alike[apart.all(axis=(1, 3))].mean() > 0.9  # away from it, whole blocks share a time
+    # For fewer steps the boundary is elsewhere, and needs pixels of its own.
     known = Field(*beyond.centres(), times, 300, apart=3)
     fewer = pictures(beyond, 200, [known])[0][-1][0]
     np.testing.assert_array_equal(fewer, pictures(beyond, 200)[0][-1][0])
 
 
-def test_a_late_escape_at_the_centre_of_a_block_stays():
+def test_a_late_escape_at_the_centre_of_a_block_is_kept():
     view = View((0.72, 0.78), (0.02, 0.08), (81, 81))
     (times, *_), middle = pictures(view, 4000)[0][-1], range(13, 81, 27)
     own = np.array([[escapes(view, row, column, 4000) for column in middle] for row in middle])
@@ -118,28 +118,28 @@ def test_mirror_images_in_the_plane_are_computed_once():
     assert (times == times[::-1]).all()
     assert n_forcings < 0.2 * times.size
     row, column = np.argwhere(times <= 400)[7]
-    image = sorted((abs(row - 53.5), abs(column - 53.5)))  # in 0 to 45 degrees
+    image = sorted((abs(row - 53.5), abs(column - 53.5)))  # between 0 and 45 degrees
     assert times[row, column] == escapes(view, *(np.array(image) + 53.5).astype(int), 400)
 
 
-def test_what_is_known_is_not_computed_again():
+def test_known_pixels_are_not_computed_again():
     times, *_ = pictures(VIEW, 300)[0][-1]
     known = Field(*VIEW.centres(), times, 300)
     _, n_forcings = pictures(VIEW, 300, [known])
     assert n_forcings == 0
-    _, n_forcings = pictures(VIEW, 100, [known])  # fewer steps are known too
+    _, n_forcings = pictures(VIEW, 100, [known])  # known for fewer steps too
     assert n_forcings == 0
     moved = View((0.85, 1.15), (0.0, 0.3), (54, 54))
     (first, *_), n_forcings = pictures(moved, 300, [known])
     assert (first[0][:, :45] == times[:, 9:]).mean() > 0.97
     assert 0 < n_forcings < 0.35 * times.size
-    nearer = View((0.95, 0.96), (0.1, 0.11), (54, 54))  # a preview, and then all of it
+    nearer = View((0.95, 0.96), (0.1, 0.11), (54, 54))  # a preview, then the full picture
     found, n_forcings = pictures(nearer, 300, [known])
     assert not np.isnan(found[0][0]).any()
     assert n_forcings > 1000
 
 
-def test_of_a_store_that_is_refused_the_page_paints_nothing_and_says_why(store, tmp_path):
+def test_the_page_paints_nothing_of_a_refused_store_and_says_why(store, tmp_path):
     shutil.copytree(store / "escape.zarr", tmp_path / "escape.zarr")
     path = tmp_path / "escape.zarr" / "zarr.json"
     metadata = path.read_text()
@@ -152,7 +152,7 @@ def test_of_a_store_that_is_refused_the_page_paints_nothing_and_says_why(store, 
             next(opened)
 
 
-def test_of_a_refined_cube_escapes_of_coarse_cells_are_a_preview(store):
+def test_escapes_in_coarse_cells_of_a_refined_cube_are_a_preview(store):
     ((own, preview), _), *_ = plane._cubes(place_of(str(store)), two_kicks())
     view = View((-2, 2), (-2, 2), (64, 64))
     times, width = own.on(view, 300)
@@ -168,7 +168,7 @@ def test_of_a_refined_cube_escapes_of_coarse_cells_are_a_preview(store):
     assert 0.1 < np.isnan(times).mean() < 0.9
 
 
-def test_the_distance_to_the_boundary_is_that_of_the_ray():
+def test_the_distance_to_the_boundary_is_measured_along_the_ray():
     known = Rays(two_kicks())
     known.add(rays._on_ray(two_kicks(), 20.0, 1e-2))
     known.add(rays._on_ray(two_kicks(), 22.0, 1e-2))
@@ -184,7 +184,7 @@ def test_the_distance_to_the_boundary_is_that_of_the_ray():
 
 
 @pytest.mark.parametrize("plane", [two_kicks(), rotating("1/3"), three_kicks(0.2)])
-def test_the_rays_of_a_view_cross_it_and_a_second_look_needs_none(plane):
+def test_the_rays_of_a_view_cross_it_and_a_second_look_needs_no_more(plane):
     known, ray = Rays(plane), Breakup(1.0, 0.0, "[0;(1)]", 0.618)
     for view in (View((-1, 1), (-1, 1), (54, 54)), View((0.97, 0.9701), (0.96, 0.9601), (54, 54))):
         angles = known.missing(view)
@@ -194,7 +194,7 @@ def test_the_rays_of_a_view_cross_it_and_a_second_look_needs_none(plane):
 
 
 @pytest.mark.parametrize(("change", "n_rays"), [(99.0, 5), (20.3, 9)])
-def test_rays_of_a_zoomed_view_are_few_but_where_the_last_circle_changes(change, n_rays):
+def test_a_zoomed_view_has_few_rays_except_where_the_last_circle_changes(change, n_rays):
     view, plane, computed = View((0.8, 1.0), (0.25, 0.45), (540, 540)), two_kicks(), []
     known = Rays(plane)
     while angles := known.missing(view):
@@ -217,19 +217,19 @@ def test_rays_of_a_zoomed_view_are_few_but_where_the_last_circle_changes(change,
         ((1e-3, 1e-3), "chaotic (averages"),
     ],
 )
-def test_an_orbit_is_a_circle_periodic_on_islands_or_chaotic(start, said):
+def test_an_orbit_is_described_as_a_circle_periodic_on_islands_or_chaotic(start, said):
     assert said in describe_orbit(np.array([0.5, 0.4]), *start)
 
 
 @pytest.mark.parametrize("text", ["0.618", "0.5", "1.25", "-0.38", "0.3819660113"])
-def test_of_a_decimal_number_a_noble_one_is_followed_that_rounds_to_it(text):
+def test_for_a_decimal_number_a_noble_number_that_rounds_to_it_is_followed(text):
     noble, words = rays.named_by(text)
     assert parse(noble).tail == (1,)
     assert noble in words
     assert round(float(parse(noble)), len(text.partition(".")[2])) == float(text)
 
 
-def test_an_ensemble_started_in_a_box_has_the_diffusion_of_the_cell(monkeypatch):
+def test_an_ensemble_started_in_a_box_has_the_diffusion_rate_of_the_cell(monkeypatch):
     monkeypatch.setattr(on_demand, "_FRAME_SECONDS", 0)
     monkeypatch.setattr(on_demand, "_SIDE_STARTS", 24)
     kappa, found = np.array([4.0, 3.5]), None
@@ -242,7 +242,7 @@ def test_an_ensemble_started_in_a_box_has_the_diffusion_of_the_cell(monkeypatch)
 
 
 class Document:
-    """Of callbacks that are called by hand."""
+    """A stand-in for Bokeh's Document, whose callbacks the tests call by hand."""
 
     def __init__(self):
         self.callbacks = []
@@ -259,7 +259,7 @@ class Document:
             time.sleep(1e-3)
 
 
-def test_of_computations_the_latest_counts():
+def test_only_the_latest_computation_counts():
     document, found, gate = Document(), [], threading.Event()
     work = Work(document, None)
     work.start()
@@ -329,7 +329,7 @@ def test_an_address_with_invalid_state_is_explained_and_changes_nothing(query, w
     assert state.address() == first
 
 
-def test_the_boundary_on_a_ray_is_known_where_the_rays_begin_without_kicks():
+def test_the_boundary_on_a_ray_is_known_if_rays_begin_at_zero_forcing():
     found = verdict((0.3, 0.2, 0.2))
     for forcings, known in ((rotating("1/3"), True), (three_kicks(0.2), False)):
         state = State(forcings)
@@ -360,13 +360,13 @@ def test_the_boundary_on_a_ray_is_known_where_the_rays_begin_without_kicks():
         (Answer.UNDECIDED, np.nan, ""),
     ],
 )
-def test_the_side_of_the_boundary_is_that_of_the_verdict(answer, value, words):
+def test_the_side_of_the_boundary_agrees_with_the_verdict(answer, value, words):
     said = plane.side_text(answer, value, f"{value:.6g}")
     assert said.startswith(words)
     assert bool(said) == bool(words)
 
 
-def test_a_verdict_is_forgotten_with_its_point():
+def test_a_verdict_is_dropped_when_the_point_moves():
     state, seen = State(two_kicks()), []
     state.take(verdict=verdict(state.kappa))
     state.on("point", lambda: seen.append(state.verdict))
@@ -377,7 +377,7 @@ def test_a_verdict_is_forgotten_with_its_point():
 
 
 @pytest.mark.parametrize("direction", range(0, 360, 30))
-def test_the_mark_of_a_point_outside_points_towards_it(direction):
+def test_the_marker_of_a_point_outside_the_view_points_towards_it(direction):
     towards = np.exp(1j * np.deg2rad(direction))
     mark = plane._mark_of((5 * towards.real, 10 * towards.imag), [(-1.0, 1.0), (-2.0, 2.0)])
     assert mark["marker"] == ["triangle"]
@@ -386,10 +386,10 @@ def test_the_mark_of_a_point_outside_points_towards_it(direction):
     tip = 1j * np.exp(1j * mark["angle"][0])
     there = complex(5 * towards.real - x, 5 * towards.imag - y)
     assert tip == pytest.approx(there / abs(there))
-    assert (tip * np.conj(complex(x, y))).real > 0  # out of the view
+    assert (tip * np.conj(complex(x, y))).real > 0  # pointing out of the view
 
 
-def test_a_link_holds_all_that_a_tab_looks_at():
+def test_a_link_contains_everything_that_a_tab_shows():
     state = State(rotating("1/3"))
     state.move(0.1, -0.2)
     state.follow("[0;2,(1)]")
@@ -406,7 +406,7 @@ def test_a_link_holds_all_that_a_tab_looks_at():
         assert name == "plane" or getattr(again, name) != getattr(State(state.plane), name)
 
 
-def test_a_zoom_leaves_every_circle_its_colour():
+def test_zooming_does_not_change_the_colour_of_a_circle():
     rays, names = Rays(two_kicks()), ["[0;(1)]", *(f"[0;{i},(1)]" for i in range(2, 9))]
     for angle in range(360):
         circle = names[0 if angle % 9 == 4 else 1 + angle // 7 % 7]
@@ -420,9 +420,9 @@ def test_a_zoom_leaves_every_circle_its_colour():
 
 
 def with_page(ask, client=None):
-    """What `ask`, a coroutine function of the port, returns of a server without workers.
+    """Run `ask(port)`, a coroutine, against a server without workers; return its result.
 
-    client : as of `Shared`.
+    client : as for `Shared`.
     """
 
     async def asked():
@@ -432,13 +432,12 @@ def with_page(ask, client=None):
         page.stop()
         return found
 
-    with ThreadPoolExecutor() as thread:  # in this one Playwright may have an event loop
+    with ThreadPoolExecutor() as thread:  # Playwright may have a loop in this thread
         return thread.submit(asyncio.run, asked()).result()
 
 
 def answers(requests):
-    """What a server without workers answers to (path, headers), one after the other; what it
-    computes."""
+    """Return the answers of a server without workers to (path, headers), and what it computes."""
 
     async def ask(port):
         client, found = AsyncHTTPClient(), []
@@ -458,7 +457,7 @@ WEBSOCKET |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Pr
 ELSEWHERE, FOREIGN = "elsewhere.example", ("cross-site", "same-site")
 SCRIPT, OTHER = "/static/js/bokeh.min.js", f"{ELSEWHERE}:{{port}}"
 OURS = "localhost:{port}", "127.0.0.1:{port}", "[::1]:{port}", "LOCALHOST:{port}"
-REQUESTS = [  # path, headers, and the code of the answer
+REQUESTS = [  # path, headers, and the expected HTTP status
     *((SCRIPT, {"Host": name}, 200) for name in OURS),
     *((SCRIPT, {"Host": name}, 403) for name in (ELSEWHERE, OTHER, "localhost.x", "10.1.2.3")),
     *((path, {"Host": OTHER}, 403) for path in ["/", "/ws", "/metadata", "/autoload.js", "/none"]),
@@ -466,15 +465,15 @@ REQUESTS = [  # path, headers, and the code of the answer
     ("/ws", WEBSOCKET | {"Host": OTHER, "Origin": f"http://{OTHER}"}, 403),
     *(("/ws", WEBSOCKET | {"Origin": origin}, 403) for origin in (f"http://{ELSEWHERE}", "null")),
     ("/ws", WEBSOCKET | {"Origin": "http://["}, 403),
-    ("/ws", WEBSOCKET | {"Origin": "http://localhost:1"}, 403),  # a page of another server here
-    ("/?k1=%ff", {}, 200),  # a page with words
+    ("/ws", WEBSOCKET | {"Origin": "http://localhost:1"}, 403),  # a page of another local server
+    ("/?k1=%ff", {}, 200),  # a page with a message
     ("/?plane=%c3%28&n=%00", {}, 200),
     ("/?omega=0.5000000000000000000000000000000", {}, 200),
 ]
 
 
 def fetch(site, what):
-    """What a browser says of a request: of whose page, and for what."""
+    """Return the headers by which a browser states where a request is from and what it is for."""
     return {"Sec-Fetch-Site": site, "Sec-Fetch-Dest": what}
 
 
@@ -488,25 +487,25 @@ REQUESTS += [
 ]
 
 
-def test_names_of_this_machine_are_answered_and_other_sites_are_not():
+def test_local_host_names_are_answered_and_other_sites_are_not():
     found, _ = answers([request[:2] for request in REQUESTS])
     assert [answer.code for answer in found] == [code for *_, code in REQUESTS]
 
 
-def test_another_name_of_this_machine_is_told_where_the_page_is():
+def test_a_refusal_of_another_host_name_explains_how_to_reach_the_page():
     (refused,), _ = answers([("/?k1=0.3", {"Host": "hub.example.org:8000"})])
     words = refused.body.decode()
     assert "for hub.example.org:8000" in words
     assert re.search(r"ssh -L (\d+):localhost:\1 MACHINE", words)
-    assert refused.headers["Content-Type"].startswith("text/plain")  # the name may be of any kind
+    assert refused.headers["Content-Type"].startswith("text/plain")  # the name may contain anything
 
 
 @pytest.mark.parametrize("name", ["localhost:{}", "127.0.0.1:{}", "[::1]:{}"])
 @pytest.mark.parametrize("forwarded", [True, False])
 @pytest.mark.parametrize("site", [None, "hub.example.org"])
-def test_a_page_by_any_port_that_ssh_forwards_can_connect(name, forwarded, site, monkeypatch):
+def test_a_page_on_any_port_forwarded_by_ssh_can_connect(name, forwarded, site, monkeypatch):
     if site:
-        monkeypatch.setenv("BOKEH_ALLOW_WS_ORIGIN", site)  # of other servers of Bokeh
+        monkeypatch.setenv("BOKEH_ALLOW_WS_ORIGIN", site)  # set for other Bokeh servers
 
     async def status(port):
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
@@ -525,7 +524,7 @@ def test_a_page_by_any_port_that_ssh_forwards_can_connect(name, forwarded, site,
     ("path", "headers"),
     [("/", {}), (SCRIPT, {}), (AUTOLOAD, {}), ("/none", {}), ("/", {"Host": ELSEWHERE})],
 )
-def test_every_answer_tells_browsers_what_to_keep_from_other_sites(path, headers):
+def test_every_answer_tells_browsers_what_to_withhold_from_other_sites(path, headers):
     (answer,), _ = answers([(path, headers)])
     assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
     assert "default-src 'self';" in answer.headers["Content-Security-Policy"]
@@ -539,8 +538,10 @@ _POST = "POST / HTTP/1.1\r\nHost: localhost\r\n"
 
 
 async def said_to(port, text):
-    """The first line that the server answers to a text, as if it were slow to be sent; b"" if it
-    closes the connection."""
+    """Send a text as a slow client would; return the first line of the answer.
+
+    It is b"" if the server closes the connection.
+    """
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     writer.write(text.encode())
     line = await reader.readline()
@@ -548,7 +549,7 @@ async def said_to(port, text):
     return line
 
 
-def test_slow_clients_are_let_go_and_hold_nobody_up(monkeypatch):
+def test_slow_clients_are_disconnected_and_delay_nobody(monkeypatch):
     monkeypatch.setattr(server, "_SLOWEST", 2)
     slow = ["", "GET / HTTP/1.1\r\nHost: localhost\r\nX: ", f"{_POST}Content-Length: 99\r\n\r\na"]
     slow += [f"{_POST}Transfer-Encoding: chunked\r\n\r\n63\r\na"]
@@ -567,14 +568,14 @@ def test_slow_clients_are_let_go_and_hold_nobody_up(monkeypatch):
 @pytest.mark.parametrize(
     "body", [f"Content-Length: {10**6}\r\n\r\n", "Transfer-Encoding: chunked\r\n\r\nfffff\r\n"]
 )
-def test_what_is_sent_to_the_page_is_not_kept(body):
+def test_large_request_bodies_are_refused(body):
     async def ask(port):
         return await asyncio.wait_for(said_to(port, _POST + body), 60)
 
     assert b" 400 " in with_page(ask)
 
 
-def test_a_browser_in_the_foreground_holds_nothing_up(tmp_path):
+def test_a_browser_in_the_foreground_does_not_block_the_server(tmp_path):
     program = tmp_path / "browser"
     program.write_text('#!/bin/sh\ntouch "$0.opened"\nexec sleep 100\n')
     program.chmod(0o755)
@@ -596,7 +597,7 @@ def test_a_browser_in_the_foreground_holds_nothing_up(tmp_path):
 @pytest.mark.parametrize(
     ("program", "opens"), [("w3m", 0), ("/usr/bin/lynx", 0), ("www-browser", 0), ("chromium", 1)]
 )
-def test_a_browser_of_the_terminal_is_not_opened(monkeypatch, program, opens):
+def test_a_text_mode_browser_is_not_opened(monkeypatch, program, opens):
     opened = []
     browser = SimpleNamespace(name=program, open=opened.append)
     monkeypatch.setattr(webbrowser, "get", lambda: browser)
@@ -604,7 +605,7 @@ def test_a_browser_of_the_terminal_is_not_opened(monkeypatch, program, opens):
     assert len(opened) == opens
 
 
-def test_what_needs_no_kernels_does_not_wait_for_those_that_are_compiled():
+def test_work_without_kernels_does_not_wait_for_kernels_being_compiled():
     document, found, loaded = Document(), [], threading.Event()
     work = Work(document, None, {"verdict": loaded})
     work.start()
@@ -636,12 +637,12 @@ _EVERYTHING = "k1=0.3&k2=0.2&n=100&omega=gamma&pq=3/8&orbits=0.5,0.3&show=bounda
         (f"/?pq=1e-99999999&omega=1{60_000 * '+'}1", {}, 200),
     ],
 )
-def test_a_page_that_is_asked_for_and_not_shown_computes_nothing(path, headers, code, monkeypatch):
+def test_a_page_that_is_requested_but_not_shown_computes_nothing(path, headers, code, monkeypatch):
     threads = []
     monkeypatch.setattr("workflows.explore.work.Thread", lambda **how: threads.append(how))
     (answer,), computed = answers([(path, headers)])
     assert answer.code == code
-    time.sleep(0.2)  # a verdict begins a little later
+    time.sleep(0.2)  # a verdict would begin a little later
     assert (computed, threads) == ([], [])
 
 
@@ -663,7 +664,7 @@ main(["--port", "0", "--no-browser", "--out", sys.argv[1]])
     ("number", "blocks"),
     [
         (signal.SIGINT, "while True: pass"),
-        (signal.SIGTERM, "10 ** 10 ** 9"),  # which never releases Python's lock
+        (signal.SIGTERM, "10 ** 10 ** 9"),  # which never releases the GIL
         (signal.SIGINT, "hashlib.pbkdf2_hmac('sha256', b'', b'', 2**31 - 1)"),  # as a kernel does
     ],
 )
@@ -683,7 +684,7 @@ def test_a_signal_ends_the_explorer_whatever_blocks_its_loop(number, blocks, tmp
             process.kill()
 
 
-def test_workers_are_known_to_be_started_while_kernels_are_compiled(monkeypatch):
+def test_workers_count_as_started_while_kernels_are_being_compiled(monkeypatch):
     compiling, ended = threading.Event(), threading.Event()
 
     def warm_up():

@@ -1,4 +1,4 @@
-"""The explorer's page in a real browser, against what is computed here."""
+"""The explorer's page in a real browser, compared with values computed directly."""
 
 import re
 import subprocess
@@ -24,35 +24,35 @@ from workflows.explore.field import View
 pytestmark = needed
 KAPPA, PLANE, PORTRAIT = (0.5, 0.4), "Plane of forcings", "Phase portrait"
 BOX = (0.0, -0.25, 1.0, 1.0)
-SLOW = "plane|boundary|circle"  # what may go on behind what is looked at
+SLOW = "plane|boundary|circle"  # computations that may go on in the background
 
 
 def asked(tab):
-    """The permalink of a page, {name: text}."""
+    """Return the parameters of a page's permalink, {name: text}."""
     return {name: texts[0] for name, texts in parse_qs(urlparse(tab.url).query).items()}
 
 
 def type_in(tab, label, text):
-    """Fill in a field, and leave it by Enter."""
+    """Fill in a field and press Enter."""
     tab.get_by_label(label).fill(text)
     tab.get_by_label(label).press("Enter")
 
 
 def until(tab, **parts):
-    """Wait for parameters of the permalink."""
+    """Wait until parameters of the permalink have these values."""
     for name, value in parts.items():
         wait(tab, f"new URLSearchParams(location.search).get('{name}') == '{value}'")
 
 
 def told(tab, words, timeout=None):
-    """What the page says of a forcing, or of orbits, when it says these words."""
+    """Wait for a status line that contains these words, and return its text."""
     line = tab.get_by_role("status").filter(has_text=words)
     line.wait_for(timeout=timeout)
     return line.inner_text()
 
 
 def at(tab, k1=KAPPA[0], k2=KAPPA[1]):
-    """Go to a forcing by typing it."""
+    """Go to a forcing by typing its strengths."""
     for name, label, value in (("k1", "κ₁", k1), ("k2", "κ₂", k2)):
         if asked(tab)[name] != str(value):
             type_in(tab, label, str(value))
@@ -61,7 +61,7 @@ def at(tab, k1=KAPPA[0], k2=KAPPA[1]):
 
 @pytest.fixture(scope="module")
 def opened(chromium, served):
-    """The page at KAPPA, when its verdict and its portrait are there; and the verdict in words."""
+    """The page at KAPPA, once its verdict and portrait are shown, and the text of the verdict."""
     with pages(chromium, served[0]) as page:
         tab = page("?k1={}&k2={}&n=100".format(*KAPPA), 900)
         words = told(tab, "BARRIER at")
@@ -70,7 +70,7 @@ def opened(chromium, served):
 
 
 def is_smaller(side):
-    """JavaScript: both sides of the portrait, which change one by one, are below `side`."""
+    """JavaScript: both sides of the portrait are below `side`; they change one after the other."""
     data = "Bokeh.documents[0].get_model_by_name('orbits').data"
     return f"Math.max({data}.w[0], {data}.h[0]) < {side}"
 
@@ -82,7 +82,7 @@ def box_of(tab):
 
 
 def pixels(tab):
-    """The picture of the portrait: 0 for nothing, 1 for chaos, 2 to 255 for ω."""
+    """The pixels of the portrait: 0 where empty, 1 for chaos, 2 to 255 for ω."""
     (flat,) = columns(tab, "orbits")["pixels"]
     _, _, width, height = picture(tab, PORTRAIT)
     return np.reshape(flat, (int(height), int(width)))
@@ -98,7 +98,7 @@ def seen_at(image, box, x, y):
     return image[row[inside], column[inside]]
 
 
-def test_orbits_are_coloured_by_rotation_number_and_circles_certified(opened):
+def test_orbits_are_coloured_by_rotation_number_and_the_circle_is_certified(opened):
     tab, words = opened
     image, expected = pixels(tab), verdict(KAPPA)
     for line, y in ((0.5, 12 * 2 + 1), (0.0, 2 * 14), (0.0, 2 * 20)):  # of `orbits.portrait`
@@ -115,7 +115,7 @@ def test_orbits_are_coloured_by_rotation_number_and_circles_certified(opened):
     order = np.argsort(lift % 1)
     on_circle = np.interp(x[there], lift[order] % 1, height[order] % 1, period=1)
     assert there.sum() > 2000
-    assert abs((y[there] - on_circle + 0.5) % 1 - 0.5).max() < 1e-3  # straight lines between
+    assert abs((y[there] - on_circle + 0.5) % 1 - 0.5).max() < 1e-3  # linear interpolation
     assert f"ω = {expected.boundary.omega} =" in words
     assert "certified on a finer grid" in words
     assert re.search(r"This took \d\.\d\d s", words)
@@ -150,7 +150,7 @@ def test_a_point_outside_the_view_is_marked_at_the_edge(opened):
     assert (mark["x"], mark["y"]) == (mark["a"], mark["b"])
 
 
-def test_what_is_copied_as_python_runs_and_what_is_seen_is_saved(opened, tmp_path, capsys):
+def test_copied_python_code_runs_and_the_data_shown_can_be_saved(opened, tmp_path, capsys):
     tab, _ = opened
     tab.context.grant_permissions(["clipboard-read", "clipboard-write"])
     tab.get_by_role("button", name="copy as Python").click()
@@ -188,7 +188,7 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     assert x.size == 2 * sum(f.denominator for f in shown)
     image_x, image_y = maps.step(KAPPA, x, y)
     apart = abs(x[:, None] - image_x + 0.5) % 1 - 0.5, (y[:, None] - image_y + 0.5) % 1 - 0.5
-    assert np.hypot(*apart).min(axis=0).max() < 1e-9  # each point goes to one of them
+    assert np.hypot(*apart).min(axis=0).max() < 1e-9  # each point is mapped to one of them
     lines = columns(tab, "symmetry")
     assert {0.0, 0.5} <= set(np.round(lines["x"], 12))  # before the first kick
     type_in(tab, "Orbits of a fraction", "3/8")
@@ -225,7 +225,7 @@ def test_a_page_that_cannot_connect_says_so(opened, chromium, served):
     assert not opened[0].get_by_text(words).is_visible()
 
 
-# What has the focus, in whichever part of the page, by the name that a screen reader says.
+# The focused element, inside shadow roots too, by the name that a screen reader announces.
 _FOCUS = """() => {
     let at = document.activeElement
     while (at.shadowRoot?.activeElement) at = at.shadowRoot.activeElement
@@ -233,11 +233,11 @@ _FOCUS = """() => {
 }"""
 
 
-def test_the_keyboard_reaches_all_in_order_and_back_undoes_its_moves(opened):
+def test_the_keyboard_reaches_all_controls_in_order_and_back_undoes_its_moves(opened):
     tab, said = opened[0], []
     at(tab)
-    told(tab, "BARRIER at")  # so that it can be asked where the boundary is
-    tab.locator("h1").click()  # the keyboard begins at the top
+    told(tab, "BARRIER at")  # so that the button to the boundary is enabled
+    tab.locator("h1").click()  # so that Tab begins at the top
     while not said or said[-1] != "Help":
         tab.keyboard.press("Tab")
         said.append(tab.evaluate(_FOCUS))
@@ -250,7 +250,7 @@ def test_the_keyboard_reaches_all_in_order_and_back_undoes_its_moves(opened):
     tab.get_by_role("application", name="plane of forcings").focus()
     for key in ("ArrowRight", "Shift+ArrowUp"):
         tab.keyboard.press(key)
-    wait(tab, "location.search.includes('k2=0.4023')")  # a percent of 2.3, and a tenth of that
+    wait(tab, "location.search.includes('k2=0.4023')")  # 1% of 2.3; with Shift, a tenth of that
     assert float(asked(tab)["k1"]) == pytest.approx(0.523)
     assert tab.get_by_label("κ₁").input_value() == "0.523"
     tab.go_back()
@@ -258,7 +258,7 @@ def test_the_keyboard_reaches_all_in_order_and_back_undoes_its_moves(opened):
     assert float(tab.get_by_label("κ₂").input_value()) == KAPPA[1]
 
 
-def test_a_dark_page_follows_the_system_in_pictures_and_fields(opened):
+def test_pictures_and_fields_follow_the_dark_mode_of_the_system(opened):
     tab, _ = opened
     painted = """(colours) => [...new Set([...Bokeh.documents[0]._all_models.values()].flatMap(
         (model) => model.type == "Figure" ? [model.border_fill_color] :
@@ -269,7 +269,7 @@ def test_a_dark_page_follows_the_system_in_pictures_and_fields(opened):
         below = tab.evaluate("getComputedStyle(document.body).backgroundColor")
         for colour in (field, below):
             assert (max(map(int, re.findall(r"\d+", colour)[:3])) < 60) == dark, colour
-        # The page is told of the change with a frame, which may be later.
+        # The page is notified of the change with a frame, which may come later.
         wait(tab, painted, "#16181a,#ddd" if dark else "#222,#fff")
 
 
@@ -319,7 +319,7 @@ def test_a_click_beyond_the_boundary_shows_the_longest_lived_start(opened):
     assert [float(asked(tab)[name]) for name in ("k1", "k2")] == there  # all digits are kept
 
 
-def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
+def test_a_click_adds_an_orbit_and_a_zoom_iterates_the_orbits_in_the_box(opened):
     tab, _ = opened
     at(tab)
     ready(tab, SLOW)
@@ -345,7 +345,7 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_what_is_in_the_box(opened):
     wait(tab, "!/[?&](x|y|orbits)=/.test(location.search)")
 
 
-def test_the_forcing_plays_along_the_ray_and_what_is_asked_for_is_drawn(opened):
+def test_play_moves_the_forcing_along_the_ray_and_requested_curves_are_drawn(opened):
     tab, _ = opened
     at(tab)
     told(tab, re.compile("breaks? at"))
@@ -375,13 +375,13 @@ def test_the_forcing_plays_along_the_ray_and_what_is_asked_for_is_drawn(opened):
     nearer = partial(wait, tab, "/[?&]a=/.test(location.search)")
     browser.drag(tab, PLANE, (0.25, 0.25), (0.5, 0.5), nearer)
     moved = columns(tab, "point")
-    assert [moved[name] for name in "ab"] == [point[name] for name in "ab"]  # the tool had the drag
+    assert [moved[name] for name in "ab"] == [point[name] for name in "ab"]  # the drag only zoomed
     tool.click()
     tab.get_by_label("manifolds").uncheck()
     type_in(tab, "Orbits of a fraction", "")
 
 
-def test_bad_input_is_explained_below_its_field_and_a_lost_worker_replaced(opened, served):
+def test_bad_input_is_explained_below_its_field_and_a_lost_worker_is_replaced(opened, served):
     tab, _ = opened
     good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "0.618", "Orbits added": "0.5 0.3"}
     good["Orbits of a fraction"] = ""
@@ -398,12 +398,12 @@ def test_bad_input_is_explained_below_its_field_and_a_lost_worker_replaced(opene
         field, told = tab.get_by_label(label).bounding_box(), message.bounding_box()
         assert abs(told["x"] - field["x"]) < 10
         assert 0 < told["y"] - field["y"] < 60
-    assert tab.get_by_role("alert").count() == 5  # none has taken another's place
+    assert tab.get_by_role("alert").count() == 5  # no message has replaced another
     assert tab.get_by_label("κ₁").input_value() == "one"
     assert tab.get_by_label("where the circle").input_value() == "3/5"
     type_in(tab, "κ₁", good["κ₁"])
     until(tab, k1=good["κ₁"])
-    assert tab.get_by_label("κ₂").input_value() == "1e7"  # nor has the good one, while it is mended
+    assert tab.get_by_label("κ₂").input_value() == "1e7"  # left as typed while κ₁ is corrected
     for label, text in good.items():
         type_in(tab, label, text)
     tab.get_by_text("a noble number that rounds to it: [0;(1)]").wait_for()
@@ -416,12 +416,12 @@ def test_bad_input_is_explained_below_its_field_and_a_lost_worker_replaced(opene
     tab.get_by_role("slider").press("ArrowRight")
     until(tab, n=200)
     ready(tab, "boundary")
-    worker.wait(60)  # it is gone, and not only on its way
+    worker.wait(60)  # until the process has ended
     tab.get_by_role("slider").press("ArrowLeft")
     until(tab, n=100)
 
 
-def test_a_link_in_another_tab_shows_the_same(opened, chromium, served):
+def test_a_link_in_another_tab_shows_the_same_page(opened, chromium, served):
     tab, _ = opened
     tab.get_by_label(PLANE).get_by_title("Reset").click()
     wait(tab, "!/[?&]a=/.test(location.search)")
@@ -465,7 +465,7 @@ main(["--port", "0", "--no-browser", "--out", sys.argv[1]])
 """
 
 
-def test_what_out_holds_is_painted_before_there_are_workers_or_kernels(chromium, store):
+def test_stored_results_are_drawn_before_there_are_workers_or_kernels(chromium, store):
     command = [sys.executable, "-c", _NEVER, str(store)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         try:
@@ -477,20 +477,20 @@ def test_what_out_holds_is_painted_before_there_are_workers_or_kernels(chromium,
                     wait(tab, f"{values}.length > 1")
                 times = np.array(columns(tab, "times")["values"][0], float)
                 assert np.isfinite(times).any()
-                assert np.isnan(times).mean() < 0.1  # the store's plane is wider
+                assert np.isnan(times).mean() < 0.1  # the stored plane is wider than the view
                 wait(tab, "Bokeh.documents[0].get_model_by_name('boundary')?.data.a.length > 9")
                 assert len(columns(tab, "orbits")["pixels"][0]) == 1
         finally:
             process.kill()
 
 
-def test_a_phone_stacks_panels_and_zooms_to_1e_4_with_escape_times(opened):
+def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_escape_times(opened):
     tab, _ = opened
     tab.set_viewport_size({"width": 390, "height": 900})
     wait(tab, "document.documentElement.scrollWidth <= 390")
     _, top, width, height = picture(tab, PLANE)
     assert width > 250
-    for label in ("κ₁", "κ₂", "N, steps"):  # next to the picture that they move
+    for label in ("κ₁", "κ₂", "N, steps"):  # next to the picture that they control
         field = tab.get_by_label(label).bounding_box()
         assert 0 < top - field["y"] < 250
     portrait = tab.locator(f'section[aria-label="{PORTRAIT}"]').bounding_box()
@@ -500,21 +500,21 @@ def test_a_phone_stacks_panels_and_zooms_to_1e_4_with_escape_times(opened):
     for n in (200, 500):
         tab.get_by_role("slider").press("ArrowRight")
         until(tab, n=n)
-    browser.zoom(tab, PLANE, (0.98, 0.47), *[-600] * 5)  # ten times as near each
+    browser.zoom(tab, PLANE, (0.98, 0.47), *[-600] * 5)  # each zooms in by a factor of ten
     shown = "Bokeh.documents[0].get_model_by_name('times').data"
     wait(tab, f"{shown}.da[0] < 1e-4 && {shown}.values[0].some(Number.isFinite)")
     ready(tab, "boundary|circle")
     shape = tuple(tab.evaluate(f"{shown}.values[0].shape"))
     times = np.reshape(columns(tab, "times")["values"][0], shape)
     assert np.isfinite(times).mean() > 0.9
-    # The last bit of a forcing decides over n*.
+    # n* depends on the last bit of a forcing.
     view = View(*(tuple(map(float, asked(tab)[side].split(":"))) for side in "ab"), shape)
     where = range(0, min(shape), 5)
     assert [times[i, i] for i in where] == [escapes(view, i, i, n) for i in where]
     tab.set_viewport_size({"width": 900, "height": 900})
 
 
-def test_no_other_machine_gets_in(served):
+def test_the_server_listens_on_localhost_only(served):
     main = psutil.Process(served[1].pid)
     family = [main, *main.children(recursive=True)]
     ports = [port.laddr for one in family for port in one.net_connections() if not port.raddr]

@@ -1,4 +1,4 @@
-"""The Farey tree of residues: circles that searches miss, nothing beyond, and the last name."""
+"""The Farey tree of residues: circles that searches miss, none beyond, and the last one named."""
 
 import numpy as np
 import oracles
@@ -32,7 +32,7 @@ def test_the_tree_finds_circles_whose_survivors_searches_miss(case):
     kappa = np.multiply(*case)
     omega, nobles, _ = farey.find_existing_circle(kappa)
     assert oracles.residues_fall(omega, kappa, 3000)
-    # One of the names: others may be too close to their own breakup to be certified.
+    # At least one is certified: others may be too close to their own breakup for that.
     named = [omega] + [one for one in nobles[:6] if farey.circle_exists(one, kappa)]
     assert any(barriers._is_certified(one, kappa, 20_000) for one in named)
 
@@ -46,7 +46,7 @@ def test_the_tree_finds_circles_whose_survivors_searches_miss(case):
     ],
 )
 def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega, scale, exists):
-    # Of two or three convergents they fall in each case; of ten they tell.
+    # Those of two or three convergents fall in each case; those of ten decide.
     kappa = scale * np.array(profile)
     assert farey.circle_exists(omega, kappa) == exists
     assert oracles.residues_fall(omega, kappa, 3000) is exists

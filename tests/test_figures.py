@@ -61,7 +61,7 @@ IN_THE_TIP = ["[0;1,3,4,3,(1)]", "[0;1,3,4,4,(1)]", "[0;1,3,4,4,2,(1)]", "[0;1,3
 
 
 def lab(colour, seen_by):
-    """CIE L*a*b* of a colour of sRGB, white at D65, as the dichromat sees it."""
+    """Return CIE L*a*b*, with white point D65, of an sRGB colour as the dichromat sees it."""
     rgb = np.array(to_rgb(colour))
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
     seen = np.clip(np.array(DICHROMATS[seen_by]) @ linear, 0, 1)
@@ -71,7 +71,7 @@ def lab(colour, seen_by):
 
 
 @pytest.mark.parametrize("seen_by", DICHROMATS)
-def test_the_colour_blind_distinguish_colours_of_circles_and_greys(seen_by):
+def test_colour_blind_readers_can_distinguish_the_colours_of_circles_and_greys(seen_by):
     greys = ["black", "white", style.INSIDE, style.NO_ESCAPE, "0.5"]
     pairs = [*combinations(style.COLOURS, 2), *product(style.COLOURS, greys)]
     apart = {(a, b): np.linalg.norm(lab(a, seen_by) - lab(b, seen_by)) for a, b in pairs}
@@ -91,8 +91,8 @@ def test_the_six_circles_of_the_paper_differ_and_the_golden_one_is_blue():
     assert looks[0] == {"color": style.COLOURS[0], "marker": "o", "ls": "-"}
 
 
-def test_no_two_circles_of_a_figure_look_alike_and_simple_ones_keep_theirs():
-    """Those of three kicks that had one colour and marker, and all of a tree of 60."""
+def test_no_two_circles_of_a_figure_look_alike_and_simple_ones_keep_their_style():
+    """Circles of three kicks that share a colour and marker by default, and all 60 of a tree."""
     alike = ["[0;1,3,(1)]", "[0;2,2,(1)]", "[1;3,(1)]"]
     assert len({str(circle_style(text)) for text in alike}) == 1
     tree = [f"[0;{a},{b},{c},(1)]" for a, b, c in product(range(1, 5), range(1, 6), range(2, 5))]
@@ -108,14 +108,14 @@ def test_no_two_circles_of_a_figure_look_alike_and_simple_ones_keep_theirs():
     assert styles["[1;3,(1)]"] == circle_style("[1;3,(1)]")
 
 
-def test_a_circle_and_its_image_look_alike_under_the_symmetry_only():
+def test_a_circle_and_its_image_look_alike_only_under_the_symmetry():
     one, image = "[0;1,3,(1)]", "[0;4,(1)]"
     assert circle_class(image) == one
     assert circle_style(one, 1) == circle_style(image, 1) == circle_style(one)
     assert circle_style(one)["color"] != circle_style(image)["color"]
 
 
-def test_the_longest_arcs_come_first_and_none_below_a_hundredth():
+def test_the_longest_arcs_come_first_and_those_below_one_percent_are_omitted():
     angles = np.linspace(0, 90, 361)
     classes = np.full(361, "[0;(1)]", dtype=object)
     classes[:250], classes[300], classes[310:] = "[0;1,2,(1)]", "[0;1,3,(1)]", ""
@@ -124,14 +124,14 @@ def test_the_longest_arcs_come_first_and_none_below_a_hundredth():
 
 def test_the_picture_of_the_boundary_has_the_colours_of_its_circles():
     with Image.open(ROOT / ".readme/boundary.png") as picture:
-        assert picture.mode == "RGB"  # a palette mixes colours
+        assert picture.mode == "RGB"  # a palette would mix colours
         shown = np.asarray(picture).reshape(-1, 3)
     for text in ON_THE_BOUNDARY[:4]:
         colour = np.rint(255 * np.array(to_rgb(circle_style(text)["color"])))
         assert (shown == colour).all(axis=1).sum() > 100, text
 
 
-def test_a_figure_for_a_column_is_as_wide_and_has_letters_for_titles(tmp_path, monkeypatch):
+def test_a_figure_for_a_column_has_its_width_and_letters_instead_of_titles(tmp_path, monkeypatch):
     monkeypatch.setattr(Figure, "savefig", SAVE)
     with style.sheet(column=True):
         figure, drawn = style.panels(1, 2, 12, 5)
@@ -180,7 +180,7 @@ def draw_under_any_matplotlibrc(out):
 @pytest.mark.slow
 def test_no_matplotlibrc_changes_a_figure(tmp_path, monkeypatch):
     monkeypatch.setattr(Figure, "savefig", SAVE)
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")  # of PDFs
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")  # for the dates in PDFs
     hostile, ours, theirs = (tmp_path / name for name in ("matplotlibrc", "ours", "theirs"))
     settings = hostile_settings()
     assert len(settings) > 0.9 * len(matplotlib.rcParamsDefault)
@@ -202,7 +202,7 @@ print(len(changed))
     environment["PYTHONPATH"] = str(Path(__file__).parent)
     command = [sys.executable, "-c", script, str(theirs)]
     ended = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
-    assert int(ended.stdout) > 0.9 * len(settings)  # it was read
+    assert int(ended.stdout) > 0.9 * len(settings)  # the matplotlibrc was read
     for path in ours.iterdir():
         assert (theirs / path.name).read_bytes() == path.read_bytes(), path.name
 
@@ -234,7 +234,7 @@ def test_findings_are_printed_before_figures_are_drawn(tmp_path, monkeypatch, ca
     assert "cubes:" in said[0]
 
 
-def test_ask_answers_where_its_portrait_cannot_be_drawn(tmp_path, monkeypatch):
+def test_ask_answers_even_if_its_portrait_cannot_be_drawn(tmp_path, monkeypatch):
     def failing(*_):
         raise OSError(24, "Too many open files")
 
@@ -258,7 +258,7 @@ def wrong_figure():
     return figure
 
 
-def test_faults_of_a_figure_are_seen():
+def test_faults_of_a_figure_are_detected():
     with style.sheet(column=True):
         figure = wrong_figure()
         style.finish(figure)
@@ -290,7 +290,7 @@ def test_a_figure_is_saved_without_blank_strips_and_its_legend_is_close(tmp_path
 
 @pytest.fixture(scope="module")
 def around():
-    """CB_gt of a plane without symmetry, with circles some of which look alike by themselves."""
+    """CB_gt of a plane without symmetry; some of its circles look alike by default."""
     angles = np.linspace(0, 360, 25)
     texts = [
         *ON_THE_BOUNDARY,
@@ -321,5 +321,5 @@ def test_last_barriers_of_any_plane_are_named_and_no_two_look_alike(around, colu
     (legend,) = figure.legends
     named = [text.get_text() for text in legend.get_texts()]
     shown = {text for text in around.circle.values if text}
-    assert len(named) == len(shown) + 1  # and × where there is no answer
+    assert len(named) == len(shown) + 1  # and × for rays without an answer
     assert all(any(f"{text}$" in words for words in named) for text in shown)

@@ -1,4 +1,4 @@
-"""Files of commands are written whole: what kills a command spoils none of an earlier run."""
+"""Commands replace files atomically: a killed command leaves those of an earlier run intact."""
 
 import ast
 import os
@@ -52,7 +52,7 @@ def test_a_kill_while_a_file_is_written_leaves_the_earlier_one(tmp_path, monkeyp
     assert contents(tmp_path) == earlier
 
 
-def test_on_a_full_disk_the_earlier_file_stays_and_no_other(tmp_path):
+def test_on_a_full_disk_only_the_earlier_file_remains(tmp_path):
     files.write(tmp_path / "table.csv", "an earlier run")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (10**5, limits[1]))
@@ -64,15 +64,15 @@ def test_on_a_full_disk_the_earlier_file_stays_and_no_other(tmp_path):
     assert contents(tmp_path) == {tmp_path / "table.csv": b"an earlier run"}
 
 
-# What else writes: certificates and pictures, into the memory; the keys of a cluster, into a new
-# folder that is this user's alone.
+# Other code that writes: certificates and pictures, to memory; the keys of a cluster, to a new
+# folder that only this user can read.
 OTHERS = {"pipeline/cubes/proved.py", "workflows/figures/style.py"}
 OTHERS |= {"pipeline/sweep/cluster.py", "workflows/examples/job_queue.py"}
 WRITE = {"write_text", "write_bytes", "to_csv", "savefig", "to_netcdf", "open", "touch"}
 
 
 def writes(call):
-    """Whether a call opens or names a file that it writes."""
+    """Return whether a call opens or names a file that it writes."""
     name = getattr(call.func, "attr", getattr(call.func, "id", ""))
     if name == "open":
         modes = [node.value for node in call.args[1:2] if isinstance(node, ast.Constant)]

@@ -1,4 +1,4 @@
-"""Cubes from Python: `pipeline.fill` computes what is missing, on anyone's workers."""
+"""Cubes from Python: `pipeline.fill` computes what is missing, on any workers."""
 
 import asyncio
 import os
@@ -51,7 +51,7 @@ def test_a_client_is_checked_before_anything_is_written(here, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_failed_tiles_are_an_exception_and_the_others_stay(here, tmp_path):
+def test_failed_tiles_raise_an_exception_and_the_others_are_kept(here, tmp_path):
     job = toy.job(raises=[0.0, -1.0])
     with pytest.raises(
         pipeline.TilesFailed, match=r"1 tile of toy failed: \(0, 0\), Arithm"
@@ -61,7 +61,7 @@ def test_failed_tiles_are_an_exception_and_the_others_stay(here, tmp_path):
     assert len(store.missing(store.place_of(tmp_path), job.cube)) == 1
 
 
-def test_other_settings_are_an_exception(here, tmp_path):
+def test_other_settings_raise_an_exception(here, tmp_path):
     pipeline.fill(toy.job(), tmp_path, here(), progress=False)
     with pytest.raises(pipeline.Refused, match="depth is None, not 2"):
         pipeline.fill(toy.job(depth=2), tmp_path, here(), progress=False)
@@ -69,8 +69,8 @@ def test_other_settings_are_an_exception(here, tmp_path):
 
 # Threads share warning filters: one of them may restore a filter that the other one still needs.
 @pytest.mark.filterwarnings("ignore:Consolidated metadata")
-def test_it_runs_in_a_thread_and_beside_a_running_loop(here, tmp_path):
-    """Two directories at a time, as a notebook's cell and a program's thread do."""
+def test_fill_runs_in_a_thread_and_beside_a_running_event_loop(here, tmp_path):
+    """Fill two directories at a time, as from a notebook cell and from a program's thread."""
     cubes = {}
 
     def fill(out):
@@ -123,7 +123,7 @@ def test_a_script_starts_its_own_workers(tmp_path):
     assert_filled(xr.open_zarr(tmp_path / "out/toy.zarr"), toy.cube())
 
 
-def test_an_estimate_counts_what_is_missing(here, tmp_path):
+def test_an_estimate_counts_only_missing_tiles(here, tmp_path):
     job = toy.job()
     before = pipeline.estimate(job, tmp_path / "out")
     assert (before.tiles, before.files) == (20, 60)
@@ -177,7 +177,7 @@ def test_a_bad_argument_of_a_job_is_named(maker, name, value):
         make(**arguments | {name: value})
 
 
-def test_a_job_is_the_cube_of_the_command():
+def test_a_job_has_the_cube_of_the_command():
     from nasm.planes import two_kicks
     from pipeline.cubes.barrier import last_barrier
 

@@ -1,4 +1,4 @@
-"""A worker's first call compiles all kernels that the tiles of a job take: none has to wait."""
+"""A worker's first call compiles all kernels that a job's tiles need, so that no tile waits."""
 
 import json
 import subprocess
@@ -24,7 +24,7 @@ class Planned(Exception):
 
 
 def jobs_of(command, out, monkeypatch):
-    """List the jobs that a command plans at its smallest."""
+    """List the jobs that a command plans with its smallest settings."""
 
     def plan(self, *jobs, later=(), **_):
         raise Planned(*jobs, *(job for job, _ in later))

@@ -1,4 +1,4 @@
-"""The flux through broken circles against areas, exact reductions, and renormalisation."""
+"""The flux through broken circles, against areas, exact reductions and renormalisation."""
 
 import math
 
@@ -17,8 +17,11 @@ GOLDEN_AXIS = periodic.critical_scale(GOLDEN, (1.0, 0.0)).value
 
 
 def turnstile_area(kappa, p, q, n=200_000):
-    """The area between a segment, from a minimizing point to the minimax point next to it, and its
-    image under T^q, which has the same ends p turns further: ∫y dx of the one less the other's."""
+    """Return the area between a segment and its image under T^q, as the difference of their ∫y dx.
+
+    The segment joins a minimizing point to the minimax point next to it. Its image has the same
+    ends, p turns further.
+    """
     (x0, y0), (x1, y1) = (orbit.points() for orbit in ordered_orbits(kappa, p, q))
     ahead = (x1 - x0[0]) % 1
     j = ahead.argmin()
@@ -41,8 +44,8 @@ def test_the_difference_in_action_is_the_area_of_the_turnstile(kappa, p, q):
     assert action_difference(kappa, p, q) == pytest.approx(expected, rel=1e-6)
 
 
-def test_the_pendulum_of_the_fixed_points():
-    # Between (0, 0) and (1/2, 0): the potential's difference, exactly.
+def test_the_action_difference_of_the_fixed_points_is_that_of_the_potential():
+    # Between (0, 0) and (1/2, 0) it is exactly the difference in potential.
     assert action_difference((0.8,), 0, 1) == pytest.approx(0.8 / (2 * math.pi**2), rel=1e-14)
 
 
@@ -68,7 +71,7 @@ def test_the_claimed_error_covers_longer_orbits():
 
 
 def test_renormalisation_gives_the_exponent():
-    # MacKay's ln(αβ)/ln δ: approached from below, the deviation in proportion to the distance.
+    # MacKay's ln(αβ)/ln δ, approached from below; the deviation is proportional to the distance.
     x = np.array([5e-4, 1e-3, 2e-3])
     values = [flux(GOLDEN, (GOLDEN_AXIS * (1 + e), 0.0)).value for e in x]
     slopes = np.diff(np.log(values)) / np.log(2)
@@ -78,9 +81,9 @@ def test_renormalisation_gives_the_exponent():
 
 
 @pytest.mark.parametrize(("kappa", "p", "q"), [(0.9, 377, 305), (1.2, 21, 17), (1.8, 21, 17)])
-def test_the_standard_map_has_a_flux_with_convergents_of_even_denominators(kappa, p, q):
-    # Those of 2γ: 5/4, 21/17, 89/72, 377/305. For 4 and 72 the minimizing orbit has no centre on a
-    # site of P = 1. The longest of the others that is found there is close to the limit already.
+def test_the_standard_map_has_a_flux_with_convergents_that_have_even_denominators(kappa, p, q):
+    # Convergents of 2γ: 5/4, 21/17, 89/72, 377/305. For 4 and 72 the minimizing orbit has no centre
+    # on a site of P = 1. The longest of the others found there is already close to the limit.
     found = flux(parse("2gamma"), (kappa,))
     assert found.status is Status.OK
     assert found.error < 1e-2 * found.value

@@ -1,4 +1,4 @@
-"""The pages of pipeline/README.md on Python run as they stand there, and do what they say."""
+"""The Python examples of pipeline/README.md run as printed, and do what they claim."""
 
 import re
 import runpy
@@ -26,7 +26,7 @@ def page(heading):
 
 @pytest.fixture
 def run(here, tmp_path, monkeypatch):
-    """Run a page as a script in a folder, on workers that are there; return what it prints."""
+    """Run an example as a script in a folder, on existing workers; return what it prints."""
     fill = pipeline.fill
     monkeypatch.setattr(pipeline, "fill", lambda job, out, workers: fill(job, out, here()))
 
@@ -45,7 +45,7 @@ def overlap_of(kappa1, kappa2):
     return 2 * (mean**0.5 + half_difference**0.5) / np.pi
 
 
-def test_the_page_of_a_function_of_ones_own(run, tmp_path):
+def test_the_example_of_a_function_of_your_own_fills_a_cube_with_its_values(run, tmp_path):
     text = page("A function of your own")
     assert len([line for line in text.splitlines() if line.strip()]) <= 15
     told = run(text)
@@ -56,7 +56,7 @@ def test_the_page_of_a_function_of_ones_own(run, tmp_path):
     assert f"overlap in {float((cube.overlap > 1).mean()):.0%} of" in told
 
 
-def test_the_page_resumes_and_refuses_another_function(run, tmp_path):
+def test_the_example_resumes_and_refuses_another_function(run, tmp_path):
     text = page("A function of your own")
     told = run(text)
     records = (tmp_path / "out/overlap/overlap.zarr/tiles/commit/c/0").rglob("[0-9]*")
@@ -69,7 +69,7 @@ def test_the_page_resumes_and_refuses_another_function(run, tmp_path):
         run(text.replace("/ np.pi", "/ 3.14"))
 
 
-def test_the_page_of_a_labelled_array():
+def test_the_example_of_a_labelled_array_agrees_with_critical_scale():
     names = {}
     with redirect_stdout(StringIO()):
         exec(page("A labelled array of your own"), names)
@@ -81,13 +81,13 @@ def test_the_page_of_a_labelled_array():
         assert row.status == scale.status.name == "OK"
 
 
-def test_the_first_page_fills_a_cube(run, tmp_path):
+def test_the_first_example_fills_a_cube(run, tmp_path):
     run(page("From Python"))
     cube = xr.open_zarr(tmp_path / "out/rays/barrier.zarr")
     assert cube.critical_scale[0] == pytest.approx(0.485817703, rel=1e-6)
 
 
-def test_the_page_of_a_cube_selects_by_status(run, tmp_path, monkeypatch):
+def test_the_example_that_reads_a_cube_selects_by_status(run, tmp_path, monkeypatch):
     run(page("From Python"))
     path = tmp_path / "out/rays/barrier.zarr"
     history = xr.open_zarr(path).attrs["history"]
@@ -110,7 +110,7 @@ def test_the_page_of_a_cube_selects_by_status(run, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_page_of_object_stores_opens_a_cube(bucket, here):
+def test_the_example_of_object_stores_opens_a_cube(bucket, here):
     job = pipeline.escape("two-kicks", "0:1:8", "0:1:8", n_max=100, n_orbits=(8,))
     filled = pipeline.fill(job, str(bucket), here())
     path = bucket.cube("escape").removeprefix("s3://cubes/")
@@ -120,7 +120,7 @@ def test_the_page_of_object_stores_opens_a_cube(bucket, here):
     np.testing.assert_array_equal(names["cube"].escape_time, filled.escape_time)
 
 
-def test_a_maker_notes_its_call():
+def test_a_job_records_the_call_that_made_it():
     job = pipeline.escape("two-kicks", "0:1:8", second="0:1:6", n_max=100, n_orbits=(8, 16))
     assert job.call == (
         "pipeline.escape('two-kicks', '0:1:8', second='0:1:6', n_max=100, n_orbits=(8, 16))"

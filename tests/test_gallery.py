@@ -25,7 +25,7 @@ from workflows.shared.judgement import Verdict
 @pytest.mark.parametrize(
     "exhibit", gallery.EXHIBITS + exhibits.RELEASE, ids=lambda exhibit: exhibit.name
 )
-def test_the_options_of_the_preview_are_valid(exhibit):
+def test_the_options_of_every_exhibit_are_valid(exhibit):
     main = main_of(exhibit.name)
     for options in (exhibit.quick, exhibit.full):
         with main.make_context("command", shlex.split(options)):
@@ -40,7 +40,7 @@ SMALL = [
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory, workers):
-    """The page of small exhibits, of which the second run finds everything done."""
+    """Return the page of small exhibits; the second run finds everything done."""
     out = tmp_path_factory.mktemp("gallery") / "out put"
     (out / "claims").mkdir(parents=True)
     rows = [f"Sec. I,T_κ1κ2 is a map,{'x' * 300},{verdict.value}" for verdict in Verdict]
@@ -75,7 +75,7 @@ def test_the_page_shows_every_figure_with_command_claims_and_version(page):
         assert f'<tr class="{verdict.value.replace(" ", "-")}">' in text
 
 
-def test_the_lines_below_figures_run_as_a_script_and_as_a_notebook(page):
+def test_the_code_below_figures_runs_as_a_script_and_as_a_notebook(page):
     text, out = unescape(page.read_text(encoding="utf-8")), page.parent
     for exhibit in SMALL:
         script = out / "recipes" / f"{exhibit.name}.py"
@@ -102,7 +102,7 @@ def test_every_exhibit_has_a_recipe():
 @pytest.mark.parametrize(
     "parts", [1, pytest.param(3, marks=pytest.mark.slow)], ids=["the boundary", "all"]
 )
-def test_a_release_is_whole_says_how_it_was_made_and_is_sound(parts, tmp_path, monkeypatch):
+def test_a_release_is_complete_says_how_it_was_made_and_is_sound(parts, tmp_path, monkeypatch):
     monkeypatch.setattr(exhibits, "RELEASE", exhibits.RELEASE[:parts])
     told = CliRunner().invoke(gallery.main, ["--release", str(tmp_path), "--quick"])
     assert told.exit_code == 0, told.output
@@ -119,6 +119,6 @@ def test_a_release_is_whole_says_how_it_was_made_and_is_sound(parts, tmp_path, m
         assert "damaged" not in succeed("verify", folder)
         command = re.search(rf"python -m workflows.{exhibit.name}.*", said)[0].split()
         planned = succeed(exhibit.name, folder, *command[3:-2], "--dry-run")
-        assert re.search("in all +0 tiles", planned)  # the command that is named has made it
+        assert re.search("in all +0 tiles", planned)  # the cube was made by the command shown
         (cube, *_) = folder.glob("*.zarr")
         assert xr.open_zarr(cube).attrs["computed_by"] in said

@@ -37,7 +37,7 @@ def test_a_coarser_axis_has_the_means_of_the_finer_ones_centres():
 
 
 @given(st.floats(-9, 0), st.floats(1, 9), lengths)
-def test_an_axis_reads_back(lo, hi, n):
+def test_an_axis_can_be_read_back(lo, hi, n):
     assert parse_axis(f"{lo!r}:{hi!r}:{n}") == Axis(lo, hi, n)
 
 
@@ -53,9 +53,9 @@ def a_second_a_cell(coords, settings):
     ("cells", "predict", "tile"),
     [
         (50, a_millisecond_a_cell, 1),  # 2500 tiles are few
-        (130, a_millisecond_a_cell, 2),  # 4 times fewer of 65² would be
-        (2000, a_millisecond_a_cell, 16),  # of 32² a tile takes 1 s, and there are 3969
-        (8000, a_millisecond_a_cell, 32),  # of 64² a tile takes 4 s
+        (130, a_millisecond_a_cell, 2),  # 65² tiles; a quarter of them would be few
+        (2000, a_millisecond_a_cell, 16),  # a tile of 32² takes 1 s, but there are only 3969
+        (8000, a_millisecond_a_cell, 32),  # a tile of 64² takes 4 s
         (8000, a_second_a_cell, 1),
     ],
 )
@@ -66,7 +66,7 @@ def test_cheap_tiles_are_joined_as_long_as_thousands_are_left(cells, predict, ti
     assert again.config_hash == job.cube.config_hash
 
 
-def test_a_million_tiles_that_cost_nothing_become_some_thousands():
+def test_a_million_tiles_that_cost_nothing_become_a_few_thousand():
     cube = join_tiles(toy.line(10**6)).cube
     assert 4096 <= cube.tile_counts[0] <= 8192
     assert join_tiles(replace(toy.line(10**6), cube=cube)).cube == cube

@@ -1,4 +1,4 @@
-"""Imports point down only: workflows → pipeline → nasm."""
+"""Imports point only downwards: workflows → pipeline → nasm."""
 
 import ast
 import re
@@ -20,16 +20,18 @@ PACKAGES = {module.removesuffix(".__init__") for module in MODULES if "__init__"
 
 @cache
 def imports(module):
-    """All that the module imports, inside functions too: a.b, and a if it is a module, for
-    `from a import b`."""
+    """Return the names of all that the module imports, inside functions too.
+
+    For `from a import b` these are a.b, and a if it is a module.
+    """
     names = set()
     for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0  # the whole path is written
+            assert node.level == 0  # imports are absolute
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
-            names |= {node.module} - PACKAGES  # of a package only what is named counts
+            names |= {node.module} - PACKAGES  # of a package, only imported names count
     return names
 
 
@@ -42,12 +44,12 @@ NASM, PIPELINE, FIGURES, WORKFLOWS = (
     for package in ("nasm", "pipeline", "workflows.figures", "workflows.")
 )
 
-# The compiled kernels on disk have more than one writer; flint is of the extra `proof`.
+# Kernels compiled to disk have several writers, hence a lock; the extra `proof` installs flint.
 MORE = {"arithmetic.kernels": "filelock", "proofs.barrier": "flint", "proofs.patches": "flint"}
 
 
 @pytest.mark.parametrize("module", NASM)
-def test_nasm_imports_no_file_cluster_or_plot_and_the_checker_no_proof(module):
+def test_nasm_imports_nothing_for_files_clusters_or_plots_and_the_checker_no_proof(module):
     allowed = {"nasm", "lazy_loader", "llvmlite", "numba", "numpy", "rocket_fft", "scipy"}
     allowed.add(MORE.get(module.removeprefix("nasm."), "nasm"))
     if module == "nasm.proofs.certificate_checker":
@@ -56,12 +58,12 @@ def test_nasm_imports_no_file_cluster_or_plot_and_the_checker_no_proof(module):
 
 
 @pytest.mark.parametrize("module", PIPELINE)
-def test_pipeline_knows_no_workflow(module):
+def test_pipeline_imports_no_workflow(module):
     assert "workflows" not in packages(module)
 
 
 @pytest.mark.parametrize("module", WORKFLOWS)
-def test_commands_import_no_other_command_and_shared_rooms_none(module):
+def test_commands_import_no_other_command_and_shared_packages_import_none(module):
     inside = {name.split(".")[1] for name in imports(module) if name.startswith("workflows.")}
     own = module.split(".")[1]
     assert inside <= {"shared", "figures", own}
@@ -72,7 +74,7 @@ DEFINITIONS = {f"nasm.{name}" for name in DEFINITIONS}
 
 
 @pytest.mark.parametrize("module", FIGURES)
-def test_figures_compute_no_physics_themselves_or_by_what_they_import(module):
+def test_figures_compute_no_physics_directly_or_through_their_imports(module):
     labels = {f"nasm.numbers{name}" for name in ("", ".NAMES", ".moebius", ".parse")}
     labels |= {f"nasm.planes{name}" for name in ("", ".plane_of", ".two_kicks")}
     assert {name for name in imports(module) if name.startswith("nasm.")} <= labels
@@ -85,17 +87,17 @@ def test_figures_compute_no_physics_themselves_or_by_what_they_import(module):
 
 
 def home(name):
-    """The room that a name of nasm is in, or its module at the top."""
+    """Return the subpackage of a name of nasm, or its top-level module."""
     return ".".join(name.split(".")[:2])
 
 
-def test_nasm_has_no_circular_import_of_modules_or_rooms():
+def test_nasm_has_no_circular_import_of_modules_or_subpackages():
     graph = {home(module): set() for module in NASM}
     for module in NASM:
         graph[home(module)] |= {home(name) for name in imports(module)} - {home(module)}
     assert {"nasm.maps", "nasm.arithmetic"} <= graph["nasm.escape"]
     assert {"nasm.circles", "nasm.converse_kam"} <= graph["nasm.barriers"]
-    tuple(TopologicalSorter(graph).static_order())  # CycleError names the circle
+    tuple(TopologicalSorter(graph).static_order())  # CycleError names the cycle
 
 
 @pytest.mark.parametrize("room", sorted({home(m) for m in NASM if home(m) in PACKAGES}))
@@ -111,8 +113,8 @@ def test_imports_within_a_package_have_no_cycle_and_avoid_its_init(room):
 
 
 @pytest.mark.parametrize("module", [m for m in NASM if not m.startswith("nasm.proofs")])
-def test_only_the_room_of_proofs_says_that_something_is_proved(module):
-    if module == "nasm.verdicts":  # passes on what a proof of that room says
+def test_only_nasm_proofs_says_that_something_is_proved(module):
+    if module == "nasm.verdicts":  # passes on what a proof of nasm.proofs says
         return
     lines = MODULES[module].read_text(encoding="utf-8").splitlines()
     claims = [
@@ -122,7 +124,7 @@ def test_only_the_room_of_proofs_says_that_something_is_proved(module):
 
 
 @pytest.mark.parametrize("readme", ["README.md", "nasm/proofs/README.md", "pipeline/README.md"])
-def test_what_a_readme_imports_is_there(readme):
+def test_what_a_readme_imports_exists(readme):
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / readme).read_text(encoding="utf-8"), re.S)
     lines = re.findall(r"^(?:>>> )?((?:from|import) .+)$", "".join(blocks), re.M)
     assert lines

@@ -19,7 +19,7 @@ TIED = {0.0: "[0;2,(1)]"}
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """A place with two cubes `boundary`, of which one ray has no answer."""
+    """A store with two cubes of the boundary, in which one ray has no answer."""
     place = store.place_of(tmp_path_factory.mktemp("cubes"))
     for name, angles in RAYS.items():
         found = barrier.boundary(angles, 0.1)
@@ -35,7 +35,7 @@ def opened(place):
 
 
 def texts(variable, expected):
-    """Whether it holds the text expected at each of its angles, and NaN where that is missing."""
+    """True if a variable holds the expected text at each angle, and NaN where it is missing."""
     pairs = zip(variable.values, variable.angle.values.tolist(), strict=True)
     return all(
         text == expected[angle] if expected.get(angle) else pd.isna(text) for text, angle in pairs
@@ -82,14 +82,14 @@ def test_the_program_reads_its_texts_as_it_wrote_them(place):
     assert {"circle", "tied"} <= {*cube.coords}
 
 
-def test_what_is_no_quantity_says_so(opened):
+def test_variables_that_must_not_be_interpolated_say_so(opened):
     cube = opened[0]
     assert np.isfinite(cube.omega.interp(angle=5.0))  # which is why the comment is needed
     for name in ("omega", "status"):
         assert "do not interpolate" in cube[name].attrs["comment"]
 
 
-def test_every_cell_of_the_notebooks_has_an_id_of_its_own():
+def test_every_cell_of_a_notebook_has_a_unique_id():
     for path in (Path(__file__).parents[1] / "workflows/examples").glob("*.ipynb"):
         ids = [cell["id"] for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]]
         assert len({*ids}) == len(ids) > 3, path

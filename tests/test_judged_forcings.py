@@ -1,4 +1,4 @@
-"""The table of judged forcings is consistent, its judges see errors, no search contradicts it."""
+"""The table of judged forcings is consistent, judges detect errors, no search contradicts it."""
 
 from collections import Counter
 from dataclasses import replace
@@ -43,7 +43,7 @@ def test_images_follow_from_their_rows():
 @pytest.mark.parametrize(
     "operations", ["shift 1", "reverse", "negate", "alternate", "shift 3; negate; alternate"]
 )
-def test_an_image_of_a_forcing_is_a_relative_of_it(operations):
+def test_an_image_of_a_forcing_is_equivalent_to_it(operations):
     row = replace(next(iter(ROWS.values())), profile=(0.3, 0.1, -0.2, 0.7), start=None)
     profile, *_ = image(row, operations)
     equivalent = [form[0] for _, form in symmetries.equivalent_forcings(np.array([row.profile]))]
@@ -55,7 +55,7 @@ def test_pauses_and_repetitions_shorten_to_the_same_forcing():
     repeated, _, factor, _ = image(row, "repeat 3")
     (short,), _ = symmetries.shorten([repeated], numbers.parse("gamma"))
     assert (tuple(short), factor) == ((0.3, 0.1), 1)
-    # y → y/n between kicks that are n sites apart: the same sites under n times the kick.
+    # With kicks n sites apart, y → y/n: the sites are those under n times the kick.
     paused, _, factor, _ = image(row, "pause 3")
     assert (paused, factor) == ((0.3, 0, 0, 0.1, 0, 0), 1 / 3)
     x, y = 0.2, 0.15
@@ -68,8 +68,8 @@ def test_pauses_and_repetitions_shorten_to_the_same_forcing():
 
 
 @pytest.mark.parametrize(("kappa", "p", "q"), [((0.97,), 8, 13), ((0.68, 0.15), 5, 8)])
-def test_residues_of_the_judge_are_those_on_symmetry_lines(kappa, p, q):
-    """The others are by shooting, to 25 digits."""
+def test_residues_of_the_judge_agree_with_those_on_symmetry_lines(kappa, p, q):
+    """The latter are computed by shooting, to 25 digits."""
     omega = numbers.parse("gamma")
     zero, kappa = np.zeros(len(kappa)), np.array(kappa)
     _, u = judge_forcings.circle_below(omega, zero, kappa, 1.0, 1e-2)
@@ -79,7 +79,7 @@ def test_residues_of_the_judge_are_those_on_symmetry_lines(kappa, p, q):
     assert orbits.residue(i, 1.0) == pytest.approx(expected, abs=1e-9)
 
 
-def test_residues_of_the_judge_know_the_breakup_of_the_standard_map():
+def test_residues_of_the_judge_reproduce_the_breakup_of_the_standard_map():
     profile = np.ones(1)
     value, error, _ = judge_forcings.breakup(numbers.parse("gamma"), 0 * profile, profile, 0.9716)
     assert abs(value - oracles.KAPPA_G) < error < 1e-7
@@ -100,7 +100,7 @@ def test_a_false_row_is_doubted(name, factor, words):
     assert words in " ".join(judge_forcings.doubts(false))
 
 
-def test_a_search_is_contradicted_by_what_is_further_off_than_the_errors():
+def test_a_search_is_contradicted_by_deviations_larger_than_the_errors():
     row = replace(
         ROWS[min(ROWS)], value=1.0, error=1e-6, lower=0.999, upper=1.001, method="bracket"
     )
@@ -153,7 +153,7 @@ def test_the_search_contradicts_no_cheap_row(row):
     assert not isnan(found.found.lower)
 
 
-def test_of_each_judged_row_so_many_images_are_scored():
+def test_the_requested_number_of_images_of_each_judged_row_is_scored():
     direct = [row for row in ROWS.values() if not row.method.startswith("image")]
     assert score_search.with_images(list(ROWS.values()), 0) == direct
     some = score_search.with_images(list(ROWS.values()), 1)

@@ -22,7 +22,7 @@ HALF = """
 def half(x):
     return x / 2 if x > 0 else x * 2.0
 """
-# A program that calls it for a type, while other writers have time to come between.
+# A program that calls it and saves it so slowly that other writers have time to interfere.
 SLOWLY = f"""
 import sys, time
 from numba.core.caching import IndexDataCacheFile
@@ -44,7 +44,7 @@ def turned(x):
 print(turned(0.1))
 """
 
-# The same, after an edit of that file that this process has seen, and which is then taken back.
+# The same, after an edit of that file that this process has loaded, and which is then undone.
 EDITING = """
 import importlib, os, warnings
 from pathlib import Path
@@ -72,7 +72,7 @@ assert "sources of nasm have changed" in str(given[0].message)
 
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
-    """The directory of kernels of this process, as one that has just started finds it."""
+    """The directory of kernels as a new process finds it, and a function that changes it."""
 
     def at(folder):
         monkeypatch.setattr(config, "CACHE_DIR", str(folder))
@@ -107,7 +107,7 @@ def started(script, *arguments, cache, source=ROOT):
 
 
 @pytest.mark.slow
-def test_of_processes_that_miss_a_kernel_one_compiles_it_and_all_are_kept(
+def test_only_one_process_compiles_a_missing_kernel_and_all_kernels_are_kept(
     tmp_path,
 ):
     script = tmp_path / "script.py"
@@ -135,7 +135,7 @@ def test_a_kernel_is_compiled_again_only_if_its_files_have_changed(half, kept):
     assert half(5.0) == (2.5, 1)
 
 
-def test_a_kernel_that_cannot_be_kept_is_compiled_without_a_complaint(half, kept, tmp_path):
+def test_a_kernel_that_cannot_be_kept_is_compiled_without_a_warning(half, kept, tmp_path):
     (tmp_path / "file").touch()
     assert kept[1](tmp_path / "file" / "cache") is None
     assert [half(5.0) for _ in range(2)] == [(2.5, 0)] * 2
@@ -143,7 +143,7 @@ def test_a_kernel_that_cannot_be_kept_is_compiled_without_a_complaint(half, kept
 
 
 def loosen(path, mode):
-    """Let others write the file or directory, or give it to another user."""
+    """Make a file or directory writable for others, or give it to another user."""
     if mode is None:
         os.chown(path, 54321, -1)
     else:
@@ -151,7 +151,7 @@ def loosen(path, mode):
 
 
 OTHERS = [0o020, 0o002]
-if os.geteuid() == 0:  # who may give a file to somebody else
+if os.geteuid() == 0:  # only root may give a file to another user
     OTHERS.append(None)
 
 
@@ -177,10 +177,10 @@ def test_a_file_of_a_kernel_that_others_can_write_is_not_loaded(half, kept, suff
     for file in kept[0].glob(f"*.{suffix}"):
         loosen(file, mode)
     assert half(5.0) == (2.5, 0)
-    assert half(5.0) == (2.5, 1)  # by files of our own in their place
+    assert half(5.0) == (2.5, 1)  # our own files have replaced them
 
 
-def test_kernels_are_written_by_this_user_alone_whatever_the_umask(half, kept):
+def test_only_this_user_can_read_or_write_kernels_whatever_the_umask(half, kept):
     umask = os.umask(0)
     try:
         half(5.0)
@@ -202,7 +202,7 @@ def test_kernels_of_other_versions_are_deleted_when_they_are_a_month_old(kept, t
     assert left == {kept[0].name, names["young"], "of_others"}
 
 
-def test_an_edit_in_a_room_changes_what_a_kernel_computes(tmp_path):
+def test_an_edit_of_an_inlined_function_changes_what_a_kernel_computes(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SINE)
     shutil.copytree(ROOT / "nasm", tmp_path / "copy" / "nasm")
@@ -220,7 +220,7 @@ def test_an_edit_in_a_room_changes_what_a_kernel_computes(tmp_path):
 
 
 @pytest.mark.parametrize("is_imported_before", [True, pytest.param(False, marks=pytest.mark.slow)])
-def test_edited_sources_load_and_keep_no_kernel_and_warn_once(is_imported_before, tmp_path):
+def test_edited_sources_disable_the_kernels_on_disk_with_one_warning(is_imported_before, tmp_path):
     shutil.copytree(ROOT / "nasm", tmp_path / "copy" / "nasm")
     cache, results = tmp_path / "cache", []
     editing = EDITING.replace("IS_IMPORTED_BEFORE", str(is_imported_before))
@@ -240,12 +240,12 @@ def _no_locks(*_, **__):
     raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
 
-def _no_flock(*_, **__):  # what filelock 3.12 says on a file system that knows of no locks
+def _no_flock(*_, **__):  # what filelock 3.12 raises on a file system without locks
     raise NotImplementedError("FileSystem does not appear to support flock")
 
 
 @pytest.mark.parametrize("acquire", [_no_locks, _no_flock])
-def test_where_there_are_no_locks_kernels_are_kept_all_the_same(half, kept, monkeypatch, acquire):
+def test_kernels_are_kept_even_on_a_file_system_without_locks(half, kept, monkeypatch, acquire):
     monkeypatch.setattr(FileLock, "acquire", acquire)
     assert [half(5.0) for _ in range(2)] == [(2.5, 0), (2.5, 1)]
     assert half(5, 5.0) == (2.5, 2.5, 1)
@@ -283,7 +283,7 @@ def test_kernels_are_read_from_a_directory_that_cannot_be_written(half, kept, mo
     assert not kernels.are_missing()
 
 
-def test_kernels_need_no_scipy_and_it_may_be_loaded_later():
+def test_kernels_do_not_need_scipy_which_may_be_loaded_later():
     program = """
 import sys
 from nasm.arithmetic import kernels

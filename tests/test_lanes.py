@@ -9,7 +9,7 @@ from nasm.arithmetic.lanes import FEW, LANES, fma, load, rint, store
 
 RNG = np.random.default_rng(2)
 A, B, C = RNG.uniform(-1, 1, (3, LANES)) * 2.0 ** RNG.integers(-40, 40, (3, LANES))
-A[:6] = 0.5, 1.5, -2.5, -0.25, -0.0, 2.0**60  # ties, signed zeros, beyond all fractions
+A[:6] = 0.5, 1.5, -2.5, -0.25, -0.0, 2.0**60  # rounding ties, signed zeros, too large for fractions
 B[:6] = 0.5, -1.5, 2.5, 0.25, 0.0, -(2.0**60)
 F = 0.1  # a float among lanes
 
@@ -20,7 +20,7 @@ def exact_fma(a, b, c):
     return np.array([float(Fraction(a) * Fraction(b) + Fraction(c)) for a, b, c in triples])
 
 
-# On lanes and floats, and on NumPy's arrays.
+# Each operation on lanes and floats, and on NumPy arrays.
 OPERATIONS = {
     "add": (lambda a, b, c: a + b, np.add),
     "subtract": (lambda a, b, c: a - b, np.subtract),
@@ -89,7 +89,7 @@ def test_the_second_argument_wins_where_there_is_a_nan(name):
     assert_same_bits(on_lanes(name, ones, nans, C), nans)
 
 
-def test_lanes_move_from_and_to_any_index():
+def test_lanes_are_loaded_from_any_index_and_stored_at_any():
     @njit
     def move(source, start, target, target_start):
         store(target, target_start, load(source, start))

@@ -1,7 +1,7 @@
 """Sweeps of many tiles.
 
-As a program, `python test_large.py OUT TILES`, it sweeps tiles that cost nothing, and
-prints what it did, and what the driver needed for it, with dask's scheduler in the same process.
+As a program, `python test_large.py OUT TILES`, it sweeps tiles that cost nothing, with dask's
+scheduler in the same process, and prints what it did and what the driver needed for it.
 """
 
 import json
@@ -42,14 +42,14 @@ def main(out, n_tiles):
 
 
 @pytest.mark.slow
-def test_many_tiles_need_little_of_the_driver(tmp_path):
+def test_many_tiles_take_little_of_the_driver_s_time_and_memory(tmp_path):
     n_tiles, out = 100_000, tmp_path / "out"
     command = [sys.executable, __file__, str(out), str(n_tiles)]
     report = json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout)
     assert (report["committed"], report["remaining"]) == (n_tiles, 0)
     assert len(store.missing(store.place_of(out), toy.line(n_tiles).cube)) == 0
     assert report["bytes"] < 250e6
-    # 0.2 ms of CPU time a tile, as they come in batches of 166.
+    # 0.2 ms of CPU time per tile, as they come in batches of 166.
     assert report["batches"] < n_tiles / 50
 
 

@@ -26,7 +26,7 @@ def page(chromium):
     assert errors == []
 
 
-def test_one_step_is_that_of_the_map(page):
+def test_one_step_agrees_with_the_map(page):
     rng = np.random.default_rng(1)
     for kappa, (x, y) in zip(
         rng.uniform(-1, 1, (100, 2)), rng.uniform(0, 1, (100, 2)), strict=True
@@ -65,8 +65,8 @@ def test_escape_times_agree_where_they_are_short(page):
     pytest.param(200, marks=pytest.mark.slow),
     pytest.param(1000, marks=pytest.mark.release),
 ])  # fmt: skip
-def test_verdicts_contradict_none_of_nasm(page, n):
-    """Next to the line the page says UNDECIDED; that it may do on few forcings only."""
+def test_verdicts_never_contradict_those_of_nasm(page, n):
+    """Close to the boundary the page says UNDECIDED, which is allowed on few forcings only."""
     kappas = np.random.default_rng(n).uniform(-1.2, 1.2, (n, 2))
     seen = page.evaluate("(kappas) => kappas.map(verdict)", kappas.tolist())
     for kappa, answer in zip(kappas, seen, strict=True):
@@ -78,7 +78,7 @@ def test_verdicts_contradict_none_of_nasm(page, n):
 
 @pytest.mark.parametrize("n", [6, pytest.param(60, marks=pytest.mark.slow)])
 def test_what_the_page_calls_proved_can_be_proved(page, n):
-    """Again, for single forcings; the page's regions are those of `workflows.proved_map`."""
+    """Proved again, for single forcings; the page's regions are those of `workflows.proved_map`."""
     random = np.random.default_rng(n)
     kappas = random.uniform(-1.125, 1.125, (20 * n, 2))
     seen = page.evaluate("(kappas) => kappas.map(proved)", kappas.tolist())
@@ -91,7 +91,7 @@ def test_what_the_page_calls_proved_can_be_proved(page, n):
         assert barrier.prove(omega, kappa).proved, kappa
 
 
-def test_proved_regions_lie_on_their_sides_of_the_boundary(page):
+def test_proved_regions_lie_on_the_correct_sides_of_the_boundary(page):
     program = """() => {
       const size = Math.hypot, turn = (x, y) => (Math.atan2(y, x) * 180) / Math.PI;
       const on = (x, y) => neighbours(turn(x, y)).map((ray) => BOUNDARY.value[ray]);
@@ -102,7 +102,7 @@ def test_proved_regions_lie_on_their_sides_of_the_boundary(page):
     }"""
     for ratios, most in zip(page.evaluate(program), (1.25, 1.1), strict=True):
         assert len(ratios) >= 12
-        assert 1 < min(ratios) <= median(ratios) < most  # and are not much smaller than they can be
+        assert 1 < min(ratios) <= median(ratios) < most  # and not much smaller than possible
 
 
 def test_a_click_chooses_the_forcing_and_the_address_keeps_it(page):

@@ -1,4 +1,4 @@
-"""The main job, small: three methods that bracket one boundary; what is kept, and the examples."""
+"""A small main job: three methods that bracket one boundary; kept results, and the examples."""
 
 import json
 import os
@@ -31,10 +31,10 @@ MAIN = [*QUICK, *PLANE, *RAYS, "--levels", "3", "--n-rays", "13"]
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory, workers):
-    """The main job, small: its directory."""
+    """Return the directory of a small run of the main job."""
     out = tmp_path_factory.mktemp("main") / "out/critical_boundary"
     output = succeed("critical_boundary", out, *MAIN, *workers)
-    assert re.search(r"sweep \d of 5, \w+", output)  # which ones depends on the load
+    assert re.search(r"sweep \d of 5, \w+", output)  # which ones are shown depends on the load
     for name in ("escape.zarr", "barrier.zarr", "boundary.zarr", *FILES):
         assert f"{out}/{name}" in output
         assert (out / name).exists()
@@ -43,7 +43,7 @@ def finished(tmp_path_factory, workers):
 
 @pytest.fixture(scope="module")
 def dense(tmp_path_factory, workers):
-    """The same plane with every cell computed: its directory."""
+    """Return the directory of a run on the same plane with every cell computed."""
     out = tmp_path_factory.mktemp("dense") / "out"
     succeed("escape_plane", out, *QUICK, *PLANE, "--precision", "single", *workers)
     assert (out / "escape_plane.png").exists()
@@ -61,7 +61,7 @@ def test_a_dry_run_predicts_the_run_and_writes_nothing(finished, tmp_path):
     for name in sweeps:
         tiles = int((xr.open_zarr(finished / f"{name}.zarr", group="tiles").commit[0] > 0).sum())
         assert f"{name}: {tiles} of {plural(tiles, 'tile')}\n" in status
-        if name.startswith("escape_level") and name[-1] != "0":  # it depends on the first ones
+        if name.startswith("escape_level") and name[-1] != "0":  # it depends on earlier levels
             assert tiles / 2 < int(said[name][0]) < 2 * tiles
         else:
             assert int(said[name][0]) == tiles
@@ -129,7 +129,7 @@ def test_the_boundary_is_bracketed_on_every_ray_and_the_last_circle_named(finish
 
 
 def test_the_three_methods_are_in_order(finished):
-    # Circles break before the last of them does, and orbits escape beyond that.
+    # Other circles break before the last one, and orbits escape only beyond its breakup.
     last = {r["angle"]: r for r in table(finished / "critical_boundary.csv")}
     for r in table(finished / "critical_boundary_circles.csv"):
         assert float(r["critical_scale"]) - float(r["error"]) < float(last[r["angle"]]["upper"])
@@ -153,7 +153,7 @@ def test_other_settings_are_refused_and_nothing_is_touched(finished, other, diff
     assert snapshot(finished) == before
 
 
-def test_status_and_verify_find_all_in_order_and_damage_where_it_is(tmp_path, workers):
+def test_status_and_verify_confirm_sound_cubes_and_locate_damage(tmp_path, workers):
     out = tmp_path / "out"
     plane = ["escape_plane", out, *QUICK, "--first", "0:1:8", "--second", "0:1:8", *workers]
     succeed(*plane)
@@ -195,8 +195,8 @@ UNUSUAL = {
 
 
 @pytest.mark.parametrize("plane", thirds(UNUSUAL))
-def test_unusual_planes_end_with_a_figure(tmp_path, finished, workers, plane):
-    for name in ("barrier.zarr", "breakdown.zarr"):  # of the same rays
+def test_runs_on_unusual_planes_end_with_a_figure(tmp_path, finished, workers, plane):
+    for name in ("barrier.zarr", "breakdown.zarr"):  # they have the same rays
         shutil.copytree(finished / name, tmp_path / "out" / name)
     options = [*MAIN, *plane.split(), "--levels", "2"]
     output = succeed("critical_boundary", tmp_path / "out", *options, *workers)
@@ -207,7 +207,7 @@ def test_unusual_planes_end_with_a_figure(tmp_path, finished, workers, plane):
 EXAMPLES = Path(__file__).parents[1] / "workflows" / "examples"
 
 
-def test_the_example_without_a_command_tells_its_usage(monkeypatch):
+def test_the_example_without_a_command_prints_its_usage(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["job_queue"])
     with pytest.raises(SystemExit, match=r"python workflows/examples/job_queue.py "):
         runpy.run_path(str(EXAMPLES / "job_queue.py"))
@@ -215,7 +215,7 @@ def test_the_example_without_a_command_tells_its_usage(monkeypatch):
 
 @pytest.fixture
 def notebook(finished, monkeypatch, capsys):
-    """Run a notebook beside OUT as its reader would; return what it prints, and its names."""
+    """Run a notebook beside `out` as a reader would; return its output and its variables."""
 
     def run(name):
         written = json.loads((EXAMPLES / f"{name}.ipynb").read_text(encoding="utf-8"))
@@ -256,9 +256,9 @@ def test_the_notebook_that_reads_cubes(finished, notebook):
     assert f"the last one on {len(golden)} rays" in said
     share = 100 * (field(finished) <= 4000).mean()
     assert f"transport within 4000 steps in {share:.1f}% of the cells" in said
-    assert f"{(field(finished) <= 4000).mean():.6f}" in said  # by blocks
+    assert f"{(field(finished) <= 4000).mean():.6f}" in said  # computed by blocks
     radius = np.hypot(*names["curves"].to_numpy().T)
-    # Outside the last barrier, all of it, and within the direct boundary of the table.
+    # All of it is outside the last barrier, and within the direct boundary of the table.
     assert radius.min() > KAPPA_G / 2
     direct = [
         float(r["critical_scale"] or 0) for r in table(finished / "critical_boundary_direct.csv")
@@ -282,7 +282,7 @@ QUEUE = {
 
 
 @pytest.mark.slow
-def test_the_example_of_a_queue_ends_its_jobs_and_leaves_no_key(tmp_path, monkeypatch):
+def test_the_job_queue_example_ends_its_jobs_and_leaves_no_key(tmp_path, monkeypatch):
     here = tmp_path / "queue"
     here.mkdir()
     for name, program in QUEUE.items():

@@ -1,4 +1,4 @@
-"""Manifolds of periodic orbits: by invariance, and the turnstile's area by the action."""
+"""Manifolds of periodic orbits: their invariance, and the turnstile's area from the action."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ CASES = [((0.9,), 0, 1), ((0.5, 0.4), 1, 2), ((0.3, 0.2, 0.25), 2, 5), ((1.2, 0.
 @pytest.mark.parametrize(("branch", "advance", "turns"), [
     (manifolds.unstable, maps.step, -1), (manifolds.stable, step_back, 1)
 ])  # fmt: skip
-def test_a_manifold_goes_over_into_itself(kappa, p, q, branch, advance, turns):
+def test_a_manifold_is_mapped_into_itself(kappa, p, q, branch, advance, turns):
     x, y = (one[0] for one in ordered_orbits(kappa, p, q)[0].points())
     for toward in (1, -1):
         long = np.array(branch(kappa, p, q, x, y, 3 / q, 1e-4, toward))
@@ -29,13 +29,13 @@ def test_a_manifold_goes_over_into_itself(kappa, p, q, branch, advance, turns):
         for _ in range(q):
             image_x, image_y = advance(kappa, image_x, image_y)
         apart = long[:, :, None] - np.array([image_x + turns * p, image_y])[:, None]
-        assert np.hypot(*apart).min(axis=0).max() < 1e-4  # from one of its points to the next
+        assert np.hypot(*apart).min(axis=0).max() < 1e-4  # the spacing of its points
         assert toward * (long[0, 9] - x) > 0
 
 
 @pytest.mark.parametrize(("kappa", "p", "q"), CASES)
 @pytest.mark.parametrize("above", [True, False])
-def test_both_lobes_of_a_turnstile_have_the_area_that_the_action_gives(kappa, p, q, above):
+def test_both_lobes_of_a_turnstile_have_the_area_given_by_the_action(kappa, p, q, above):
     found = manifolds.turnstile(kappa, p, q, above, spacing=2e-4)
     up, down = (np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2 for x, y in found.lobes)
     assert up * down < 0
@@ -53,21 +53,21 @@ def test_both_lobes_of_a_turnstile_have_the_area_that_the_action_gives(kappa, p,
     ({"x": np.nan}, "x is not finite"), ({"q": 0}, "q=0 must be a whole number"),
     ({"x": 0.5}, "0.5, 0.0\\) is not hyperbolic"),
 ])  # fmt: skip
-def test_arguments_of_which_no_manifold_is_are_refused(branch, changed, message):
+def test_arguments_that_define_no_manifold_are_refused(branch, changed, message):
     good = {"kappa": (1.0,), "p": 0, "q": 1, "x": 0.0, "y": 0.0, "length": 1.0, "toward": 1}
     assert branch(**good)[0].size > 100
     with pytest.raises(ValueError, match=message):
         branch(**good | changed)
 
 
-def test_a_manifold_has_an_end_however_long_it_should_be():
+def test_a_manifold_is_finite_whatever_length_is_requested():
     x, y = manifolds.unstable((0.3,), 0, 1, 0.0, 0.0, 1e9)
     assert 1000 < x.size < 10**6
     assert np.isfinite([x, y]).all()
 
 
 @pytest.mark.parametrize("spacing", [0, -1e-3, np.nan, np.inf, 1.0])
-def test_spacings_that_show_no_lobe_are_refused(spacing):
+def test_spacings_that_cannot_resolve_a_lobe_are_refused(spacing):
     with pytest.raises(ValueError, match=r"spacing=.* must be from 1e-05 to 0.1"):
         manifolds.turnstile((1.0,), 1, 6, True, spacing=spacing)
 

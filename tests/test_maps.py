@@ -15,8 +15,8 @@ strengths = st.floats(-2, 2)
 forcings = st.lists(strengths, min_size=1, max_size=3)
 coordinates = st.floats(-1, 1)
 
-# With |κ| ≤ 2 and |x|, |y| ≤ 2 a kick is wrong by less than 2e-15: 4e-16·κ/2π of the sine, and half
-# an ulp in each sum. Each further kick magnifies that by less than ‖DS‖ ≤ 2 + |κ| = 4.
+# With |κ| ≤ 2 and |x|, |y| ≤ 2 the error of a kick is below 2e-15: 4e-16·κ/2π from the sine, and
+# half an ulp in each sum. Each further kick magnifies it by less than ‖DS‖ ≤ 2 + |κ| = 4.
 ROUNDING = 2e-15
 
 
@@ -40,7 +40,7 @@ def test_tangent_is_the_derivative_of_step(kappa, x, y):
             ahead = mpmath.matrix(oracles.exact_step(kappa, x + dx, y + dy))
             behind = mpmath.matrix(oracles.exact_step(kappa, x - dx, y - dy))
             slope = [float(s) for s in (ahead - behind) / (2 * h)]
-            # An error of x is one of κ cos 2πx, 2π|κ| < 13 times as large.
+            # An error in x causes one in κ cos 2πx that is 2π|κ| < 13 times as large.
             assert_allclose(tangent[:, column], slope, rtol=0, atol=13 * 4 * rounding(kappa))
 
 
@@ -58,7 +58,7 @@ def test_rotating_forcing_has_the_period_of_its_frequency(frequency, amplitude, 
     assert_allclose(rotating_forcing(0.5, amplitude, frequency, phase), strengths, rtol=1e-14)
 
 
-def test_strengths_may_be_any_real_numbers_and_a_frequency_anything_exact():
+def test_strengths_may_be_any_real_numbers_and_frequencies_any_exact_number():
     assert_array_equal(direction((0.0, -1e-300)), (0.0, -1e-300))
     for kappa in ([1, 2], (Fraction(1), 2.0), np.array([1, 2], np.uint8), np.float32([1, 2])):
         assert forcing(kappa).dtype == float

@@ -1,8 +1,12 @@
-"""What every method promises: the exact breakup of the golden circle in all its disguises, one
-answer for all copies of a forcing, honesty next to a cusp and next to fractions, a number or a
-reason over random nobles and forcings; and that a ray's size is only the unit of the scale.
+"""What every method promises.
 
-NumPy's warnings are errors in this suite, so that nothing overflows unseen either.
+- The exact breakup of the golden circle in all its disguises.
+- One answer for all copies of a forcing.
+- Honest errors close to a cusp and close to fractions.
+- A number or a reason for random nobles and forcings.
+- The size of a ray is only the unit of the scale.
+
+NumPy's warnings are errors in this suite, so that no overflow goes unnoticed.
 """
 
 from functools import partial
@@ -24,17 +28,17 @@ OF_A_CIRCLE = periodic.critical_scale, continuation.critical_scale, flux.flux
 
 
 def agree(one, other):
-    """Whether two answers, errors and all, have a value in common; NaN agrees with nothing."""
+    """True if two answers agree within their errors; NaN agrees with nothing."""
     return abs(one.value - other.value) <= one.error + other.error
 
 
 def is_honest(found):
-    """Whether it is a number, or a reason without one."""
+    """True if value and error are both NaN exactly when the status is not OK."""
     return np.isnan([found.value, found.error]).all() == (found.status is not Status.OK)
 
 
-# P kicks of κ are P steps of the standard map at κ; one kick in P is its kick of Pκ, whose ω
-# counts modulo 1. The last circles are those of these ω.
+# P kicks of κ are P steps of the standard map at κ. A single kick of κ in P is a kick of the
+# standard map at Pκ, where ω counts modulo 1. The last circles are those of these ω.
 @pytest.mark.parametrize(
     ("profile", "exact", "omegas"),
     [
@@ -80,7 +84,7 @@ def test_the_golden_circle_of_the_standard_map_in_all_its_disguises(profile, exa
 
 
 def images(profile, omega):
-    """Forcings that a symmetry carries it to, and the ω of the image of its circle of ω."""
+    """Yield the images of a forcing under symmetries, each with the ω of the image circle."""
     profile, period = np.array(profile), len(profile)
     yield np.roll(profile, 1), omega
     yield profile[::-1], omega
@@ -92,8 +96,8 @@ def images(profile, omega):
         yield profile * (-1.0) ** np.arange(period), moebius(omega, 1, period // 2)
 
 
-# The flux is that 20% beyond the breakup; of two, 7% to 12%, where the gaps of their cantori hold
-# all but rounding: sites of the minimizing orbit are 1e-17 apart.
+# The flux is computed 20% beyond the breakup, and for two circles 7% to 12% beyond it, where the
+# gaps of their cantori fill everything but rounding: sites of the minimizing orbit are 1e-17 apart.
 @pytest.mark.parametrize(
     ("name", "profile", "size"),
     [
@@ -136,7 +140,7 @@ def test_next_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
         if offset >= 5e-4:
             assert [one.status for one in found] == [Status.OK] * 2
         by_residues = periodic.critical_scale(omega, profile)
-        # Orbits are lost before they see the cusp.
+        # Orbits are lost before they resolve the cusp.
         assert (by_residues.status is Status.NEAR_CUSP) == (offset <= 1e-4)
         for one in (*found, by_residues):
             assert is_honest(one)
@@ -147,7 +151,8 @@ def test_next_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
 @pytest.mark.parametrize(("name", "angle"), [("2gamma", 135), ("2gamma+1", 45)])
 def test_the_paper_s_circles_have_a_value_at_each_other_s_cusps(name, angle):
     # There they are circles of the standard map with the tail (8, 2), of which the default q_max
-    # knows two periods. The judge: half orbits on symmetry lines, up to 200 000, to 1.5e-11.
+    # covers two periods. The reference value is from half orbits on symmetry lines, up to 200 000,
+    # with an error of 1.5e-11.
     for method, bound in ((periodic.critical_scale, 1e-6), (continuation.critical_scale, 0.04)):
         found = method(parse(name), ray(angle))
         assert found.status is Status.OK
@@ -193,24 +198,24 @@ METHODS = {
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_a_ray_s_size_is_a_unit_down_to_the_smallest(name):
+def test_the_size_of_a_ray_is_only_a_unit_down_to_the_smallest(name):
     expected = METHODS[name](PROFILE, 1.0)
     assert expected.status is Status.OK
-    for size in (2.0**-996, 2.0**13):  # without rounding, which would change escapes
+    for size in (2.0**-996, 2.0**13):  # powers of 2: rounding would change escapes
         found = METHODS[name](size * PROFILE, size)
         assert (found.status, found.omega) == (expected.status, expected.omega)
         assert found.error * size == pytest.approx(expected.error, rel=0.3)
         assert abs(found.value * size - expected.value) <= 0.1 * expected.error
 
 
-def test_too_short_periods_are_admitted():
+def test_periods_that_are_too_short_are_reported():
     for found in (periodic.critical_scale(GAMMA, (1, 0), 13), flux.flux(GAMMA, (0.6, 0.1), 5)):
         assert found.status is Status.NOT_CONVERGED
         assert np.isnan(found.value)
 
 
 @pytest.mark.parametrize("n_kicks", thirds([2, 4, 3, 1, 5, 6]))
-def test_a_method_gives_a_number_or_a_reason_and_no_warning(n_kicks):
+def test_methods_for_a_given_circle_return_a_number_or_a_reason_without_warning(n_kicks):
     rng = np.random.default_rng(n_kicks)
     for _ in range(4):
         quotients = (10 ** rng.uniform(0, 1.7, rng.integers(0, 4))).astype(int)
@@ -220,12 +225,12 @@ def test_a_method_gives_a_number_or_a_reason_and_no_warning(n_kicks):
         for method, effort in zip(OF_A_CIRCLE, (1500, 1e-4, 3000), strict=True):
             assert is_honest(method(omega, profile, effort))
         circle = circles.invariant_circle(omega, rng.uniform(0, 1) * profile)
-        if circle.status is not Status.NOT_CERTIFIED:  # its error says by how much it is none
+        if circle.status is not Status.NOT_CERTIFIED:  # its error says how far off it is
             assert np.isnan(circle.error) == (circle.status is not Status.OK)
 
 
 @pytest.mark.parametrize("n_kicks", thirds([2, 4, 3, 1, 6]))
-def test_the_methods_give_a_number_or_a_reason_and_never_a_warning(n_kicks):
+def test_methods_for_the_last_circle_return_a_number_or_a_reason_without_warning(n_kicks):
     rng = np.random.default_rng(n_kicks)
     profile = rng.uniform(0, 0.4) ** np.arange(n_kicks)  # its first kick has the dominant line
     profile = np.maximum(profile, np.roll(profile[::-1], 1)) * 10 ** rng.uniform(-3, 1)

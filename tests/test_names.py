@@ -61,7 +61,7 @@ def test_the_package_itself_imports_no_method_and_no_numba():
 
 
 def test_the_boundary_on_axes_and_diagonal_is_that_of_the_standard_map():
-    """Of twice the strength where every other kick is 0, and of the same where both are equal."""
+    """Its strength is doubled where every other kick is 0, and the same where both are equal."""
     scales = nasm.boundary([0, 45, 90, 180], tol=1e-2)
     assert all(scale.status is nasm.Status.OK for scale in scales)
     expected = KAPPA_G * np.array([0.5, 2**0.5, 0.5, 0.5])

@@ -16,12 +16,12 @@ integers = st.integers(-6, 6)
 
 
 def exact(omega):
-    """Its value to 100 digits."""
+    """Return the value of ω to 100 digits."""
     with mpmath.workdps(100):
         return oracles.continued_fraction(omega.prefix, omega.tail)
 
 
-def test_the_paper_s_numbers_are_their_formulas():
+def test_the_paper_s_numbers_agree_with_their_formulas():
     expected = ["[0;(1)]", "[1;(1)]", "[1;(4)]", "[2;(4)]", "[1;4,(1)]", "[0;4,(1)]"]
     assert [str(parse(name)) for name in NAMES] == expected
     with mpmath.workdps(100):
@@ -31,7 +31,7 @@ def test_the_paper_s_numbers_are_their_formulas():
 
 
 @given(prefix=prefixes, tail=tails)
-def test_parsing_keeps_the_value_and_a_number_prints_what_makes_it_again(prefix, tail):
+def test_parsing_keeps_the_value_and_the_printed_form_gives_the_same_number(prefix, tail):
     omega = parse(spell(prefix, tail))
     assert parse(str(omega)) == eval(repr(omega), {"parse": parse}) == omega
     with mpmath.workdps(100):
@@ -118,7 +118,7 @@ NO_NUMBERS += "|[1;4,,3]|[1;]|gamma*2|gamma2|gamma+1/2|1/4gamma+5|gamma+|(gamma+
 
 
 @pytest.mark.parametrize("text", [*NO_NUMBERS.split("|"), None, 0.6, True, b"gamma"])
-def test_what_is_not_a_number_is_refused_with_the_forms_that_are(text):
+def test_invalid_numbers_are_refused_with_examples_of_valid_forms(text):
     with pytest.raises(ValueError, match=r"is not a rotation number.*\[1;4,\(1\)\].*5gamma\+6"):
         parse(text)
 
@@ -144,7 +144,7 @@ def test_long_numbers_below_the_limit_are_read():
 
 @pytest.mark.parametrize("integer", [np.int64, np.int8])
 def test_integers_of_limited_length_do_not_overflow(integer):
-    # Products of 63 bits or more occur on the way.
+    # Intermediate products have 63 bits or more.
     expected = moebius(parse("[0;9999,9999,(7,5)]"), 3, 100, 7, 100)
     found = moebius(parse("[0;9999,9999,(7,5)]"), *map(integer, (3, 100, 7, 100)))
     assert found == expected
@@ -175,7 +175,7 @@ def test_nobles_near_a_number_agree_with_it_and_the_shortest_come_first(value, w
 
 
 @pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int64])
-def test_quotients_of_numpy_make_the_same_number_as_ints_without_overflow(kind):
+def test_numpy_quotients_make_the_same_number_as_ints_without_overflow(kind):
     rng = np.random.default_rng(0)
     for _ in range(20):
         prefix, tail = rng.integers(1, 30, 6).tolist(), rng.integers(1, 30, 3).tolist()

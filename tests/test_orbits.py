@@ -66,27 +66,27 @@ def test_the_rotation_number_of_a_series_is_that_of_its_orbit():
 
 @pytest.mark.parametrize("noise", [0.0, 1e-9, 1e-5])
 @pytest.mark.parametrize("offset", [0.0, 1e8])
-def test_digits_of_a_known_series_with_noise_hold(noise, offset):
+def test_digits_are_reliable_for_a_known_series_with_noise(noise, offset):
     random, n = np.random.default_rng(5), 2000
     rotations = random.uniform(-3, 3, 600)
     phase = np.outer(np.arange(n + 1), rotations)
     exact = phase + 0.1 * np.sin(2 * np.pi * phase) + 0.02 * np.cos(6 * np.pi * phase)
     omega, digits = rotation_number_of(offset + exact + noise * random.normal(size=exact.shape))
-    known = np.isfinite(omega)  # but for ω close to a fraction
+    known = np.isfinite(omega)  # except for ω close to a fraction
     assert known.mean() > 0.97
     assert np.mean((np.abs(omega - rotations) > 10.0**-digits)[known]) < 0.02
-    # Errors of the positions change an average by less than 5.3/n of the largest.
+    # Errors of the positions change an average by less than 5.3/n times the largest.
     largest = max(1e-13, 2.7e-3 * max(5 * noise, offset * np.finfo(float).eps))
     assert np.median(digits) > -np.log10(2 * largest)
 
 
-def test_a_series_is_refused_that_is_short_or_has_gaps():
+def test_a_series_that_is_short_or_has_gaps_is_refused():
     for series in (0.5, np.arange(4.0), [0.1, 0.2, np.nan, 0.4, 0.5], np.zeros((3, 9))):
         with pytest.raises(ValueError, match="at least five finite positions"):
             rotation_number_of(series)
 
 
-def test_digits_seldom_promise_too_much():
+def test_digits_seldom_overstate_the_accuracy():
     random = np.random.default_rng(8)
     ratios = []
     for n in (300, 500, 1000, 3000):
@@ -99,7 +99,7 @@ def test_digits_seldom_promise_too_much():
             allowed = 10.0 ** -digits[regular] + 1e-13
             ratios.extend(np.abs(omega - exact)[regular] / allowed)
     assert len(ratios) > 300
-    # Averages agree by chance, here on 1% of circles; those of the halves alone, of 3%.
+    # Averages may agree by chance, here on 1% of circles; with the halves alone, on 3%.
     assert np.mean(np.array(ratios) > 1) < 0.02
 
 
@@ -120,7 +120,7 @@ def test_digits_end_where_rounding_begins(case):
 
 
 def weighted_average(kappa, x, y, n):
-    """ω of n exact steps, from the definition."""
+    """Return ω of n exact steps, from the definition."""
     total = weights = mpmath.mpf(0)
     for t in range(n):
         x_next, y = oracles.exact_step(kappa, x, y)
@@ -132,7 +132,7 @@ def weighted_average(kappa, x, y, n):
     return total / weights
 
 
-def test_islands_rotate_with_their_orbit_and_chaotic_orbits_not_at_all():
+def test_islands_rotate_with_their_central_orbit_and_chaotic_orbits_have_no_rotation_number():
     # (1/2, 0) is elliptic for small positive strengths, and fixed: ω = 0 all around it.
     assert rotation_number(KAPPA, 0.55, 0.0, 10_000)[0] == pytest.approx(0, abs=1e-12)
     omega, digits = rotation_number((1.5, 1.5), [0.01, 0.02, 0.03], 0.0, 10_000)
@@ -152,7 +152,7 @@ def test_portrait_shows_one_cell():
 @pytest.mark.parametrize("every", [None, 1])
 def test_passages_are_the_points_of_the_orbits_in_the_box(every):
     y = np.arange(30) / 31
-    left, bottom, width, height = box = (0.8, -0.3, 0.45, 0.4)  # over the edges of the cell
+    left, bottom, width, height = box = (0.8, -0.3, 0.45, 0.4)  # across the edges of the cell
     which, xs, ys, (x_next, y_next) = passages(KAPPA, np.full(30, 0.1), y, 40, box, every)
     x, y = orbit(KAPPA, 0.1, y, 40, every)
     u, v = (x - left) % 1, (y - bottom) % 1

@@ -1,4 +1,4 @@
-"""Kicks as laboratories give them: what is measured of pairs, and rules that can say no."""
+"""Patterns of kicks used in laboratories: measurements on pairs, and rules that can say no."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from workflows.patterns import study
 
 
 def said_of(*scale):
-    """What is found of pairs 1/2, 1/3, 1/4 with these K_c."""
+    """Return the findings on pairs 1/2, 1/3, 1/4 with these K_c."""
     apart = 2, 3, 4
     pairs = [(study.PAIRS, 1 / q, study.pair(1, q)) for q in apart]
     cube = xr.Dataset({"critical_scale": ("forcing", np.divide(scale, apart))}, labels(pairs, ""))
@@ -25,14 +25,14 @@ def test_findings_on_patterns_are_judged_by_the_numbers():
 
 
 @pytest.mark.parametrize("q", [2, 3, 4, 5])
-def test_pairs_drive_resonances_of_the_strength_that_the_command_says(q):
+def test_pairs_drive_resonances_of_the_strength_that_the_command_states(q):
     """2K|cos πk/q| to first order: |R| = K|cos πk/q|/2 of the orbits of period one."""
     K = 0.01
     found = [periodic.residue(K / q * np.array(study.pair(1, q)), k, 1) for k in range(q)]
     assert found == pytest.approx(K / 2 * abs(np.cos(np.pi * np.arange(q) / q)), abs=K**2)
 
 
-def test_pairs_a_third_apart_have_the_threshold_of_residues():
+def test_pairs_a_third_apart_have_the_threshold_found_from_residues():
     found = barriers.critical_scale((1, 1, 0), 1e-2)
     assert 3 * found.value == pytest.approx(0.90382345, abs=1e-7)
     assert periodic.critical_scale(found.omega, (1, 1, 0), 2000).value == pytest.approx(found.value)

@@ -22,7 +22,7 @@ FIBONACCI = [(5, 8), (8, 13), (13, 21), (21, 34), (34, 55), (55, 89), (89, 144)]
 
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 2), (2, 5), (3, 4), (5, 13)])
-def test_both_orbits_are_closed_ordered_and_have_their_tangents_residue(kappa, p, q):
+def test_both_orbits_are_closed_and_ordered_with_the_residue_of_their_tangent_map(kappa, p, q):
     found = ordered_orbits(kappa, p, q)
     for orbit, sign in zip(found, (-1, 1), strict=True):
         x, y = orbit.points()
@@ -86,8 +86,10 @@ def test_the_error_covers_the_change_with_longer_periods_in_hard_cases(case):
 
 
 def next_to_a_shorter_one(distance):
-    """Forcings, what they are shortened to at distance 0, and the golden circle of that as one of
-    theirs."""
+    """Forcings, the shorter ones that they become at distance 0, and golden circles.
+
+    Each is the golden circle of the shorter forcing, with its rotation number under the longer one.
+    """
     near = 1 - distance
     return [
         ((1, near), (1,), parse("2gamma")),
@@ -110,12 +112,12 @@ def test_starts_survive_where_a_circle_is_claimed_near_a_shorter_forcing(distanc
             if found.status is Status.OK:
                 answered += 1
                 below = (found.value - found.error) * np.array(profile)
-                assert not survivors.eliminates(below, 500)  # a search of 1000 misses survivors
+                assert not survivors.eliminates(below, 500)  # with 1000 steps it misses survivors
     assert answered >= 6
 
 
 @pytest.mark.parametrize("which", thirds(range(6)))
-def test_residues_answer_on_a_shorter_forcing_and_not_next_to_it(which):
+def test_residues_give_a_value_on_a_forcing_of_shorter_period_but_not_next_to_it(which):
     profile, _, omega = next_to_a_shorter_one(1e-7)[which]
     assert periodic.critical_scale(omega, profile).status is Status.NEAR_CUSP
     profile, short, omega = next_to_a_shorter_one(0.0)[which]
@@ -124,7 +126,7 @@ def test_residues_answer_on_a_shorter_forcing_and_not_next_to_it(which):
 
 
 @pytest.mark.parametrize("angle", [20, 45, 70, 92.76, 117.43])
-def test_tori_break_where_longer_convergents_say(angle):
+def test_tori_break_where_longer_convergents_predict(angle):
     # Consecutive convergents of one rotation vector, of the tribonacci constant.
     found = [
         periodic.torus_scale(f"{p}/{q}", f"{r}/{q}", *ray(angle))
@@ -149,6 +151,6 @@ def test_tori_of_one_and_two_kicks_are_circles_of_the_map(vector, mean, amplitud
     assert min(abs(abs(residue) - 0.25) for residue in residues) < 1e-8
 
 
-def test_orbits_that_are_lost_end_the_search():
+def test_the_search_ends_if_orbits_are_lost():
     kappa = (0.9093983570983439, 0.5378622878701697, 0.039093429353188165, 1.0)
     assert periodic.critical_scale("[0;1,1,83,(1)]", kappa, 1500).status is not Status.OK

@@ -34,7 +34,7 @@ IMAGES = [(planes.rotating("1/3", phase), n) for phase, n in (("1/12", 4), ("1/4
 @pytest.mark.parametrize(
     "case", thirds([(TWO, 8), (planes.rotating("1/2"), 8), (GENERIC, 2), *IMAGES])
 )
-def test_circles_break_together_on_the_rays_that_symmetry_makes_images(case):
+def test_circles_break_at_the_same_scale_on_rays_that_are_images_by_symmetry(case):
     plane, n_images = case
     assert len(plane.symmetries) == n_images
     angle, omega = 25.0, parse("[0;2,3,(1)]")
@@ -48,9 +48,9 @@ def test_circles_break_together_on_the_rays_that_symmetry_makes_images(case):
         assert not np.isclose(on_ray, scale, rtol=1e-2).any()
 
 
-def test_a_plane_with_an_origin_has_no_symmetry_but_what_leaves_that_alone():
+def test_a_plane_with_an_origin_has_only_symmetries_that_fix_the_origin():
     assert Plane("off", AXES, (0.1, 0.2, 0, 0), FIRST, SECOND).symmetries == ((False, 0, 0),)
-    # (κ1, κ2, 0.2) backwards is (0.2, κ2, κ1), a shift of (κ2, κ1, 0.2).
+    # (κ1, κ2, 0.2) reversed is (0.2, κ2, κ1), a shift of (κ2, κ1, 0.2).
     assert planes.three_kicks(0.2).unfold(30).tolist() == [30, 60]
 
 
@@ -65,7 +65,7 @@ def test_a_rotating_plane_has_the_forcings_of_the_rotating_map():
 
 
 @pytest.mark.parametrize("delay", ["1/2", "1/3", "3/8"])
-def test_pairs_are_kicks_at_whole_times_and_a_time_later(delay):
+def test_pairs_are_kicks_at_integer_times_and_after_a_delay(delay):
     a, q = (tau := Fraction(delay)).as_integer_ratio()
     K, K_later, x, p = 0.7, -0.4, 0.3, 0.2
     seen = maps.step(planes.pairs(delay).forcing(K, K_later), x, p / q)
@@ -85,7 +85,7 @@ def test_pairs_half_a_period_apart_have_the_boundary_of_two_kicks():
 
 
 @pytest.mark.parametrize("delay", ["0", "1", "7/5", "1/65"])
-def test_a_delay_is_a_part_of_the_period(delay):
+def test_a_delay_is_a_fraction_of_the_period(delay):
     with pytest.raises(ValueError, match=rf"delay={delay} must be between 0 and 1, with a denom"):
         planes.pairs(delay)
 
@@ -126,6 +126,6 @@ GOOD = {"name": "mine", "axes": AXES, "origin": (0, 0), "first": (1, 0), "second
         ("rotating:1/2,1/4", "second: profile is zero"),
     ],
 )
-def test_unknown_planes_are_refused_by_name(bad, message):
+def test_invalid_planes_are_refused_and_the_error_names_the_cause(bad, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         planes.parse(bad) if isinstance(bad, str) else Plane(**GOOD | bad)

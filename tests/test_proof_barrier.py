@@ -19,7 +19,7 @@ from nasm.proofs.barrier import prove, proved_lower
 from nasm.symmetries import ray
 
 GAMMA = parse("gamma")
-# Breakups on rays, by `barriers.critical_scale`: they say where to look and what must not be.
+# Breakups on rays, by `barriers.critical_scale`: where to look, and what must not be proved.
 LAST = [
     ((1.0, 0.0), "[0;2,(1)]", 0.4858177030222401),
     (tuple(ray(20.0)), "[0;(1)]", 0.5770384095194057),
@@ -27,7 +27,7 @@ LAST = [
     (tuple(ray(120.0)), "[0;3,(1)]", 0.7001827090368696),
     ((1.0,), "[0;(1)]", 0.971635406),
 ]
-# Few points, many, an odd number of sites: ω, kappa, n.
+# (ω, kappa, n): with few points, many points, and an odd number of sites.
 CASES = [("gamma", (0.3, 0.2), 64), ("[0;(3)]", (-0.5,), 128), ("gamma", (0.15, 0.1, -0.05), 72)]
 
 
@@ -102,7 +102,7 @@ def theorem(data):
 
 
 def audit(module):
-    """Everything that a wrong proof would show up in; an exception if it does."""
+    """Check everything in which a wrong proof would show; raise an exception if it does."""
     for name, (kappa, rho, n, p) in FIRST_TO_FAIL.items():
         numbers = [[arb(n), arb(1.3)], [arb(p), arb(1.9)], [arb(1.5), arb(1.4)]]
         grid, seen = module.Grid(GAMMA, [kappa, -0.7 * kappa], 64), []
@@ -227,7 +227,7 @@ def test_more_points_than_are_needed_do_no_harm(case):
 
 
 def settled(omega, kappa, u):
-    """The iterate of Newton's method with the least residual: beyond the breakup, the best."""
+    """The Newton iterate with the smallest residual: beyond the breakup, the best there is."""
     best, least = u, np.inf
     for _ in range(25):
         after, error = circles.newton_step(omega, kappa, u)
@@ -240,7 +240,7 @@ def settled(omega, kappa, u):
 
 
 def proofs_above(profile, omega, breakup, n, beyond):
-    """Proofs of what does not exist, from the best that Newton's method has there."""
+    """Whether a circle that does not exist is proved, from the best Newton iterate there."""
     omega, profile = parse(omega), np.array(profile)
     path = [continuation.certified_circle(omega, profile, breakup, d) for d in (0.04, 0.02)]
     kappa = breakup * (1 + beyond) * profile
@@ -304,7 +304,7 @@ NO_CIRCLES += [np.random.default_rng(1).normal(0, s, (1, n)) for s, n in ((1, 64
 
 
 @pytest.mark.parametrize("start", NO_CIRCLES)
-def test_what_is_no_circle_proves_nothing_and_raises_nothing(start):
+def test_a_start_that_is_no_circle_proves_nothing_and_raises_nothing(start):
     assert not prove(GAMMA, (1.1,), start=start, n=128).proved
 
 
@@ -319,7 +319,7 @@ def test_what_is_no_circle_proves_nothing_and_raises_nothing(start):
         (GAMMA, (0.9,), {"n": 64}, "ratio"),
     ],
 )
-def test_what_is_not_proved_says_why(omega, kappa, options, told):
+def test_a_proof_that_fails_gives_the_reason(omega, kappa, options, told):
     proof = prove(omega, kappa, **options)
     assert not proof.proved
     assert told in proof.reason
@@ -340,7 +340,7 @@ def test_a_bound_outside_its_strip_is_refused():
     pytest.param(0.9713, 7 * 2**16, marks=pytest.mark.slow),
     pytest.param(0.9716, 7 * 2**19, marks=pytest.mark.release),  # 4 GB
 ])  # fmt: skip
-def test_the_golden_circle_is_proved_as_close_to_its_breakup_as_is_published(kappa, n):
+def test_the_golden_circle_is_proved_as_close_to_its_breakup_as_published(kappa, n):
     """At 0.9716, 0.99996 of the breakup, by Figueras, Haro and Luque (2017)."""
     omega, near_kappa, u = near((1.0,), "gamma", 0.971635406, 1 - kappa / 0.971635406)
     assert near_kappa == pytest.approx(kappa, abs=1e-9)

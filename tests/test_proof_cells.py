@@ -14,7 +14,7 @@ from nasm.proofs.transport_cells import prove_cell
 
 
 def cell_beyond(angle, widths, size):
-    """The cell of the grid of that size, some widths beyond the breakup on the ray."""
+    """The grid cell of width `size` that lies `widths` widths beyond the breakup on the ray."""
     place = beyond(angle, widths * size / BREAKUPS[angle])
     return np.floor(place / size) * size + size / 2, size / 2
 
@@ -38,7 +38,7 @@ def test_an_independent_program_checks_the_certificate_of_a_cell(cell):
         checker.check(json.loads(json.dumps(proof.certificate())))
 
 
-def test_a_shear_that_is_no_number_proves_nothing(monkeypatch):
+def test_a_shear_that_is_not_a_number_proves_nothing(monkeypatch):
     monkeypatch.setattr(proofs.transport_cells, "_shears", lambda *_: (math.nan, math.nan))
     assert prove_cell(*CELLS[0]).outcome is Outcome.PRECISION
 
@@ -58,7 +58,7 @@ BOX = {"y": 0.5, "δ": 2.0**-44, "k0": 1.0, "h0": 2.0**-38, "k1": 1.0, "h1": 2.0
         (0, {"δ": math.nan}, False),
     ],
 )
-def test_a_box_is_halved_exactly_or_not_at_all(split, changes, exact):
+def test_a_box_is_bisected_exactly_or_not_at_all(split, changes, exact):
     box = [*(BOX | changes).values(), 127 / 256, 127 / 256, 0.0]
     assert proofs.transport_cells._bisect(np.zeros((4, 9)), 0, np.array(box), split) == exact
 
@@ -98,8 +98,8 @@ KERNEL = audit.Kernel(
 
 @pytest.mark.parametrize("a", [0, 0.5])
 @pytest.mark.parametrize("k0", [0.25, 0.0, -0.25])
-def test_half_of_a_strength_is_counted_at_the_line_whatever_its_sign(a, k0):
-    """In a box of a wide cell the kick of the line may have another sign than in the middle."""
+def test_half_the_strength_is_counted_at_the_symmetry_line_whatever_its_sign(a, k0):
+    """In a box of a wide cell the kick at the line may differ in sign from that in the middle."""
     start = np.zeros((proofs.transport_cells._ROWS, 1))
     box = np.array([0.3, 2.0**-12, k0, 2.0**-8, 0.5, 2.0**-8, 0, 0, 0])
     proofs.transport_cells._start(start, 0, a - 0.25, box)
@@ -107,7 +107,7 @@ def test_half_of_a_strength_is_counted_at_the_line_whatever_its_sign(a, k0):
     state, bad = proofs.transport_cells._kick(*box[2:6], 2.0**12, numbers)
     after, cosine = dict(zip(KERNEL.names, state, strict=True)), math.cos(2 * math.pi * a)
     assert bad == 0
-    assert after["lq"] == pytest.approx(2.0**-8 * cosine / 2)  # p and q have changed places
+    assert after["lq"] == pytest.approx(2.0**-8 * cosine / 2)  # p and q are swapped
     assert after["W"] == pytest.approx(k0 * cosine / 2 + 2.0**-8 / 2)  # with what is paid for it
 
 

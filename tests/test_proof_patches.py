@@ -1,4 +1,4 @@
-"""Circles in all of a patch: constants that bound every forcing, and scales that are reached."""
+"""Circles throughout a patch: constants that hold for every forcing, and the scales reached."""
 
 import json
 from functools import cache
@@ -19,7 +19,7 @@ from nasm.proofs.certificate_checker import check
 from nasm.symmetries import ray
 
 GAMMA, N = parse("gamma"), 256
-TRIANGLE = (0.5, 0.25), (0.0625, -0.125)  # of γ, wide: from 12.5° to 40.6°
+TRIANGLE = (0.5, 0.25), (0.0625, -0.125)  # profile and tilt, for γ; wide: from 12.5° to 40.6°
 
 
 @pytest.mark.parametrize(
@@ -32,13 +32,13 @@ TRIANGLE = (0.5, 0.25), (0.0625, -0.125)  # of γ, wide: from 12.5° to 40.6°
         *(pytest.param(ray(angle), 0.0095, marks=pytest.mark.slow) for angle in (0, 110)),
     ],
 )
-def test_a_barrier_is_proved_on_all_of_a_ray(profile, nearest):
+def test_a_barrier_is_proved_along_a_whole_ray(profile, nearest):
     found = barriers.critical_scale(profile)
     reached(found.omega, profile, found.value, None, nearest)
 
 
 @pytest.mark.parametrize("nearest", [0.3, pytest.param(0.125, marks=pytest.mark.slow)])
-def test_a_barrier_is_proved_in_all_of_a_triangle(nearest):
+def test_a_barrier_is_proved_throughout_a_triangle(nearest):
     reached(GAMMA, TRIANGLE[0], breakup(*TRIANGLE), TRIANGLE[1], nearest)
 
 
@@ -55,7 +55,7 @@ def reached(omega, profile, value, tilt, nearest):
 
 
 def breakup(profile, tilt):
-    """The least scale at which γ's circle breaks, by Greene's residues."""
+    """Return the least scale at which γ's circle breaks on five rays, by Greene's residues."""
     across = np.array(profile) + np.linspace(-1, 1, 5)[:, None] * tilt
     return min(periodic.critical_scale(GAMMA, kappa).value for kappa in across)
 
@@ -67,7 +67,7 @@ def test_intervals_cover_up_to_the_first_gap():
 
 
 @pytest.mark.parametrize("failure", range(1, 6))
-def test_an_interval_that_fails_is_tried_again_before_the_next(failure, monkeypatch):
+def test_an_interval_that_fails_is_retried_before_the_next(failure, monkeypatch):
     tried = []
 
     def proof_of(low, high, value, about):
@@ -86,7 +86,7 @@ def test_an_interval_that_fails_is_tried_again_before_the_next(failure, monkeypa
     assert 0.9 < below == scales[-1][1] == proofs.covered_up_to(scales)
 
 
-def test_the_scale_is_that_up_to_which_the_proofs_leave_no_gap(monkeypatch):
+def test_the_scale_reached_ends_at_the_first_gap_between_proofs(monkeypatch):
     def with_a_gap(low, high, value, about):
         scales = (low + 0.1 * (low > 0.6), high)
         return barrier.BarrierProof(True, "", **about, scales=scales)
@@ -97,7 +97,7 @@ def test_the_scale_is_that_up_to_which_the_proofs_leave_no_gap(monkeypatch):
 
 
 @pytest.mark.parametrize("profile", [(1e-300, 0.0), (1e-200, 1e-210, 0.0)])
-def test_kicks_that_move_no_circle_are_proved_and_checked(profile):
+def test_kicks_too_weak_to_move_a_circle_are_proved_and_checked(profile):
     below, patches = module.proved_below(GAMMA, profile, 0.9, 0.3)
     assert 0.4 < below < 0.9
     check(json.loads(json.dumps(patches[0].certificate())))
@@ -105,7 +105,7 @@ def test_kicks_that_move_no_circle_are_proved_and_checked(profile):
 
 @pytest.mark.parametrize("beyond", [1e-3, pytest.param(0.1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("profile", [(1.0,), (0.94, 0.34), (1.0, 0.5, 0.7)])
-def test_across_the_breakup_nothing_is_proved(profile, beyond):
+def test_nothing_is_proved_across_the_breakup(profile, beyond):
     found = barriers.critical_scale(profile)
     for low, value in ((0.9, 1.2), (0.97, 1.02 + beyond)):  # with `value` too large
         scales = np.array([low, 1 + beyond, value + beyond]) * found.value
@@ -115,7 +115,7 @@ def test_across_the_breakup_nothing_is_proved(profile, beyond):
 
 
 def tried(omega, profile, tilt, scales):
-    """A patch from one scale to another, with `value` at a third."""
+    """Try a proof from the first of three scales to the second, with the third as `value`."""
     about = {"omega": omega, "kappa": tuple(profile), "tilt": tuple(tilt)}
     about |= {"short_omega": omega, "short_kappa": tuple(profile)}
     return module._proved_between(*map(float, scales), about)
@@ -123,8 +123,8 @@ def tried(omega, profile, tilt, scales):
 
 @pytest.mark.parametrize("beyond", thirds([0.3, 0.02, 1e-3]))
 @pytest.mark.parametrize("end", [1, pytest.param(-1, marks=pytest.mark.slow)])
-def test_across_the_breakup_at_a_side_of_the_patch_nothing_is_proved(beyond, end):
-    # At t = 0 the far side is 10% before the breakup, at t = end it is beyond it.
+def test_nothing_is_proved_across_the_breakup_at_one_side_of_a_patch(beyond, end):
+    # At t = 0 the far side is 10% below the breakup; at t = end it is beyond it.
     inner, outer = (barriers.critical_scale(k, 1e-4).value * k for k in (ray(20), ray(25)))
     inner, tilt = 0.9 * inner, end * ((1 + beyond) * outer - 0.9 * inner)
     assert not tried(GAMMA, inner, tilt, (0.8, 1.0, 1.1)).proved
@@ -145,7 +145,7 @@ def nodes(n):
 
 
 def circles_at_points(profile, tilt, high, shape):
-    """Circles at Q·R points: their residuals are small there, and not between."""
+    """Circles at Q·R points: their residuals are small at the points, but not between them."""
     found, kappa = patch(profile, tilt, 0.0, high, shape), np.array(profile)
     starts = [
         proofs.barrier.circles.invariant_circle(GAMMA, high / 2 * (1 + s) * (kappa + t * b)).u
@@ -156,7 +156,7 @@ def circles_at_points(profile, tilt, high, shape):
 
 
 def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.0)):
-    """Functions strength·sin 2πφ times polynomials in σ and t with these values at their points."""
+    """Functions strength·sin 2πφ times polynomials in σ and t with these values at the points."""
     shape = len(values), len(others)
     found = patch(profile, tilt, 0.0, 1.0, shape)
     with ctx.workprec(128):
@@ -167,7 +167,7 @@ def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.
 
 
 def complex_modes(tilt, shape):
-    """Three sites, whose functions are not odd."""
+    """Random modes at three sites, whose functions are not odd."""
     rng = np.random.default_rng(5)
     moves = [
         [[[0, *rng.integers(-(2**20), 2**20, 3).tolist()] for _ in "ri"] for _ in range(3)]
@@ -180,7 +180,7 @@ NONE, STEEP = (0.0, 0.0), [0.8, 0.6, 0.0, -0.6, -0.8]
 CASES = {
     "between": lambda: circles_at_points((0.5, 0.3), NONE, 0.5, (4, 1)),
     "between in t": lambda: circles_at_points((0.05, 0.05), (0.3, 0.2), 0.9, (6, 3)),
-    # At σ = 1 interpolation makes of them its constant, nearly.
+    # At σ = 1 interpolation magnifies them by nearly its Lebesgue constant.
     "points": lambda: by_values(0.02, [1, -1, 1, -1]),
     "points in t": lambda: by_values(0.005, [1, -1, 1, -1], [1, -1, 1, -1], tilt=(1e-4, 0.0)),
     "steep": lambda: by_values(0.1, STEEP),
@@ -223,7 +223,7 @@ NAMES = "n", "p", "k", "error", "kappa"
 
 @cache
 def truth(case, rho):
-    """The largest n, p, k, ‖E‖ and |κ| at many σ and t, in floats."""
+    """Return the largest n, p, k, ‖E‖ and |κ| over many σ and t, in floats."""
     profile, tilt, high, (Q, R), moves = made_case(case)
     P, k = len(profile), np.fft.fftfreq(N, 1 / N)
     weight, alpha = np.exp(2 * np.pi * rho * np.abs(k)) * (np.abs(k) < 100), float(GAMMA) / P
@@ -277,7 +277,7 @@ def test_constants_bound_those_of_all_forcings_of_a_patch(program, case):
 
 @pytest.mark.parametrize("case", ["between", "between in t", "single"])
 def test_both_programs_allow_the_same_error_of_interpolation(case):
-    """The checker takes one more point than there are degrees; so does the other with zeros."""
+    """The checker uses one more point than degrees; with zeros added, so does the other program."""
     profile, tilt, high, (Q, R), moves = made_case(case)
     across, nothing = R + (R > 1), [[[[], []]] * len(profile)]
     rows = [moves[i : i + R] + nothing * (across - R) for i in range(0, Q * R, R)]
@@ -289,7 +289,7 @@ def test_both_programs_allow_the_same_error_of_interpolation(case):
 
 
 SUM = "Lambda * (across * error + beside) + along"
-WRONG = {  # a changed line: the case in which a constant is then too small
+WRONG = {  # a changed line: the case in which it makes a constant too small
     (SUM, "across * error + beside + along"): "points",
     (SUM, "Lambda * (error + beside) + along"): "points in t",
     (SUM, "Lambda * (across * error + beside)"): "between",
@@ -311,12 +311,12 @@ WRONG = {  # a changed line: the case in which a constant is then too small
 
 
 @pytest.mark.parametrize("changes", thirds([*WRONG]))
-def test_a_constant_that_omits_something_is_noticed(changes):
+def test_an_omission_in_a_constant_is_noticed(changes):
     case = WRONG[changes]
     right, wrong = (text.replace("'", '"') for text in changes)
     try:
         changed = mutant(module, (right, wrong))
-    except LookupError:  # it is a line of what is common with a single forcing
+    except LookupError:  # the line is in code shared with proofs of a single forcing
         changed = mutant(module)
         changed.verified = mutant(barrier, (right, wrong)).verified
     assert too_small(case, *proved_constants(case, changed))
@@ -346,7 +346,7 @@ WRONG_CHECKS = {
 
 
 @pytest.mark.parametrize("changes", thirds([*WRONG_CHECKS]))
-def test_a_check_of_a_patch_that_omits_something_is_noticed(changes):
+def test_an_omission_in_the_check_of_a_patch_is_noticed(changes):
     case = WRONG_CHECKS[changes]
     assert too_small(case, *checked_constants(case, mutant(checker, changes)))
 
@@ -372,11 +372,11 @@ def test_modes_that_are_not_real_or_not_odd_are_refused(row):
         patch((1.0, 0.5), NONE, 0, 0.1, (2, 1)).verified([[row] * 2] * 2, -9)
 
 
-def test_the_constant_of_interpolation_is_above_lebesgues():
+def test_the_interpolation_constant_is_above_the_lebesgue_constant():
     # Σ ±ℓ_i(cos θ) is an even trigonometric polynomial of degree < n, whose slope is less than n
-    # times its maximum (Bernstein): what a grid misses of the maximum is known.
+    # times its maximum (Bernstein), which bounds how far the maximum exceeds that on a grid.
     for n in range(2, module.MAX_NODES + 1):
-        theta = np.linspace(0, np.pi / 2, 150 * n + 1)  # and the same beyond
+        theta = np.linspace(0, np.pi / 2, 150 * n + 1)  # the rest follows by symmetry
         T = np.cos(np.arange(n)[:, None] * theta)
         weights = np.cos(np.outer(np.arccos(nodes(n)), np.arange(n))) * 2 / n
         weights[:, 0] /= 2
@@ -404,7 +404,7 @@ def test_the_error_of_interpolation_is_bounded_on_the_best_ellipse():
     assert (1 - 1e-9) * exact <= bound < 1.05 * exact
 
 
-def test_the_checkers_constants_of_interpolation_are_lebesgues():
+def test_the_interpolation_constants_of_the_checker_are_lebesgue_constants():
     for n in range(2, checker.MAX_DEGREES + 2):
         theta = np.linspace(0, np.pi / 2, 20 * n + 1)
         weights = np.cos(np.outer(np.arccos(nodes(n)), np.arange(n))) * 2 / n
@@ -415,7 +415,7 @@ def test_the_checkers_constants_of_interpolation_are_lebesgues():
 
 
 def test_coefficients_as_small_as_rounding_are_omitted():
-    """Whole numbers that fall with the sum of the degrees, and rounding that does not."""
+    """Integers that decay with the sum of the degrees, plus rounding that does not."""
     rng, (Q, R) = np.random.default_rng(2), (12, 16)
     largest = [4.0 ** (20 - m - n) for m, n in product(range(Q), range(R))]
     moves = [[[[], [0, round(size) + rng.integers(-50, 50)]] for _ in range(2)] for size in largest]
@@ -424,8 +424,9 @@ def test_coefficients_as_small_as_rounding_are_omitted():
     assert max(size for size, stays in zip(largest, kept, strict=True) if not stays) < 500
 
 
-def test_circles_at_the_points_have_one_phase():
-    # Rounded differently, coefficients of high degrees would not decay, which bounds need.
+def test_circles_at_all_points_have_the_same_phase():
+    # With phases rounded differently, coefficients of high degree would not decay, as the bounds
+    # require.
     kappa, shape = np.array([0.3, 0.1, 0.2]), (3, 1)
     starts = [
         barrier.circles.invariant_circle(GAMMA, (1 + s) / 2 * kappa).u for s in nodes(shape[0])

@@ -21,10 +21,10 @@ from nasm.proofs import certificate_checker as checker
 from nasm.proofs.transport import Outcome, prove, proved_upper
 from nasm.symmetries import ray
 
-# Where the last circle breaks, by `barriers.critical_scale`; it judges, and enters no proof.
+# Where the last circle breaks, by `barriers.critical_scale`; a reference that enters no proof.
 BREAKUPS = {0: 0.4858177030, 20: 0.5770384095, 30: 0.7001827090, 45: 1.3740999690}
 
-# Without a symmetry, 4% beyond where CB_gt is by residues.
+# A forcing without symmetry, 4% beyond CB_gt as found by residues.
 SEVERAL = tuple(1.04 * 0.40238460723838 * np.array([1.0, 0.7, 0.3]))
 
 
@@ -33,7 +33,7 @@ def beyond(angle, excess):
 
 
 def of_rounding(coefficients, u):
-    """Error and value of Horner's rule with fma at v = u², rounded."""
+    """Error and value of Horner's rule with fma at v = u², which is rounded."""
     ulp, v = arb(2) ** -53, u * u
     value, error = coefficients[-1], arb(0)
     for c in coefficients[-2::-1]:
@@ -46,8 +46,8 @@ def of_rounding(coefficients, u):
 def worst_error(polynomial, series, is_odd, pieces=8192):
     """Largest |computed - exact| of Σ c_k u²ᵏ (times u if it is odd) on 0 ≤ u ≤ 1/4.
 
-    The polynomial minus the series is a polynomial: its mean-value form, piece by piece. u = |r| -
-    1/4 is wrong by 2⁻⁵⁶ at most: exact for |r| ≥ 1/8.
+    The polynomial minus the series is a polynomial, bounded piece by piece by its mean-value form.
+    u = |r| - 1/4 is wrong by 2⁻⁵⁶ at most, and exact for |r| ≥ 1/8.
     """
     ulp, tail = arb(2) ** -53, arb(10) ** -40  # the series' next term is below 10⁻⁵⁰
     difference, worst = arb_poly(polynomial) - arb_poly(series), 0.0
@@ -77,10 +77,10 @@ def test_bounds_of_sine_and_cosine_hold_over_the_whole_range():
 
 
 def error_of_accurate_sine(middle, radius, series):
-    """Bound of |h + h_low - sin 2πx/2π| by `_accurate` for u = 1/4 - |r| in a ball.
+    """Bound the error |h + h_low - sin 2πx/2π| of `_accurate` for u = 1/4 - |r| in a ball.
 
-    Where a step is exact, its result is a float and a remainder of at most 2⁻⁵³ of it; what is
-    rounded or left out is added up.
+    Where an operation is exact, its result is a float and a remainder of at most 2⁻⁵³ of it;
+    whatever is rounded or left out is added up.
     """
     ulp, u = arb(2) ** -53, arb(middle, radius)
     u_low = arb(2) ** -56
@@ -107,7 +107,7 @@ def error_of_accurate_sine(middle, radius, series):
         s_low = fourth * (1 + ulp)
     low = ulp * u * abs(s) + u * s_low
     error = error * (u + u_low) + ulp * low + u_low * s_low + ulp * (low + u_low * abs(s))
-    # The next term of the series; cos and the square of x_low, 2⁻⁵⁴ at most.
+    # The next term of the series; cos, and the square of x_low, which is 2⁻⁵⁴ at most.
     error += (2 * arb.pi() * u) ** 24 / math.factorial(25) * u
     return error + ulp * (low + 2 * ulp) + arb(proofs.transport.COS) * ulp + 4 * ulp**2
 
@@ -119,7 +119,7 @@ def test_bound_of_the_accurate_sine_holds_over_the_whole_range():
         float(error_of_accurate_sine(middle, fmpq(1, 8 * pieces), series).upper())
         for middle in (fmpq(2 * i + 1, 8 * pieces) for i in range(pieces))
     )
-    # Products and sums of low parts, in the kick, add a few 2⁻¹⁰⁴.
+    # In the kick, products and sums of low parts add a few times 2⁻¹⁰⁴.
     assert 2.0**-69 < worst < proofs.transport.ORBIT - 2.0**-90
 
 
@@ -143,7 +143,7 @@ LINE = np.array([[0.5, 0.0], [0.5, 0.5]])
 
 
 def start(points, s, delta, slope, way):
-    """The state of a box as the kernel starts it, and 1/δ."""
+    """The state of a box as the kernel starts it, and the inverse of its Wronskian."""
     lanes = np.zeros((proofs.transport._ROWS, 1))
     proofs.transport._start(lanes, 0, points, s, delta, slope, way)
     *state, scale = lanes[:, 0].tolist()
@@ -169,7 +169,7 @@ def test_a_box_starts_on_its_edge_of_the_polygon_and_halves_share_its_site():
         for state, moved in ((ahead, t), (behind, z - t)):
             sign = 1 if state["z"] * z > 0 else -1
             assert (state["t"], state["z"]) == (2 * delta * sign * moved, 2 * delta * sign * z)
-        # η is 1 at the site; what it is before it counts as much as it is behind it.
+        # η is 1 at the site, and both directions use the same η at the site before it.
         assert ahead["V"] == 1 == behind["V"] - behind["W"]
         assert ahead["V"] - ahead["W"] == behind["V"] == 1 - Fraction(slope)
 
@@ -285,8 +285,10 @@ def test_arithmetic_that_is_not_ieee_proves_nothing(monkeypatch):
 
 
 def after_a_block(row, value, kappa=(1.5, 1.2)):
-    """Outcome of a box that dies within the block, if a number of its state is changed before; and
-    whether the lanes see that something happened."""
+    """Outcome of a box if a number of its state is changed, and whether the lanes see an event.
+
+    Unchanged, the box is eliminated within the block.
+    """
     lanes, events = np.zeros((proofs.transport._ROWS, 16)), np.empty((2, 16))
     for lane in range(16):
         proofs.transport._start(lanes, lane, LINE, 0.3, 1e-3, kappa[0] / 2, 0)
@@ -302,7 +304,7 @@ def test_overflow_and_nan_eliminate_nothing(row):
     assert after_a_block(STATE.index("x"), 0.25) == (proofs.transport._ELIMINATED, True)
     values = [math.nan]
     if STATE[row : row + 1] != ("paid",):
-        values.append(math.inf)  # which paid is only after V
+        values.append(math.inf)  # which paid becomes only after V
     if STATE[row : row + 1] == ("V",):
         values.append(1e160)  # whose square is infinite
     for value in values:
@@ -319,7 +321,7 @@ def test_a_wronskian_that_is_a_little_off_eliminates_nothing(off):
 
 @pytest.mark.parametrize(("kappa", "budget", "kicks"), [(63 / 64, 0.5, 50_000), (0.9718, 5, 10**9)])
 def test_mackay_percival_1985_and_jungreis_1991(kappa, budget, kicks):
-    """No circle of the standard map at 63/64, in a millisecond, and at 0.9718."""
+    """The standard map has no circle at 63/64, proved in a millisecond, and none at 0.9718."""
     proof = prove((kappa,), budget)
     assert proof.proved
     assert proof.lifetimes.sum() < kicks
@@ -338,8 +340,8 @@ def test_an_independent_program_checks_the_certificate(angle, excess):
         checker.check(json.loads(json.dumps(proof.certificate())))
 
 
-def test_every_shorter_life_that_is_false_is_refused():
-    """A box whose longest-lived start is known to live longer than that."""
+def test_every_false_shorter_lifetime_is_refused():
+    """The box has a longest-lived start that is known to survive longer than that."""
     proof = prove(beyond(30, 0.1))
     kappa = np.roll(proof.kappa, -proof.site)
     refused = 0
@@ -383,19 +385,19 @@ def test_forcings_outside_the_theorem_are_not_proved(kappa):
     assert prove(kappa).outcome is Outcome.SCOPE
 
 
-def test_more_kicks_than_transversals_are_for_are_outside_the_theorem():
+def test_more_kicks_than_transversals_allow_are_outside_the_theorem():
     assert prove(1e-4 * np.linspace(1, 2, 65)).outcome is Outcome.SCOPE
 
 
 @pytest.mark.parametrize("kappa", [(0.0,), (0.04, 0.0), (1e-300, 5e-324, 1e-310)])
-def test_where_a_circle_is_plainly_there_nothing_is_tried(kappa, monkeypatch):
+def test_where_a_circle_plainly_exists_no_proof_is_tried(kappa, monkeypatch):
     monkeypatch.setattr(proofs.transport, "_covered", None)
     monkeypatch.setattr(proofs.transport.transversal, "eliminated_transversals", None)
     assert prove(kappa).outcome is Outcome.WEAK
 
 
 def test_the_search_for_a_polygon_ends_with_the_budget(monkeypatch):
-    # The clock ticks whenever it is read, and there is a circle: without an end it takes minutes.
+    # The clock ticks whenever it is read, and a circle exists: without a limit it takes minutes.
     clock = SimpleNamespace(thread_time=partial(next, count(0, 0.1)))
     searches, bend = proofs.transport.transversal, proofs.transport.transversal.Transversal.bend
     bends = []
@@ -413,7 +415,7 @@ def test_the_search_for_a_polygon_ends_with_the_budget(monkeypatch):
 
 
 @pytest.mark.parametrize("kappa", [(1e6,), (1e6, 1.9), (2.0,), (2.0, 0.0), (np.nextafter(2, 3),)])
-def test_strong_kicks_are_proved_at_once(kappa):
+def test_transport_under_strong_kicks_is_proved_at_once(kappa):
     proof = prove(kappa)
     assert proof.proved
     assert proof.lifetimes.sum() < 3000
@@ -438,7 +440,7 @@ def test_below_the_breakup_of_random_rays_nothing_is_proved():
 
 
 def test_proved_upper_is_near_the_breakup_and_above_it_from_any_value():
-    proved_upper(ray(20), BREAKUPS[20], 0.01)  # compiled
+    proved_upper(ray(20), BREAKUPS[20], 0.01)  # to compile it
     scale, proof = proved_upper(ray(20), BREAKUPS[20], 0.5)
     assert proof.proved
     assert proof.kappa == tuple((scale * ray(20)).tolist())
@@ -450,14 +452,14 @@ def test_proved_upper_is_near_the_breakup_and_above_it_from_any_value():
 
 
 def tried(profile, excess, checks):
-    """Try to prove beyond the breakup by `barriers`, and on that polygon below it; the former."""
+    """Try a proof beyond the breakup by `barriers`, and below on its polygon; return the former."""
     found = barriers.critical_scale(profile, 1e-3)
     proof = prove((1 + excess) * found.upper * np.array(profile))
     for scale in (0.9 * found.lower, found.lower) if proof.proved else ():
         kappa = 2 * (tuple((scale * np.array(profile)).tolist()),)
         below, _ = proofs.transport._covered(*kappa, proof.site, proof.points, 0.2)
         assert not below.proved
-        assert below.lifetimes.size > 0  # most of the polygon is no circle's
+        assert below.lifetimes.size > 0  # no circle meets most of the polygon
     assert not prove(0.9 * found.lower * np.array(profile), 0.2).proved
     if checks and proof.proved:
         checker.check(json.loads(json.dumps(proof.certificate())))
@@ -479,6 +481,6 @@ RANDOM += np.array([0.838, 0.654, 0.771]), np.array([-0.064, -0.015, -0.444, -0.
     pytest.param(RANDOM[-2::-2], id="the others", marks=pytest.mark.release),
 ])  # fmt: skip
 def test_random_kicks_are_proved_beyond_their_breakup_and_not_below_it(profiles):
-    """1% beyond it; next to (0, 0, 1, 1) the polygon is nearly along what lives longest."""
+    """1% beyond it; near (0, 0, 1, 1) the polygon nearly follows the longest-lived starts."""
     found = [tried(profile, 0.01, profile.size < 5) for profile in profiles]
     assert all(proof.proved and len(proof.boxes) < 5000 for proof in found)

@@ -22,7 +22,7 @@ from pipeline.cubes.proved import proved_barrier, proved_map, proved_triangles, 
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _compiled():  # time for a proof is CPU time, and compiling counts
+def _compiled():  # the limit of a proof is CPU time, compiling included
     proofs.critical_scale((1, 0), 0.1)
 
 
@@ -45,7 +45,7 @@ def test_where_no_barrier_is_found_nothing_is_proved():
     assert bracket.barrier is bracket.transport is None
 
 
-def test_the_proved_boundary_is_a_cube_with_both_proofs(tmp_path, workers):
+def test_the_proved_boundary_is_stored_as_a_cube_with_both_proofs(tmp_path, workers):
     rays = ["--n-rays", "3", "--cpu-seconds", "0.2"]
     output = succeed("proved_boundary", tmp_path / "out", *rays, *workers)
     assert "On 3 of 3 rays around the plane a barrier is proved to exist" in output
@@ -59,7 +59,7 @@ BREAKUPS = [(angle, 0.4858 / np.cos(np.deg2rad(angle))) for angle in (0.0, 45.0)
 
 
 def map_of_two_tiles():
-    """A job of the map, and the indices and coordinates of two tiles."""
+    """Return a job of the map, and the indices and coordinates of two tiles."""
     job = proved_map(BREAKUPS, 32, 0.1)
     axes = {name: job.cube.template[name].values for name in ("kappa2", "kappa1")}
     tiles = {}
@@ -70,19 +70,19 @@ def map_of_two_tiles():
 
 
 def one_triangle():
-    """A job of triangles, and the index and coordinates of the first."""
+    """Return a job of triangles, and the index and coordinates of the first."""
     job = proved_triangles([(10.0, 0.5), (20.0, 0.55)], ["[0;(1)]"] * 2, 0.4)
     return job, {(0,): {"triangle": np.array([0])}}
 
 
 def rays_of_one_tile():
-    """A job of proved rays, and the indices and coordinates of a ray."""
+    """Return a job of proved rays, and the indices and coordinates of a ray."""
     job = proved_barrier(two_kicks(), [20.0], 0.1)
     return job, {(0,): {"angle": np.array([20.0])}}
 
 
 def easy_bracket(profile, seconds):
-    """Proofs that are far from the breakup, so that they are checked at once."""
+    """Return proofs far from the breakup, which are quick to check."""
     circle, found = parse("gamma"), barriers.critical_scale(profile, 1e-2)
     lower, upper = 0.3 * found.value, 1.2 * found.value
     proved = proofs.barrier.prove(circle, lower * profile), proofs.transport.prove(upper * profile)
@@ -94,7 +94,7 @@ def easy_bracket(profile, seconds):
 @pytest.mark.parametrize(
     ("job", "n"), [(map_of_two_tiles, 2), (one_triangle, 2), (rays_of_one_tile, 3)]
 )
-def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path, monkeypatch):
+def test_certificates_in_a_store_are_kept_compared_and_checked(job, n, tmp_path, monkeypatch):
     monkeypatch.setattr(proofs, "critical_scale", easy_bracket)
     (job, tiles), place = job(), store.place_of(tmp_path)
     with store.driver_lock(place):
@@ -119,12 +119,12 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
     }
     for data, reason in wrong.items():
         path.write_bytes(data)
-        longest = "60" if "seal" in reason else "0"  # the others are seen without a check
+        longest = "60" if "seal" in reason else "0"  # the others are detected unchecked
         result = invoke("verify", tmp_path, "--proofs", "--max-cpu-seconds", longest)
         assert result.exit_code == 1, reason
         assert reason in result.output.split("wrong: 1 tile\n")[1]
-        assert "1 tile damaged" in result.output  # by the checksum in its record, too
-    for file, data in (("zarr.json", b"{}"), ("digests.json", b"")):  # nothing is repaired by these
+        assert "1 tile damaged" in result.output  # also by the checksum in its record
+    for file, data in (("zarr.json", b"{}"), ("digests.json", b"")):  # these allow no repair
         file = tmp_path / f"{job.cube.name}.zarr/{file}"
         whole = file.read_bytes()
         file.write_bytes(data)
@@ -138,13 +138,13 @@ def test_certificates_of_a_store_are_kept_compared_and_checked(job, n, tmp_path,
     assert done == len(tiles) - 1
 
 
-def test_transport_is_proved_beyond_the_boundary_alone():
+def test_transport_is_proved_only_beyond_the_boundary():
     angles, low, size = np.linspace(0, 45, 7), (0.5, 0.125), 1 / 8  # CB_gt runs through it
     scales = np.array([barriers.critical_scale(ray(angle), 1e-2).value for angle in angles])
     proved, found = proofs.proved_cells(low, size, 3, [*zip(angles, scales, strict=True)], 0.05)
     assert len(found) <= (proved == 2).sum()
     assert set(proved.ravel().tolist()) == {1, 2}
-    # The nearest to the boundary, by its nearest corner.
+    # The nearest corner of the cell nearest to the boundary lies beyond it.
     kappa = np.argwhere(proved == 2)[:, ::-1] * size / 8 + low
     assert barriers.critical_scale(kappa[kappa.sum(axis=1).argmin()], 1e-2).value < 1
 
@@ -152,7 +152,7 @@ def test_transport_is_proved_beyond_the_boundary_alone():
 @pytest.mark.parametrize("sagitta", [1e-6, 0.01, 0.1])
 def test_triangles_fill_the_region_and_end_near_the_boundary(sagitta):
     angles = np.linspace(0, 45, 46)
-    scales = 0.5 + 0.3 * (angles / 45) ** 4  # convex and not, and with a change of circles
+    scales = 0.5 + 0.3 * (angles / 45) ** 4  # convex in places only, with a change of circles
     circles = ["a" if angle < 30 else "b" for angle in angles]
     found = proofs.triangles(angles, scales, circles, sagitta)
     assert found[0][0][1] == 0
@@ -160,13 +160,13 @@ def test_triangles_fill_the_region_and_end_near_the_boundary(sagitta):
     assert all(one[1] == other[0] for one, other in pairwise(found))
     assert {"a", "b"} == {circle for *_, both in found for circle in both}
     for low, high, _ in found:
-        middle = np.add(low, high) / 2  # the boundary there is at this part of the way
+        middle = np.add(low, high) / 2  # compare with the boundary on the same ray
         along = np.interp(np.rad2deg(np.arctan2(*middle[::-1])), angles, scales)
         assert along / np.hypot(*middle) > 1 - max(sagitta, 1e-3)
     assert (len(found) < 10) == (sagitta > 1e-3)
 
 
-def test_the_proved_map_is_its_own_image_on_the_diagonal():
+def test_the_proved_map_is_symmetric_about_the_diagonal():
     job = proved_map(BREAKUPS, 32, 1e-3)
     coords = {name: job.cube.template[name].values[30:32] for name in ("kappa2", "kappa1")}
     proved = job.compute(coords, job.cube.settings)["proved"]

@@ -26,7 +26,7 @@ SCALE = 2.0
 
 @pytest.fixture
 def edited(monkeypatch):
-    """Edit the file of a module, {name: text}, as processes that start later find it."""
+    """Return a function that edits the file of a module, as processes started later find it."""
 
     def edit(module, text=b"x = 1"):
         monkeypatch.setitem(sources._SOURCES, module, text)
@@ -53,7 +53,7 @@ def job(**how):
 
 
 def attempt(here, out):
-    """Fill a cube of which two tiles of four fail; return the error."""
+    """Fill a cube in which two of four tiles fail; return the error."""
     with pytest.raises((pipeline.TilesFailed, pipeline.Refused)) as error:
         pipeline.fill(job(), out, here(), progress=False)
     return error.value
@@ -97,13 +97,12 @@ def test_each_job_depends_on_what_it_imports():
 
 
 @pytest.mark.parametrize("module", ["pipeline.cubes.escape", "pipeline.cubes.rotating_maps"])
-def test_the_closure_has_all_that_python_imports(module):
+def test_the_closure_contains_all_that_python_imports(module):
     asks = (
         f"import sys, {module}; print(*[n for n in sys.modules if n.startswith(('nasm', 'pip'))])"
     )
     told = subprocess.run([sys.executable, "-c", asks], cwd=ROOT, capture_output=True, text=True)
     loaded = {name for name in told.stdout.split() if name in sources._SOURCES}
-    # The room of cubes also has what labels a store and checks its metadata, but no numbers.
     assert loaded - {*sources.closure((module,))} <= {"pipeline.cubes"}
     assert len(loaded) > 10
 
@@ -154,7 +153,7 @@ CHANGES = {
 
 @pytest.fixture
 def modules(tmp_path, monkeypatch):
-    """Modules of a user's own in a folder, imported anew."""
+    """A user's own modules in a folder, imported afresh."""
     monkeypatch.syspath_prepend(tmp_path)
     texts = {"own": OWN, "helper": "weight = 1\n"}
 
@@ -182,7 +181,7 @@ def test_a_function_is_identified_by_what_it_computes(modules, change):
     assert (code_of(modules(**{name: text.replace(old, new)}).outer).own != before) == matters
 
 
-def test_a_function_of_ones_own_travels_with_its_modules(modules, tmp_path):
+def test_a_user_s_own_function_travels_with_its_modules(modules, tmp_path):
     sent = tmp_path / "sent"
     sent.write_bytes(cloudpickle.dumps(ByValue(modules(helper="weight = 4\n").outer)))
     asks = f"import pickle, numpy; print(pickle.load(open({str(sent)!r}, 'rb'))(numpy.ones(2)))"
@@ -217,7 +216,7 @@ def with_default(scale):
     return inside
 
 
-def test_what_a_function_is_made_with_counts():
+def test_what_a_function_is_made_with_is_part_of_its_identity():
     by_partial, by_method = (lambda s: partial(scaled, s)), (lambda s: Scaling(s).apply)
     for make in closed_over, by_partial, by_method, with_default:
         one, same, other = (code_of(make(scale)) for scale in (1, 1, 2))
@@ -225,7 +224,7 @@ def test_what_a_function_is_made_with_counts():
         assert one.own != other.own
 
 
-def test_nothing_that_cannot_be_identified_is_accepted():
+def test_a_function_that_cannot_be_identified_is_refused():
     with pytest.raises(ValueError, match="cannot be read; define it by def"):
         code_of(eval("lambda kappa: 1.0"))
     lock = __import__("threading").Lock()
@@ -233,7 +232,7 @@ def test_nothing_that_cannot_be_identified_is_accepted():
         code_of(lambda kappa: lock.locked())
 
 
-def test_a_function_of_nasm_is_its_modules():
+def test_a_function_of_nasm_is_identified_by_its_modules():
     code = code_of(escape.times_of)
     assert (code.own, "nasm.escape" in code.modules) == ("", True)
     assert "nasm.maps" in code_of(strength).modules
@@ -241,7 +240,7 @@ def test_a_function_of_nasm_is_its_modules():
     assert pickle.loads(pickle.dumps(code)) == code
 
 
-def test_the_whole_of_nasm_is_all_files():
+def test_everything_means_all_files_of_nasm_and_of_the_cubes():
     files = [*Path(nasm.__file__).parent.rglob("*.py"), *(ROOT / "pipeline/cubes").rglob("*.py")]
     assert len(EVERYTHING.modules) == len(files)
 
@@ -262,7 +261,7 @@ def test_several_numbers_of_a_forcing_are_several_variables(here, tmp_path):
         pipeline.fill(plan, tmp_path / "other", here(), progress=False)
 
 
-def test_a_changed_function_is_refused_also_for_a_complete_cube(here, tmp_path):
+def test_a_changed_function_is_refused_even_for_a_complete_cube(here, tmp_path):
     def fill(scale):
         plan = pipeline.over_plane(closed_over(scale), "two-kicks", "0:1:2", "0:1:2")
         return pipeline.fill(plan, tmp_path, here(), progress=False)

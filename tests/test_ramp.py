@@ -1,4 +1,4 @@
-"""Lives of graphs against the action's Hessian, and the laws that the command judges."""
+"""Lifetimes of graphs under ramps, and the laws that the command judges."""
 
 import numpy as np
 import pytest
@@ -11,14 +11,14 @@ from workflows.ramp import study
 
 
 @pytest.mark.parametrize(("rate", "ratio"), [(1e-2, 1.0), (1e-3, 1.0), (1e-6, 0.77)])
-def test_graphs_are_excluded_as_renormalisation_predicts_but_in_slow_ramps(rate, ratio):
+def test_graphs_are_excluded_as_renormalisation_predicts_except_in_slow_ramps(rate, ratio):
     foreseen = 1.67 * rate**-study.EXPONENT
     assert study.lost(KAPPA_G, rate) == pytest.approx(ratio * foreseen, rel=0.05)
 
 
 @pytest.mark.parametrize("rate", [1e-3, 1e-5])
 def test_the_first_orbit_crosses_after_part_of_the_cell_has_leaked(rate):
-    """The flux ~ (κ - κ_G)^3.01 sums up to that at the end times kicks/4.01."""
+    """The flux ~ (κ - κ_G)^3.01 adds up to its final value times kicks/4.01."""
     kicks = study._escape(KAPPA_G + rate * np.arange(int(6 * rate**-study.ESCAPES)))
     end = flux.flux(parse("gamma"), (KAPPA_G + rate * kicks,)).value
     assert 0.1 < end * kicks / 4.01 < 0.5

@@ -1,4 +1,4 @@
-"""Commands on rays and over planes keep labelled cubes whose numbers are those of `nasm`."""
+"""Commands on rays and over planes store labelled cubes with the numbers that `nasm` computes."""
 
 import shlex
 
@@ -25,7 +25,7 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
     assert cube.history == f"{cube.created} {shlex.join([*line, *options, *workers])}"
     exact = cube.circle.values.tolist()
     assert exact == ["[0;(1)]", "[1;(4)]"]
-    # The tips are two degrees from the cusps.
+    # The extra rays are two degrees from the cusps.
     assert cube.angle.values.tolist() == [0, 43, 45, 47, 90, 133, 135, 137, 180]
     for i, text in enumerate(exact):
         for angle in (0, 45, 90):
@@ -98,7 +98,7 @@ def test_any_plane_is_swept_with_the_names_of_its_axes(tmp_path, workers):
     assert [r["circle"] for r in rows] == ["[0;1,3,(4)]", "[0;(4)]", "[0;1,3,(4)]"]
 
 
-def test_stretches_are_where_the_ratio_is_above_one():
+def test_the_intervals_where_the_ratio_is_above_one_are_listed():
     angle, ratio = np.array([0.0, 10, 20, 30, 40, 50]), np.array([1.5, 1.2, 0.8, 0.9, 1.1, np.nan])
     assert where_above(angle, ratio) == "0°-10° (by 50% at 0°), 40°-40° (by 10% at 40°)"
     inside = np.array([0.9, 0.95, np.nan, 0.97, 0.9, 0.8])

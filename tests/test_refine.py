@@ -4,13 +4,13 @@ from pipeline.sweep import refine
 
 
 def disc(n):
-    """Cells of [-1, 1]² inside a circle of radius 0.7."""
+    """Return which of n² cells of [-1, 1]² have centres inside a circle of radius 0.7."""
     centre = -1 + (np.arange(n) + 0.5) * 2 / n
     return centre[:, None] ** 2 + centre[None] ** 2 < 0.49
 
 
 def refined_disc(coarse, levels, tile):
-    """The disc's field (1 inside, 2 outside) followed through the levels, and cells computed."""
+    """Refine the disc's field (1 inside, 2 outside); return it and the number of cells computed."""
     computed = {}
 
     def compute(level, tiles):
@@ -48,7 +48,7 @@ def test_a_cell_holds_the_finest_value_that_any_ensemble_has():
     assert level.tolist() == [[0, 1, 0, 0], [0, 0, 0, 1]]
 
 
-def test_neighbours_across_a_corner_count():
+def test_diagonal_neighbours_count():
     answers = np.zeros((1, 3, 3), dtype=bool)
     assert not refine.boundary_cells(answers).any()
     answers[0, 0, 0] = True

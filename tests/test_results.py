@@ -1,4 +1,4 @@
-"""What methods return can be compared, whether or not it holds arrays and NaN."""
+"""The results of methods can be compared, whether or not they hold arrays and NaN."""
 
 import copy
 import pickle
@@ -32,7 +32,7 @@ MADE = {
 
 
 @pytest.mark.parametrize("name", MADE)
-def test_results_are_equal_if_all_that_they_hold_is(name):
+def test_results_are_equal_if_all_that_they_hold_is_equal(name):
     make, number, another = MADE[name]
     one = make(number)
     for other in (make(number), copy.copy(one), pickle.loads(pickle.dumps(one))):
@@ -42,7 +42,7 @@ def test_results_are_equal_if_all_that_they_hold_is(name):
     assert one != 1
 
 
-def test_planes_and_critical_scales_are_keys():
+def test_planes_and_critical_scales_are_hashable():
     assert len({planes.two_kicks(), planes.two_kicks(), planes.three_kicks(0.1)}) == 2
     nothing = [critical.no_answer(None, Status.RATIONAL) for _ in range(2)]
     assert len({*nothing, CriticalScale(1, 0, 0, 2, None, Status.OK)}) == 2

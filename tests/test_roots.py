@@ -16,7 +16,7 @@ FUNCTIONS = {
 
 
 @given(st.floats(-0.999, 0.999), st.sampled_from(sorted(FUNCTIONS)))
-def test_a_root_is_where_scipy_finds_it_in_about_as_many_steps(at, name):
+def test_a_root_is_found_in_about_as_many_steps_as_by_scipy(at, name):
     asked = []
 
     def f(x):
@@ -32,7 +32,7 @@ def test_a_root_is_where_scipy_finds_it_in_about_as_many_steps(at, name):
     assert ours <= max(1.5 * len(asked), 60)
 
 
-def test_after_the_most_steps_it_is_the_best_so_far():
+def test_after_max_steps_the_best_point_so_far_is_returned():
     asked = []
 
     def f(x):

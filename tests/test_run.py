@@ -1,4 +1,4 @@
-"""The run of a command: what is there is not computed again, and what takes long asks for --yes."""
+"""Runs of commands: what exists is not computed again, and what takes long requires --yes."""
 
 import re
 import shlex
@@ -83,7 +83,7 @@ def test_a_study_is_computed_again_by_other_code(tmp_path, study, monkeypatch, b
     assert study.count == 2
 
 
-def test_a_study_of_a_swept_cube_bears_its_own_code_and_time(tmp_path, study):
+def test_a_study_of_a_swept_cube_records_its_own_code_and_time(tmp_path, study):
     swept = {"computed_by": "the code of a job", "created": "earlier"}
     with driven(tmp_path) as one:
         found = one.kept(untiled("toy"), lambda: study().assign_attrs(swept))
@@ -92,7 +92,7 @@ def test_a_study_of_a_swept_cube_bears_its_own_code_and_time(tmp_path, study):
     assert found.attrs["created"] != "earlier"
 
 
-def test_a_study_bears_the_command_that_made_it_first(tmp_path):
+def test_a_study_records_the_command_that_first_made_it(tmp_path):
     options = ["--primary", "-4:4:10", "--secondary", "0:8:10"]
     for more in ([], ["--quiet"]):
         succeed("period_one", tmp_path, *options, *more)
@@ -103,7 +103,7 @@ def test_a_study_bears_the_command_that_made_it_first(tmp_path):
     assert cube.references == "arXiv:1606.04824, Sec. IV.A and Fig. 3"
 
 
-def test_a_study_is_computed_again_where_it_is_damaged(tmp_path, study):
+def test_a_study_is_computed_again_if_it_is_damaged(tmp_path, study):
     chunk = tmp_path / "toy.zarr/square/c/0"
     for damage in (lambda: chunk.write_bytes(b"\0" + chunk.read_bytes()[1:]), chunk.unlink):
         with driven(tmp_path) as one:
@@ -116,7 +116,7 @@ def test_a_study_is_computed_again_where_it_is_damaged(tmp_path, study):
 
 
 @pytest.mark.parametrize("lost", ["tiles/commit/c/0/1/2", "sign/c/1/2"])
-def test_a_study_is_computed_again_while_its_sweep_misses_tiles(here, tmp_path, study, lost):
+def test_a_study_is_computed_again_while_its_sweep_lacks_tiles(here, tmp_path, study, lost):
     toy.run(here, tmp_path, toy.cube())
     for is_complete in (True, False):
         if not is_complete:
@@ -127,7 +127,7 @@ def test_a_study_is_computed_again_while_its_sweep_misses_tiles(here, tmp_path, 
     assert study.count == 2
 
 
-def test_what_is_kept_counts_no_time(tmp_path, study):
+def test_a_study_that_is_kept_adds_nothing_to_the_predicted_time(tmp_path, study):
     with driven(tmp_path) as one:
         one.kept(untiled("toy"), study)
     with started(tmp_path, shorter="").driving((untiled("toy"), 2 * run.LONGEST)):
@@ -154,7 +154,7 @@ def test_a_command_without_sweeps_computes_nothing_when_it_runs_again(tmp_path, 
     assert (refused.exit_code, "n_orbits is 2, not 3" in refused.output) == (2, True)
 
 
-def test_a_run_that_takes_too_long_ends_with_code_2_unless_it_may(tmp_path, workers, monkeypatch):
+def test_a_run_that_takes_too_long_exits_with_code_2_unless_allowed(tmp_path, workers, monkeypatch):
     out, options = tmp_path / "out", PLANE.split()
     seconds = float(re.search(r"in all .* (\S+) CPU hours", dry(out, options))[1]) * 3600
     monkeypatch.setattr(run, "LONGEST", 0.4 * seconds)
@@ -168,14 +168,14 @@ def test_a_run_that_takes_too_long_ends_with_code_2_unless_it_may(tmp_path, work
     assert dry(out, options)
     assert not out.exists()
     succeed("escape_plane", out, *options, *workers)
-    succeed("escape_plane", out, *options)  # as nothing is left to compute
+    succeed("escape_plane", out, *options)  # allowed, as nothing is left to compute
 
 
 def dry(out, options):
     return succeed("escape_plane", out, *options, "--dry-run")
 
 
-def test_yes_lets_a_run_take_as_long_as_it_will(tmp_path, monkeypatch):
+def test_yes_lets_a_run_take_as_long_as_it_needs(tmp_path, monkeypatch):
     monkeypatch.setattr(run, "LONGEST", -1.0)
     small = ["--primary", "-4:4:20", "--secondary", "0:8:10"]
     assert invoke("period_one", tmp_path / "out", *small).exit_code == 2
@@ -193,7 +193,7 @@ def test_each_command_names_options_that_shorten_it():
     assert cli.shortening(full).startswith("leave --full out; reduce ")
 
 
-def test_all_the_gallery_takes_hours_and_so_must_be_said_twice(tmp_path):
+def test_the_full_gallery_takes_hours_and_so_requires_yes_as_well(tmp_path):
     result = CliRunner().invoke(main_of("gallery"), ["--full", "--out", str(tmp_path / "out")])
     assert (result.exit_code, (tmp_path / "out").exists()) == (2, False)
     assert "add --yes" in result.output

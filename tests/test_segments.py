@@ -1,4 +1,4 @@
-"""Segments that do not begin at zero, against rays from zero and each other."""
+"""Segments that do not begin at zero, compared with rays from zero and with each other."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def test_segments_from_inside_end_on_the_boundary_of_their_circle(angle, kappa1,
         (None, (1.2, 1.0), (-1.0, 0.0)),
     ],
 )
-def test_a_segment_that_starts_outside_says_so(omega, start, profile):
+def test_a_segment_that_starts_outside_is_reported_as_such(omega, start, profile):
     method, *of = (periodic.critical_scale, omega) if omega else (barriers.critical_scale,)
     found = method(*of, profile, start=start)
     assert found.status is Status.OUTSIDE

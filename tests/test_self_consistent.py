@@ -1,4 +1,4 @@
-"""The self-consistent map against its form in the literature; sequences of kicks with phases."""
+"""The self-consistent map against its form in the literature; aperiodic forcings with phases."""
 
 from concurrent.futures import ThreadPoolExecutor
 from math import cos, fsum, hypot, pi, sin
@@ -32,7 +32,7 @@ def test_escapes_are_counted_in_kicks():
     assert np.array_equal(found, expected)
 
 
-def test_a_sequence_that_repeats_eliminates_as_its_period_does():
+def test_a_forcing_that_repeats_eliminates_starts_as_its_period_does():
     kappa, site, omega = (0.3, 0.2, 0.25), 301, 0.271
     expected, _ = transversal.elimination(np.roll(kappa, -(site % 3)), X, Y, 300)
     assert 10 < np.isinf(expected).sum() < 650
@@ -47,7 +47,7 @@ def test_a_sequence_that_repeats_eliminates_as_its_period_does():
 
 
 def asymptotic_circle(kappa, omega=0.618, n=4096):
-    """The curve that comes to y = omega as the kicks fade, and dx on it."""
+    """The curve that tends to y = omega as the kicks fade, and dx/dangle on it."""
     angle = np.arange(n) / n
     x, y = aperiodic.asymptotic(kappa, 0.0, 0.0, angle, np.full(n, omega))
     return x, y, 1 + fourier.derivative(x - angle)
@@ -58,7 +58,7 @@ def ramp(rate, n_kicks):
     return KAPPA_G + rate * np.arange(-n_kicks, n_kicks + 1)
 
 
-def test_the_search_finds_lifetimes_of_a_dense_scan_under_changing_kicks():
+def test_the_search_finds_the_lifetimes_of_a_dense_scan_under_changing_kicks():
     kappa, low, high, longest = ramp(1e-3, 600), 0.4, 0.41, 0.0
     while high - low > 1e-12:
         y = np.linspace(low, high, 20_001)
@@ -69,7 +69,7 @@ def test_the_search_finds_lifetimes_of_a_dense_scan_under_changing_kicks():
     assert aperiodic.longest_lived(kappa, 0.0, 600, 8)[2] > 0.9 * longest
 
 
-def test_a_life_beyond_the_horizon_in_a_ramp_is_not_called_a_denial():
+def test_a_lifetime_beyond_the_horizon_in_a_ramp_is_not_called_an_exclusion():
     short, long = (
         aperiodic.longest_lived(ramp(rate, 2000), 0.0, 2000, 8)[2] for rate in (1e-2, 1e-3)
     )
@@ -82,7 +82,7 @@ def test_asymptotic_circles_converge_as_the_kicks_fade_and_keep_their_area():
     kappa = 0.5 * np.exp(-np.arange(200) / 5)
     _, y, dx = asymptotic_circle(kappa)
     assert np.mean(y * dx) == pytest.approx(0.618, abs=1e-12)
-    n = np.arange(10, 101, 10)  # what is left out grows n times on the way back
+    n = np.arange(10, 101, 10)  # what is left out grows n-fold on the way back
     errors = [np.abs(asymptotic_circle(kappa[:k])[1] - y).max() for k in n]
     assert np.polyfit(n, np.log(errors / n), 1)[0] == pytest.approx(-1 / 5, rel=0.05)
 
@@ -135,7 +135,7 @@ def test_a_small_amplitude_after_a_negative_field_does_not_cancel():
         evolve([0.25], [0.0], 1e6, 1e-100, 5)
 
 
-def test_without_weights_the_particles_are_standard_maps_to_the_last_bit():
+def test_without_weights_the_particles_follow_standard_maps_to_the_last_bit():
     after, x, y = evolve(X, Y, 0.0, 0.9, 200, 0.1, 0.01), X, Y
     assert (after.kappa == 0.9).all()
     for phase in after.theta:
@@ -153,7 +153,7 @@ def test_results_are_bit_identical_on_any_number_of_threads():
     assert all(np.array_equal([other.x, other.y], [whole.x, whole.y]) for other in others)
 
 
-def test_momentum_is_conserved_and_only_weak_fields_leave_graphs():
+def test_momentum_is_conserved_and_graphs_persist_only_in_weak_fields():
     size = {"n_particles": 512, "n_max": 4096}
     fields = study.fields([0.1, 1.3], **size).assign_attrs(size)
     verdicts, settling = study.verdicts(fields), study.settling()

@@ -24,7 +24,7 @@ dyadic = st.integers(-(2**42), 2**42).map(lambda k: k / 2**40)
 
 
 @pytest.mark.parametrize(("ours", "exact"), [(sin2pi, mpmath.sinpi), (cos2pi, mpmath.cospi)])
-def test_error_is_below_4e_16_also_far_from_zero(ours, exact):
+def test_error_is_below_4e_16_even_far_from_zero(ours, exact):
     with mpmath.workdps(50):
         error = max(abs(ours(x) - exact(2 * mpmath.mpf(x))) for x in ANGLES.tolist())
     assert error <= 4e-16
@@ -58,9 +58,11 @@ def test_kernels_and_plain_python_agree_to_the_last_bit():
 
 
 @pytest.mark.parametrize(("ours", "least"), [(SINE, 1.10e-16), (SINGLE_SINE, 4.62e-9)])
-def test_no_polynomial_of_the_degree_comes_nearer_to_the_sine(ours, least):
-    """Errors of the best one have equal extrema of either sign in turn, one more than coefficients
-    that it may choose (Chebyshev); these are rounded."""
+def test_no_polynomial_of_the_same_degree_is_closer_to_the_sine(ours, least):
+    """Errors of the best polynomial have equal extrema of alternating sign (Chebyshev).
+
+    There is one extremum more than free coefficients. Our coefficients are rounded.
+    """
     with mpmath.workdps(40):
         errors = []
         for u in mpmath.linspace(0, mpmath.mpf(1) / 4, 2001)[1:]:

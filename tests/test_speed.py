@@ -1,7 +1,7 @@
 """Speed, as ratios within one run: `python -m pytest -m benchmark -s`.
 
-Whatever else runs on the machine is in every time; versions are therefore timed in turn, in CPU
-seconds, and medians compared.
+Other programs on the machine affect every timing; versions are therefore timed in turn, in CPU
+seconds, and their medians compared.
 """
 
 import time
@@ -20,11 +20,11 @@ from pipeline import fill
 
 pytestmark = pytest.mark.benchmark
 
-KAPPA = (0.3, 0.3)  # nothing escapes: the kernel at its steady speed
+KAPPA = (0.3, 0.3)  # nothing escapes, so that the kernel runs at its steady speed
 
 
 def median_times(*timed, repeats=9):
-    """Median CPU seconds of each function, called in turn."""
+    """Return the median CPU seconds of each function, called in turn."""
     times = np.empty((repeats, len(timed)))
     for row in times:
         for i, function in enumerate(timed):
@@ -35,7 +35,7 @@ def median_times(*timed, repeats=9):
 
 
 def per_unit(unit, timed, counts):
-    """Nanoseconds of each function of {name: function} per unit of its work, printed."""
+    """Print and return the nanoseconds per unit of work of each function of {name: function}."""
     for function in timed.values():
         function()
     times = median_times(*timed.values()) * 1e9 / np.array(counts)
@@ -48,7 +48,7 @@ def test_the_kernel_against_plain_numba():
     n_orbits, n = 1024, 20_000
     x, y = escape.ensemble(n_orbits)
     few, short = slice(0, 64), 4000  # the plain kernel is slow; time less of it
-    line = np.linspace(0.2, 0.3, 256)  # of starts that all survive so weak kicks
+    line = np.linspace(0.2, 0.3, 256)  # of starts that all survive such weak kicks
     kicks = escape.kick_series(np.array(KAPPA))
     timed = {
         "plain Numba": lambda: oracles.escape_time(KAPPA, x[few], y[few], short),
@@ -87,7 +87,7 @@ def test_a_newton_step_of_a_circle_costs_n_log_n():
 
 
 def test_fill_adds_less_than_a_millisecond_a_tile_to_the_sweep(here, tmp_path):
-    """Both write what they compute; the CPU time of the workers, threads here, is in both."""
+    """Both write what they compute; both times include the CPU time of the workers (threads)."""
     side, places = 20, (tmp_path / str(n) for n in range(100))
 
     def swept():

@@ -1,4 +1,4 @@
-"""The promises of the store, on every kind of place: a directory, and an object store of S3's kind.
+"""Guarantees of the store, for every kind of place: a directory, and an S3-compatible object store.
 
 Sweeps under faults are in `test_sweep` and `test_campaign`; here tiles are committed one by one.
 """
@@ -42,14 +42,14 @@ SLOW = pytest.mark.slow
 
 
 def arrays(plan, index):
-    """What a worker computes for a tile."""
+    """Return the arrays that a worker computes for a tile."""
     slices = tile_slices(index, plan.tile)
     coords = plan.template.coords.items()
     return toy.compute({dim: c.values[slices.get(dim, slice(None))] for dim, c in coords}, {})
 
 
 def fill(place, plan, indices=None):
-    """Commit the tiles, all that are missing by default; returns how many."""
+    """Commit tiles, by default all missing ones; return their number."""
     store.create(place, plan, US)
     chosen = store.missing(place, plan).tolist() if indices is None else indices
     for index in map(tuple, chosen):
@@ -78,7 +78,7 @@ def contents(place):
     return {file["path"]: (file["e_tag"], file["last_modified"]) for file in files}
 
 
-def test_committed_tiles_read_back_in_plain_xarray_and_hold_no_secret(place):
+def test_committed_tiles_can_be_read_with_plain_xarray_and_contain_no_secret(place):
     plan, path = toy.cube(depth=3), place.cube("toy")
     assert (fill(place, plan), fill(place, plan)) == (20, 0)
     toy.assert_complete(place, plan)
@@ -111,7 +111,7 @@ class Cut(Exception):
 
 @contextmanager
 def killed_at_put(monkeypatch, n):
-    """End what happens inside as a kill would, before the put of that number."""
+    """End the block as a kill would, before put number n, counted from 0."""
     puts = iter(range(1000))
 
     def cut(put):
@@ -130,11 +130,11 @@ def killed_at_put(monkeypatch, n):
 
 
 @pytest.mark.parametrize("n", thirds([0, 1, 2, 5, 8, *range(13, 20)]))
-def test_a_run_that_was_cut_off_before_any_put_is_completed_by_the_next(on_disk, monkeypatch, n):
+def test_a_run_killed_before_any_of_its_puts_is_completed_by_the_next_run(on_disk, monkeypatch, n):
     plan, other = (toy.cube(tile=10, depth=depth) for depth in (1, 2))  # of two tiles
     with killed_at_put(monkeypatch, n):
         fill(on_disk, plan)
-    if n:  # there is something; nobody else may take it
+    if n:  # part of the cube exists; other settings are refused
         with pytest.raises(store.Refused, match="depth is 1, not 2"):
             store.create(on_disk, other, US)
     records = [key for key in contents(on_disk) if f"/{COMMIT}/c/" in key]
@@ -142,7 +142,7 @@ def test_a_run_that_was_cut_off_before_any_put_is_completed_by_the_next(on_disk,
     toy.assert_complete(on_disk, plan)
 
 
-def test_a_tile_of_another_shape_is_refused_and_one_of_fill_values_stored(on_disk):
+def test_a_tile_of_wrong_shape_or_values_is_refused_and_one_of_fill_values_is_stored(on_disk):
     store.create(on_disk, toy.cube(tile=13), US)
     empty = {"wave": np.full((2, 10, 13), np.nan), "sign": np.zeros((10, 13))}
     wrong = np.zeros((10, 12)), 1, np.full((10, 13), np.nan), np.full((10, 13), 128)
@@ -155,17 +155,17 @@ def test_a_tile_of_another_shape_is_refused_and_one_of_fill_values_stored(on_dis
     assert np.isnan(store.read(on_disk, "toy").wave).all()
 
 
-def test_files_of_somebody_else_are_no_tiles_whatever_their_times(on_disk):
+def test_foreign_files_do_not_count_as_tiles_whatever_their_timestamps(on_disk):
     fill(on_disk, toy.cube())
     for name in (".DS_Store", "0/7", "0/1/x", "x/y/z", "0/9/9", "1/2/3", "0/1/-4", "0/-3/1"):
         put(on_disk, f"toy.zarr/{COMMIT}/c/{name}", bytes(20))
     put(on_disk, f"toy.zarr/{COMMIT}/c/0/1/1", None)
-    for i, key in enumerate(contents(on_disk)):  # nor do clocks count
+    for i, key in enumerate(contents(on_disk)):  # timestamps do not matter either
         os.utime(f"{on_disk}/{key}", (0, 0) if i % 2 else (4e9, 4e9))
     assert missing(on_disk, toy.cube()) == {(1, 1)}
 
 
-def test_a_cube_tells_its_program_and_the_call_that_made_it(place):
+def test_a_cube_records_the_program_and_the_call_that_made_it(place):
     plan = toy.cube(depth=1)
     store.create(place, plan, US, "pipeline.fill(job, 's3://me:secret@host/rays')\n")
     attributes = store.read(place, "toy").attrs
@@ -174,7 +174,7 @@ def test_a_cube_tells_its_program_and_the_call_that_made_it(place):
     call = "pipeline.fill(job, 's3://host/rays')"
     assert attributes["history"] == f"{attributes['created']} {call} "
     before = contents(place)
-    fill(place, plan, [])  # by a call without a text
+    fill(place, plan, [])  # by a call that passes no text
     store.create(place, plan, US, "another call")
     assert contents(place) == before
     assert plan.config_hash == toy.cube(depth=1).config_hash == attributes["config_hash"]
@@ -185,8 +185,8 @@ def test_a_cube_tells_its_program_and_the_call_that_made_it(place):
     assert store.read(place, "squares").attrs["history"].endswith("+00:00 nasm-transport squares")
 
 
-def test_a_cube_of_an_earlier_version_keeps_what_it_told_of_its_origin(on_disk, monkeypatch):
-    """The source of earlier cubes is the paper; they have no history."""
+def test_a_cube_of_an_earlier_version_keeps_its_record_of_its_origin(on_disk, monkeypatch):
+    """Earlier cubes name the paper as their source and have no history."""
     earlier = {"source": "arXiv:1606.04824", "computed_by": US, "created": "2026-01-01"}
     plan = toy.cube()
     with monkeypatch.context() as patch:
@@ -206,7 +206,7 @@ def test_a_cube_of_an_earlier_version_keeps_what_it_told_of_its_origin(on_disk, 
     toy.assert_complete(on_disk, plan)
 
 
-def test_other_settings_or_mathematics_are_refused_unless_complete(place):
+def test_other_settings_or_mathematics_are_refused_for_an_incomplete_cube(place):
     plan, unlike = toy.cube(depth=1), "coordinates, tiles, variables or format differ"
     fill(place, plan, [(0, 0)])
     before = contents(place)
@@ -244,7 +244,7 @@ def test_a_second_driver_or_one_that_cannot_write_is_refused(on_disk, tmp_path):
     [NotImplementedError("use SoftFileLock")]
     + [OSError(number, "no locks") for number in (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)],
 )
-def test_a_file_system_without_locks_is_written_without_one(tmp_path, monkeypatch, error):
+def test_a_file_system_without_lock_support_is_written_without_a_lock(tmp_path, monkeypatch, error):
     def acquire(*_, **__):
         raise error
 
@@ -254,8 +254,8 @@ def test_a_file_system_without_locks_is_written_without_one(tmp_path, monkeypatc
     toy.assert_complete(tmp_path, toy.cube())
 
 
-def test_settings_of_zarr_change_no_cube(tmp_path):
-    """Such as another pipeline of codecs, which may know files on disks alone."""
+def test_global_zarr_settings_do_not_change_a_cube(tmp_path):
+    """For example another codec pipeline, which may support only files on disk."""
     theirs = {"codec_pipeline.path": "nowhere.Pipeline", "default_zarr_format": 2}
     with zarr.config.set(theirs | {"array.order": "F", "array.write_empty_chunks": False}):
         fill(place := store.place_of(tmp_path), toy.cube())
@@ -265,8 +265,8 @@ def test_settings_of_zarr_change_no_cube(tmp_path):
     toy.assert_complete(tmp_path, toy.cube())
 
 
-@pytest.mark.filterwarnings("ignore:Consolidated metadata")  # threads share their filters
-def test_of_many_that_make_a_cube_at_once_one_wins(place):
+@pytest.mark.filterwarnings("ignore:Consolidated metadata")  # threads share warning filters
+def test_of_several_threads_that_create_a_cube_at_once_one_wins(place):
     n, together = 4, Barrier(4)
 
     def make(depth):
@@ -298,7 +298,7 @@ def of_an_earlier_format(place):
 
 
 def of_pickles(place):
-    """Version 2 of zarr, whose arrays may name a codec that unpickles what is in the store."""
+    """Write zarr format 2, whose arrays may name a codec that unpickles data in the store."""
     of_another_program(place, 2)
     with pytest.raises(store.StoreFailed):
         store.read(place, "toy")
@@ -348,7 +348,7 @@ def test_repair_removes_damaged_and_exchanged_tiles_and_no_others(place, tmp_pat
     assert found[1, 2] == "wave does not match its checksum"
     words = {found[index] for index in exchanged}
     assert words == {"its data are not those that were committed"}
-    assert missing(place, plan) == {(0, 0), (3, 4), (1, 1)}  # those without a file in full length
+    assert missing(place, plan) == {(0, 0), (3, 4), (1, 1)}  # those with a file missing or cut
     assert dict(store.verify(place, "toy", repair=True)) == found
     assert missing(place, plan) == found.keys()
     assert np.isfinite(toy.records(place)).sum() == 11
@@ -357,7 +357,7 @@ def test_repair_removes_damaged_and_exchanged_tiles_and_no_others(place, tmp_pat
 
 
 @pytest.mark.parametrize("cut", [slice(None, -1), slice(0), slice(1, None), slice(0, 3)])
-def test_a_plain_xarray_refuses_a_damaged_chunk(on_disk, cut):
+def test_plain_xarray_refuses_a_damaged_chunk(on_disk, cut):
     fill(on_disk, toy.cube(tile=13))
     key = "toy.zarr/wave/c/0/0/0"
     put(on_disk, key, get(on_disk, key)[cut])
@@ -373,7 +373,7 @@ LOST += [(key, lost) for key in ("wave/zarr.json", f"{COMMIT}/zarr.json") for lo
 
 
 @pytest.mark.parametrize("case", thirds(LOST))
-def test_lost_metadata_are_found_cost_no_tile_and_let_no_other_settings_in(on_disk, case):
+def test_lost_metadata_are_restored_with_all_tiles_and_other_settings_still_refused(on_disk, case):
     plan, (key, lost) = toy.cube(tile=5, depth=3), case
     fill(on_disk, plan)
     put(on_disk, f"toy.zarr/{key}", lost)
@@ -385,7 +385,7 @@ def test_lost_metadata_are_found_cost_no_tile_and_let_no_other_settings_in(on_di
     toy.assert_complete(on_disk, plan)
 
 
-def test_tiles_without_metadata_are_recognized_and_foreign_ones_kept(place):
+def test_tiles_that_lost_their_metadata_are_recognized_and_kept_if_settings_differ(place):
     plan = toy.cube()
     fill(place, plan)
     for key in contents(place):
@@ -402,7 +402,7 @@ def test_tiles_without_metadata_are_recognized_and_foreign_ones_kept(place):
     toy.assert_complete(place, plan)
 
 
-def test_a_cube_that_is_away_is_not_made_anew_by_a_worker(on_disk, tmp_path):
+def test_a_worker_does_not_recreate_a_cube_that_has_disappeared(on_disk, tmp_path):
     plan = toy.cube()
     fill(on_disk, plan, [(0, 0)])
     os.rename(on_disk.cube("toy"), tmp_path / "away")
@@ -413,7 +413,7 @@ def test_a_cube_that_is_away_is_not_made_anew_by_a_worker(on_disk, tmp_path):
     assert os.listdir(on_disk.root) == []
 
 
-def test_a_lost_chunk_reads_as_no_answer_whatever_the_version_of_xarray(on_disk):
+def test_a_missing_chunk_reads_as_fill_values_with_any_version_of_xarray(on_disk):
     plan = toy.cube()
     fill(on_disk, plan)
     for key in ("wave/c/0/1/2", "sign/c/1/2"):
@@ -433,7 +433,7 @@ def squares(factor, **settings):
     return Cube("squares", template, {}, settings)
 
 
-def test_a_cube_that_is_replaced_is_the_new_one_and_leaves_others_alone(place):
+def test_replacing_a_cube_stores_the_new_one_and_leaves_others_unchanged(place):
     fill(place, toy.cube())
     before = contents(place)
     for factor in (1, 2, 2):
@@ -456,7 +456,7 @@ WHOLE = ("zarr.json", b""), ("square/c/0", b"1234567890123456"), ("x/c/0", None)
 
 
 @pytest.mark.parametrize("case", thirds([*WHOLE, *range(5)]))
-def test_a_cube_written_at_once_is_rewritten_if_damaged_or_cut_off(on_disk, monkeypatch, case):
+def test_an_untiled_cube_is_rewritten_if_damaged_or_interrupted(on_disk, monkeypatch, case):
     store.replace(on_disk, squares(1), US)
     if isinstance(case, int):
         with killed_at_put(monkeypatch, case):
@@ -484,7 +484,7 @@ def test_a_full_disk_ends_a_sweep_at_once_and_the_next_run_completes_it(here, on
     toy.assert_complete(on_disk, plan)
 
 
-def test_an_error_of_ours_is_not_the_stores(on_disk, tmp_path):
+def test_an_error_raised_elsewhere_is_not_attributed_to_the_store(on_disk, tmp_path):
     with pytest.raises(ConnectionError, match="gone"), store.store_errors(on_disk):
         raise ConnectionError("the scheduler is gone")
     with pytest.raises(FileNotFoundError, match="table"), store.store_errors(on_disk):
@@ -492,13 +492,14 @@ def test_an_error_of_ours_is_not_the_stores(on_disk, tmp_path):
 
 
 @SLOW
-def test_a_lost_server_is_awaited_and_its_absence_is_one_message(tmp_path, monkeypatch):
+def test_a_lost_server_is_awaited_and_its_absence_reported_in_one_message(tmp_path, monkeypatch):
     plan = toy.cube(tile=10)
     with seaweed.serving(tmp_path) as (kill, start):
         place = store.place_of("s3://cubes/run")
         fill(place, plan, [(0, 0)])
         kill()
-        back = Timer(5, start)  # that takes 5 to 20 s more; ten retries, obstore's default, 2 to 8
+        # Starting takes 5 to 20 s more; ten retries, obstore's default, last only 2 to 8 s.
+        back = Timer(5, start)
         back.start()
         assert fill(place, plan) == 1
         back.join()
@@ -526,13 +527,13 @@ URLS = "s3://user:password@bucket/run", "s3://bucket/run?key=password", "s3://bu
 
 
 @pytest.mark.parametrize("url", [*URLS, "http://host/password", "s3://Bucket name/password"])
-def test_a_malformed_url_is_refused_and_not_repeated(url):
+def test_a_malformed_url_is_refused_without_repeating_its_password(url):
     with pytest.raises(store.Refused, match="must be s3://BUCKET/PREFIX") as refused:
         store.place_of(url)
     assert "password" not in str(refused.value).replace("user, password", "")
 
 
-def test_an_endpoint_that_is_no_url_is_one_message():
+def test_an_endpoint_that_is_not_a_url_raises_one_message():
     failed = pytest.raises(store.StoreFailed, match=r"^s3://cubes/run: ")
     with seaweed.environment("no url"), failed:
         store.names(store.place_of("s3://cubes/run"))
@@ -566,7 +567,7 @@ def test_status_tells_tiles_failures_rate_and_time_left(place):
     assert contents(place) == before
 
 
-def test_the_rate_is_recent_and_a_damaged_cube_hides_no_other(on_disk):
+def test_the_rate_is_recent_and_a_damaged_cube_does_not_hide_others(on_disk):
     tiles = list(np.ndindex(4, 3))
     fill(on_disk, toy.cube(), tiles)
     for i, (row, column) in enumerate(tiles):
@@ -581,7 +582,7 @@ def test_the_rate_is_recent_and_a_damaged_cube_hides_no_other(on_disk):
 
 
 @pytest.mark.benchmark
-def test_a_tile_costs_what_zarr_costs(on_disk, capsys):
+def test_committing_a_tile_costs_about_what_zarr_costs(on_disk, capsys):
     store.create(on_disk, toy.line(600).cube, US)
     one, seconds = np.ones((1, 256)), []
     array = store.tiles.arrays_of(on_disk, "line")["level"]
@@ -594,10 +595,10 @@ def test_a_tile_costs_what_zarr_costs(on_disk, capsys):
     each, zarrs = np.median(seconds, axis=0)
     with capsys.disabled():
         print(f"\n{1e3 * each:.2f} ms of CPU a tile, of which zarr {2e3 * zarrs:.2f}")
-    assert each < 1.5 * 2 * zarrs  # of two arrays, its record's too
+    assert each < 1.5 * 2 * zarrs  # two arrays: the data and the record
 
 
-def test_the_mathematics_are_the_files_of_nasm_and_of_the_cubes():
+def test_the_recorded_mathematics_are_the_modules_of_nasm_and_of_the_cubes():
     assert f"numba {version('numba')}, " in store.COMPUTED_BY
     modules = {*EVERYTHING.modules}
     assert {"nasm.maps", "nasm.circles.newton", "pipeline.cubes.escape"} <= modules

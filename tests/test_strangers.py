@@ -1,4 +1,4 @@
-"""A store from a stranger: nothing in it is executed, and none of it exhausts the memory."""
+"""A store from an untrusted source: nothing in it is executed or exhausts the memory."""
 
 import json
 import lzma
@@ -34,7 +34,7 @@ def place(tmp_path):
 
 
 def change(place, edit):
-    """Edit the metadata of the toy's arrays, of which no digests tell."""
+    """Edit the metadata of the toy's arrays, and delete the digests that would reveal it."""
     path = Path(place.cube("toy"), "zarr.json")
     path.with_name("digests.json").unlink()
     root = json.loads(path.read_bytes())
@@ -43,7 +43,7 @@ def change(place, edit):
 
 
 def told(place):
-    """What `status`, `verify` and `read` say of the toy, a sentence each; "" if they read it."""
+    """Return what `status`, `verify` and `read` report of the toy: a sentence each, or ""."""
     (state,) = store.status(place)
     (damage,) = list(store.verify(place, "toy")) or [((), "")]
     try:
@@ -57,7 +57,7 @@ def told(place):
 
 
 class Command:
-    """Unpickled, it creates a file."""
+    """Unpickled, it creates a directory."""
 
     def __init__(self, path):
         self.path = path
@@ -67,7 +67,7 @@ class Command:
 
 
 def pickled(path):
-    """Metadata of an array of zarr 2 whose chunk is a pickle."""
+    """Return the metadata of a zarr 2 array whose chunk is a pickle."""
     codecs = {"compressor": None, "filters": [{"id": "vlen-utf8"}, {"id": "pickle"}]}
     kind = {"dtype": "|O", "fill_value": "", "order": "C", "dimension_separator": "."}
     size = {"shape": [1], "chunks": [1], "attributes": {"_ARRAY_DIMENSIONS": ["evil"]}}
@@ -75,8 +75,8 @@ def pickled(path):
 
 
 @pytest.mark.parametrize("where", ["evil", "tiles/evil", "in a group"])
-def test_no_pickle_of_a_store_is_executed(place, tmp_path, monkeypatch, where):
-    """Nor with versions of numcodecs that unpickle whatever they are told to."""
+def test_no_pickle_in_a_store_is_executed(place, tmp_path, monkeypatch, where):
+    """Not even with versions of numcodecs that unpickle whatever is requested."""
     monkeypatch.setattr("numcodecs.pickles.ALLOW_UNSAFE_PICKLE_DECODE", True, raising=False)
     evil = Path(place.cube("toy"), where)
     evil.mkdir()
@@ -126,7 +126,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("words", "edit"), REFUSED)
-def test_metadata_that_ask_for_what_no_cube_has_are_refused_in_a_sentence(place, words, edit):
+def test_metadata_that_fit_no_cube_are_refused_in_one_sentence(place, words, edit):
     change(place, edit)
     assert all(words in sentence for sentence in told(place))
 
@@ -141,21 +141,21 @@ def test_metadata_that_ask_for_what_no_cube_has_are_refused_in_a_sentence(place,
         extend("sign", shape=[9, 13]),
     ],
 )
-def test_records_that_are_not_those_of_the_tiles_are_refused_in_a_sentence(place, edit):
+def test_records_that_do_not_match_the_tiles_are_refused_in_one_sentence(place, edit):
     change(place, edit)
-    state, damage, _ = told(place)  # who reads the cube needs no records
+    state, damage, _ = told(place)  # reading the cube needs no records
     assert state == damage
     assert "are damaged, or another program's" in state
 
 
 def endless():
-    """A frame of zstd that does not say how long it is: 64 blocks of 2^17 zeros, 4 bytes each."""
+    """Return a zstd frame that does not state its size: 64 blocks of 2^17 zeros, 4 bytes each."""
     block, last = ((2**17 << 3 | 2 | end).to_bytes(3, "little") + b"\0" for end in (0, 1))
     return b"\x28\xb5\x2f\xfd\x00\x58" + 63 * block + last
 
 
 def claim(n):
-    """The beginning of a frame of zstd that says that it unpacks to n bytes."""
+    """Return the beginning of a zstd frame that claims to unpack to n bytes."""
     return b"\x28\xb5\x2f\xfd\xe0" + n.to_bytes(8, "little")
 
 
@@ -182,7 +182,7 @@ def test_a_chunk_that_claims_to_be_large_is_not_unpacked(place, monkeypatch, cas
 
 
 @pytest.mark.parametrize("chunk", [Zstd(1).encode(bytes(2**20)), claim(80) + b"no block"])
-def test_a_chunk_that_unpacks_to_something_else_is_damage(place, chunk):
+def test_a_chunk_that_unpacks_to_something_else_counts_as_damaged(place, chunk):
     change(place, extend("row", codecs=ZSTD))
     Path(place.cube("toy"), "row/c/0").write_bytes(chunk)
     state, damage, read = told(place)
@@ -191,15 +191,15 @@ def test_a_chunk_that_unpacks_to_something_else_is_damage(place, chunk):
 
 
 @pytest.mark.parametrize("name", ["row/c/0", "zarr.json", "digests.json"])
-def test_a_file_that_is_larger_than_any_of_a_cube_is_not_read(place, name):
-    os.truncate(f"{place.cube('toy')}/{name}", 10**11)  # it takes no room on the disk
+def test_a_file_larger_than_any_in_a_cube_is_not_read(place, name):
+    os.truncate(f"{place.cube('toy')}/{name}", 10**11)  # sparse: takes no space on disk
     assert f"toy.zarr/{name} has 100000000000 bytes" in told(place)[1]
     Path(place.cube("toy"), "digests.json").unlink()
     words = {"row/c/0": "row cannot be read", "zarr.json": "has 100000000000 bytes"}
     assert words.get(name, "") in told(place)[1]
 
 
-def test_files_of_strangers_beside_the_tiles_are_no_numbers(place):
+def test_foreign_files_beside_the_tiles_do_not_change_the_status(place):
     folder = Path(place.cube("toy"))
     (folder / ".wanted").write_text("9" * 5000)
     (folder / ".failed").mkdir()
@@ -208,7 +208,7 @@ def test_files_of_strangers_beside_the_tiles_are_no_numbers(place):
     assert (state.tiles, state.done, state.failed) == (20, 20, 0)
 
 
-def test_the_user_in_the_url_of_an_endpoint_is_not_repeated(monkeypatch):
+def test_user_and_password_in_the_url_of_an_endpoint_are_not_repeated(monkeypatch):
     monkeypatch.setattr("pipeline.store.place.PATIENCE", 0.1)
     for user in ("user:passw0rd", ":passw0rd", "passw0rd"):
         failed = pytest.raises(store.StoreFailed, match=r"GET http://127\.0\.0\.1:9/cubes")
@@ -218,7 +218,7 @@ def test_the_user_in_the_url_of_an_endpoint_is_not_repeated(monkeypatch):
 
 
 @pytest.mark.parametrize("user", ["user:passw0rd@", "user:pass/w0rd@", "passw0rd@"])
-def test_the_user_in_the_address_of_a_scheduler_is_not_repeated(user):
+def test_user_and_password_in_the_address_of_a_scheduler_are_not_repeated(user):
     for n_workers, told in ((None, "must be tcp://HOST:PORT"), (2, "has its own workers")):
         refused = pytest.raises(ClusterError, match=told)
         with refused as error, connect(f"tcp://{user}localhost:8786", n_workers):
@@ -227,7 +227,7 @@ def test_the_user_in_the_address_of_a_scheduler_is_not_repeated(user):
         assert "localhost:8786" in str(error.value)
 
 
-def test_a_cube_that_could_not_be_read_again_is_not_written(tmp_path):
+def test_a_cube_that_could_not_be_read_back_is_not_written(tmp_path):
     plan = toy.cube(3000, 3000, tile=3000)
     place = store.place_of(tmp_path)
     with pytest.raises(store.Refused, match=r"^the cube toy .* tiles smaller"):
@@ -235,15 +235,15 @@ def test_a_cube_that_could_not_be_read_again_is_not_written(tmp_path):
     assert not any(tmp_path.iterdir())
 
 
-def test_the_largest_things_that_a_cube_may_hold_are_read(place):
-    """A text of a rotation number with 1000 quotients of 100 digits."""
+def test_the_largest_texts_that_a_cube_may_hold_can_be_read(place):
+    """The text of a rotation number with 1000 quotients of 100 digits."""
     text = f"[{','.join(['9' * 100] * 1000)}]"
     cube = Cube("texts", xr.Dataset({"omega": ("x", np.array([text, ""], dtype=object))}), {}, {})
     store.replace(place, cube, "mathematics 1")
     assert store.read(place, "texts").omega.values.tolist() == [text, ""]
 
 
-def test_certificates_cost_as_much_as_their_boxes_have_kicks():
+def test_the_cost_of_checking_a_certificate_counts_the_kicks_of_its_boxes():
     assert proved.seconds_to_check({"lives": [10**6, 1]}) == pytest.approx(70, rel=1e-3)
     assert proved.seconds_to_check({"lives": [[10**6, 1], [1, 1]]}) == pytest.approx(70, rel=1e-3)
 
@@ -251,12 +251,12 @@ def test_certificates_cost_as_much_as_their_boxes_have_kicks():
 @pytest.mark.parametrize(
     "lives", [[10**9, -(10**9)], [0], [1, True], [1.5], ["9"], [[1, 0]], [[[1]]], [10**400]]
 )
-def test_certificates_whose_boxes_have_no_lifetime_are_not_checked(lives):
+def test_certificates_whose_boxes_have_no_valid_lifetime_are_not_checked(lives):
     with pytest.raises((ValueError, OverflowError)):
         proved.seconds_to_check({"lives": lives})
 
 
-def test_the_cost_of_a_certificate_counts_its_longest_function_anywhere():
+def test_the_cost_of_a_certificate_counts_its_longest_function_wherever_it_is():
     short, long = [[0], [0]], [[0], [0] * 1000]
     cost = {
         name: proved.seconds_to_check({"kappa": ["0x1p0"], "moves": {"numbers": numbers}})
@@ -269,7 +269,7 @@ def test_the_cost_of_a_certificate_counts_its_longest_function_anywhere():
     assert cost["first"] == cost["last"] > 100 * cost["none"]
 
 
-def test_certificates_that_unpack_to_much_more_than_any_are_refused(monkeypatch):
+def test_compressed_certificates_that_unpack_to_too_much_are_refused(monkeypatch):
     many = b"[" + b",".join([b'{"kappa": ["0x1.8p+1"]}'] * 100) + b"]"
     assert len(proved.unpack_certificates(lzma.compress(many))) == 100
     for bomb in (lzma.compress(bytes(10**8)), lzma.compress(many)[:-9], b"no file of xz"):

@@ -1,4 +1,4 @@
-"""The sweep, on a cube that is quick to compute (toy.py), with workers and drivers that die."""
+"""Sweeps of a cube that is quick to compute (toy.py), with workers and drivers that die."""
 
 import asyncio
 import errno
@@ -83,7 +83,7 @@ def compute_oddly(coords, settings):
 
 
 @pytest.mark.parametrize("odd", ODD)
-def test_a_tile_of_another_shape_or_an_odd_exception_fails_alone(here, tmp_path, odd):
+def test_a_tile_of_wrong_shape_or_with_an_odd_exception_fails_alone(here, tmp_path, odd):
     outcome = toy.run(here, tmp_path, toy.cube(odd=odd), compute=compute_oddly)
     assert (outcome.committed, list(outcome.failed)) == (19, [(0, 0)])
     assert ODD[odd][1] in outcome.failed[0, 0]
@@ -91,7 +91,7 @@ def test_a_tile_of_another_shape_or_an_odd_exception_fails_alone(here, tmp_path,
     assert reasons(tmp_path) == outcome.failed
 
 
-def test_dask_gives_up_no_worker_that_the_sweep_still_waits_for(client):
+def test_dask_does_not_give_up_a_worker_that_the_sweep_still_waits_for(client):
     client()
     given_up_after = parse_timedelta(dask.config.get("distributed.deploy.lost-worker-timeout"))
     assert given_up_after >= submit._STARTING
@@ -102,7 +102,7 @@ def test_a_tile_that_kills_its_workers_fails_alone(client, tmp_path, monkeypatch
     if attempts == 1:
         monkeypatch.setattr(sweeps, "_ATTEMPTS_ALONE", 1)
     outcome = toy.run(client, tmp_path, toy.cube(poison=[0.0, -1.0], pids=str(tmp_path / "pids")))
-    # The first, one for each attempt, and one for what was sent with the tile at first.
+    # The first worker, one for each attempt, and one for the rest of the tile's first batch.
     assert len({*(tmp_path / "pids").read_text().split()}) == 2 + attempts
     assert list(outcome.failed) == [(0, 0)]
     assert "its worker died" in outcome.failed[0, 0]
@@ -126,9 +126,9 @@ def reasons(out):
 ctrl_c = partial(os.kill, os.getpid(), signal.SIGINT)
 
 
-def test_ctrl_c_drains_unless_it_is_ignored_and_the_next_run_resumes(here, tmp_path, capsys):
+def test_ctrl_c_drains_the_sweep_unless_ignored_and_the_next_run_resumes(here, tmp_path, capsys):
     plan = toy.cube(5, 5, tile=1)
-    # A program that was started with Ctrl-C ignored ignores it.
+    # A program that was started with Ctrl-C ignored keeps ignoring it.
     previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
     outcome = toy.watched_sweep(here, tmp_path / "ignored", plan, {5: ctrl_c})
     signal.signal(signal.SIGINT, previous)
@@ -158,7 +158,7 @@ def test_a_second_ctrl_c_abandons_the_tiles_in_flight(tmp_path):
 
 
 class Full(io.StringIO):
-    """A log that cannot be written, which does not end a sweep."""
+    """A log that cannot be written to; this does not end a sweep."""
 
     def write(self, text):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -166,7 +166,7 @@ class Full(io.StringIO):
 
 @pytest.mark.parametrize("n_workers", [2, 1024])
 def test_one_driver_keeps_a_thousand_workers_busy(n_workers):
-    """Of tiles of half a second, two minutes for each worker, at 2 ms of scheduling a batch."""
+    """Tiles of half a second, two minutes of work per worker, 2 ms of scheduling per batch."""
     tiles = 240 * n_workers
     batches = list(_pack(np.full(tiles, 0.5), n_workers))
     assert np.array_equal(np.sort(np.concatenate(batches)), np.arange(tiles))
@@ -182,7 +182,7 @@ def test_the_most_expensive_tiles_come_first_and_cheap_ones_together():
     first, second, *others = _pack(np.array([0.0] * 1000 + [9.0, 0.2, 0.2]), 2)
     assert first.tolist() == [1000]
     assert (set(second[:2].tolist()), len(second)) == ({1001, 1002}, 33)
-    assert max(map(len, others)) < 200  # to commit them takes time, too
+    assert max(map(len, others)) < 200  # committing them takes time, too
 
 
 def test_tiles_of_the_same_cost_come_in_random_order():
@@ -204,7 +204,7 @@ def test_a_series_of_sweeps_shares_its_progress_and_repeats_nothing(here, tmp_pa
             assert progress.begun == begun
         assert progress.done == pytest.approx(begun)
         assert 0 < progress.used < progress.wall
-        told = report.getvalue().splitlines()[-1]  # a slow machine writes more of them
+        told = report.getvalue().splitlines()[-1]  # a slow machine writes several lines
         assert re.match(r"series: \d+%, elapsed 0:\d\d, remaining about [\d:]+$", told)
         with Progress("toy", Full()) as progress:
             sweep(here, place, toy.job(), progress, {(3, 0)})
@@ -212,9 +212,9 @@ def test_a_series_of_sweeps_shares_its_progress_and_repeats_nothing(here, tmp_pa
     assert (state.done, state.tiles) == (4, 4)  # 16 others are not wanted
 
 
-def test_a_store_that_is_deleted_under_way_ends_the_sweep_with_one_message(here, tmp_path):
+def test_a_store_deleted_during_a_sweep_ends_it_with_one_message(here, tmp_path):
     plan, out, away = toy.cube(5, 5, tile=1), tmp_path / "out", tmp_path / "away"
-    # A worker that finds what another one has just written anew misses the metadata there.
+    # A worker that finds what another one has just written there finds no metadata with it.
     said = "out: .* does not exist|was moved, or deleted|out/toy.zarr are damaged"
     with pytest.raises((store.StoreFailed, store.Refused), match=said):
         toy.watched_sweep(here, out, plan, {5: partial(out.rename, away)})
@@ -224,7 +224,7 @@ def test_a_store_that_is_deleted_under_way_ends_the_sweep_with_one_message(here,
         toy.assert_complete(place, plan)
 
 
-def test_a_tile_that_is_gone_at_the_end_is_no_success(here, tmp_path):
+def test_a_sweep_that_ends_with_a_tile_missing_fails(here, tmp_path):
     plan = toy.cube(5, 5, tile=1)
 
     def lose_one():
@@ -250,7 +250,7 @@ def test_workers_keep_freed_memory_and_programs_that_import_nasm_do_not(client):
     assert float(said) < 8
 
 
-def test_workers_listen_on_loopback_only_and_to_their_own_driver_alone(client):
+def test_workers_listen_on_loopback_only_and_answer_only_their_own_driver(client):
     cluster = client().cluster
     nannied = [psutil.Process(nanny.pid) for nanny in cluster.workers.values() if nanny.pid]
     workers = [one for process in nannied for one in (process, *process.children(recursive=True))]
@@ -263,9 +263,9 @@ def test_workers_listen_on_loopback_only_and_to_their_own_driver_alone(client):
         if connection.status == psutil.CONN_LISTEN
         and (process in workers or connection.laddr.port in ours)
     ]
-    assert len(listening) >= 3  # the scheduler, and a nanny and its worker at least
+    assert len(listening) >= 3  # at least the scheduler, a nanny and its worker
     assert {address.ip for address in listening} == {"127.0.0.1"}
-    # Nobody without the certificate of this cluster is answered, neither dask's way nor a browser.
+    # Without this cluster's certificate nobody gets an answer, neither over TLS nor in a browser.
     anyone = ssl.create_default_context()
     anyone.check_hostname, anyone.verify_mode = False, ssl.CERT_NONE
     spoke = 0
@@ -283,14 +283,14 @@ def test_workers_listen_on_loopback_only_and_to_their_own_driver_alone(client):
 
 
 def elsewhere(client, folder):
-    """The file by which dask names the client's scheduler, and the CA, certificate and key."""
+    """Write dask's file that names the client's scheduler; return it, and CA, certificate, key."""
     file = folder / "scheduler.json"
     file.write_text(json.dumps({"address": client().scheduler.address}))
     return str(file), cluster.write_credentials(client(), folder)
 
 
 def test_an_unfit_worker_computes_nothing_and_another_sweeps_over_tls(client, tmp_path, capfd):
-    """By a scheduler to which this process speaks as to one of another machine."""
+    """This process addresses the scheduler as if it ran on another machine."""
     file, (ca, cert, key) = elsewhere(client, tmp_path)
     pids, script = tmp_path / "pids", tmp_path / "preload.py"
     script.write_text("import sys; sys.modules['pipeline'] = None")
@@ -315,7 +315,7 @@ def test_an_unfit_worker_computes_nothing_and_another_sweeps_over_tls(client, tm
     assert re.search(told, capfd.readouterr().err)
 
 
-def test_a_worker_that_dies_as_it_starts_is_one_clear_error(monkeypatch):
+def test_a_worker_that_dies_as_it_starts_raises_one_clear_error(monkeypatch):
     monkeypatch.setitem(cluster._LOCAL, "distributed.worker.preload", ["import os; os._exit(1)"])
     told = pytest.raises(ConnectionError, match=r"cannot be started: .*Nanny")
     with told, connect(n_workers=1) as client:
@@ -330,7 +330,7 @@ def test_a_worker_that_dies_as_it_starts_is_one_clear_error(monkeypatch):
         ("socket.create_connection", r"the address 127\.0\.0\.1: .*Read-only"),
     ],
 )
-def test_a_machine_on_which_workers_would_hang_is_one_clear_error(monkeypatch, lacking, told):
+def test_a_machine_on_which_workers_would_hang_raises_one_clear_error(monkeypatch, lacking, told):
     error = OSError(errno.EROFS, os.strerror(errno.EROFS))
     limit = (
         (lambda _: (20, 20)) if lacking == "resource.getrlimit" else lambda *_, **__: fail(error)
@@ -341,8 +341,8 @@ def test_a_machine_on_which_workers_would_hang_is_one_clear_error(monkeypatch, l
         client()
 
 
-def test_settings_of_dask_reach_only_workers_of_other_machines(client):
-    """A user's settings, of which some would hang them; what the tests have changed aside."""
+def test_settings_of_dask_reach_only_workers_on_other_machines(client):
+    """A user's settings, some of which would hang workers; apart from what the tests changed."""
     theirs = {
         "temporary-directory": "/proc/nowhere",
         "distributed.worker.multiprocessing-method": "fork",
@@ -362,7 +362,7 @@ def test_settings_of_dask_reach_only_workers_of_other_machines(client):
 
 
 def test_a_sweep_runs_in_a_thread_and_in_an_event_loop(here, tmp_path):
-    """As in a web application and in a notebook: Ctrl-C is then not for the sweep."""
+    """As in a web application and in a notebook, where the sweep does not handle Ctrl-C."""
     outcomes = []
 
     def work(out):
@@ -380,7 +380,7 @@ def test_a_sweep_runs_in_a_thread_and_in_an_event_loop(here, tmp_path):
     toy.assert_complete(tmp_path / "thread", toy.cube())
 
 
-def test_the_file_of_a_scheduler_is_waited_for(client, tmp_path, monkeypatch):
+def test_connect_waits_for_the_file_of_a_scheduler(client, tmp_path, monkeypatch):
     file, tls = elsewhere(client, tmp_path)
     late = tmp_path / "home" / "late.json"
     late.parent.mkdir()
@@ -394,7 +394,7 @@ def test_the_file_of_a_scheduler_is_waited_for(client, tmp_path, monkeypatch):
         pass
 
 
-def test_tls_that_does_not_match_is_one_clear_message(client, tmp_path):
+def test_tls_that_does_not_match_gives_one_clear_message(client, tmp_path):
     file, (ca, _, key) = elsewhere(client, tmp_path)
     plain = client().scheduler.address.replace("tls", "tcp")
     other, made = tmp_path / "other.pem", Security.temporary()
@@ -437,7 +437,7 @@ def test_ctrl_c_stops_no_worker(client):
 
 @pytest.fixture
 def messages(monkeypatch):
-    """What a sweep prints about its workers, of which it soon notices that none are left."""
+    """What a sweep prints about its workers; it soon notices if none are left."""
     printed = []
     monkeypatch.setattr(submit, "print", lambda text, file: printed.append(text), raising=False)
     monkeypatch.setattr(submit, "_PATIENCE", 0.2)
@@ -462,7 +462,7 @@ def test_a_sweep_waits_for_new_workers_of_a_scheduler_elsewhere(client, tmp_path
 
 
 def test_a_sweep_on_this_machine_gives_up_once_its_workers_are_gone(client, tmp_path, messages):
-    """The last test that needs the worker: it is sent away."""
+    """The last test that needs the worker, because it stops the worker."""
     leaver = during(tmp_path, lambda: client().cluster.scale(0))
     with pytest.raises(ConnectionError, match="no workers are left; run again to resume"):
         toy.run(client, tmp_path, toy.cube(seconds=0.5))
@@ -470,7 +470,7 @@ def test_a_sweep_on_this_machine_gives_up_once_its_workers_are_gone(client, tmp_
     assert 0 < len(toy.commit_times(tmp_path)) < 20
 
 
-def test_workers_that_are_slow_to_end_are_no_failure_of_what_they_did(monkeypatch):
+def test_workers_that_are_slow_to_end_do_not_make_their_work_fail(monkeypatch):
     def slow(*args, **options):
         return SimpleNamespace(close=partial(fail, TimeoutError("of the end")))
 

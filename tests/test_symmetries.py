@@ -15,7 +15,7 @@ coordinates = st.floats(-1, 1)
 
 @st.composite
 def cases(draw, periods):
-    """A forcing, a start, and a number of steps that makes six kicks or a few less."""
+    """Draw a forcing, a start, and a number of steps that makes six kicks or slightly fewer."""
     P = draw(st.sampled_from(periods))
     kappa = draw(st.lists(strengths, min_size=P, max_size=P))
     return kappa, draw(coordinates), draw(coordinates), 6 // P
@@ -25,7 +25,7 @@ def cases(draw, periods):
 # each of up to seven kicks.
 SHORT = 4e-15 * 4**7
 
-# Of the image: the strengths, and the orbit from that of (x, y) on.
+# For each symmetry: strengths of the image, and its orbit, from the image of (x, y) on.
 IMAGES = {
     symmetries.negate: lambda kappa, xs, ys, t: (-kappa, (xs + 0.5, ys)),
     symmetries.alternate: lambda kappa, xs, ys, t: (
@@ -66,7 +66,7 @@ def test_orbits_are_carried_to_orbits_of_the_image(carry, data):
         ((0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.0, -0.3), 4),
     ],
 )
-def test_the_shorter_forcing_has_the_same_orbits_and_its_omega(kappa, length):
+def test_the_shorter_forcing_has_the_same_orbits_and_the_matching_omega(kappa, length):
     (short,), zero = symmetries.shorten([kappa], rational(0))
     assert short.size == length
     assert (min(symmetries.distances_to_shorter(kappa), default=1) == 0) == (length < len(kappa))
@@ -74,7 +74,7 @@ def test_the_shorter_forcing_has_the_same_orbits_and_its_omega(kappa, length):
     long_x, long_y = symmetries.lengthen(kappa, x, y)
     ratio = len(kappa) // length
     xs, ys = orbit(short, x, y, 3 * ratio)
-    # ω of the short one is that of the long one, over their ratio, and `zero` more.
+    # ω of the short forcing is that of the long one divided by their ratio, plus `zero`.
     (*_, turns) = convergents(zero)
     gained = np.arange(4) * ratio * float(turns)
     moved_x, moved_y = xs[::ratio] + (long_x - x), ys[::ratio] + (long_y - y)
@@ -91,7 +91,7 @@ def test_the_shorter_forcing_has_the_same_orbits_and_its_omega(kappa, length):
         ((1.0, 0.0), 1.0),
         ((1.0, 0.9, 0.95), 0.1),
         ((1.0, 0.0, -0.9, 0.0), 0.1),
-        ((1.0, 0.1, -0.95, -0.02), 0.08),  # from kicks that turn after half a period
+        ((1.0, 0.1, -0.95, -0.02), 0.08),  # from an antiperiodic forcing
         ((0.5, 1.0, 0.4, 0.9), 0.1),
         ((0.5, -1.0, -0.4, 0.9), 0.1),
     ],
@@ -102,7 +102,7 @@ def test_the_distance_to_a_shorter_forcing(kappa, distance):
     assert symmetries.distances_to_shorter([kappa[0]]).size == 0
 
 
-def test_forcings_of_no_common_shorter_period_stay_as_they_are():
+def test_forcings_without_a_common_shorter_period_are_unchanged():
     pair = [(0.3, 0.3), (0.3, -0.3)]
     found, omega = symmetries.shorten(pair, parse("gamma"))
     np.testing.assert_array_equal(found, pair)
@@ -141,7 +141,7 @@ def test_orbits_from_symmetry_lines_are_their_own_mirror_images(kappa):
     here = np.arange(period) + 2 * period
     centres = set()
     for line in range(4):
-        # The site or the middle of two, c/2, about which x_{c-n} + x_n is a whole number.
+        # c/2 is the site, or the middle of two, about which x_{c-n} + x_n is a whole number.
         sums = {c: sites[c - here, line] + sites[here, line] for c in range(4 * period, 6 * period)}
         (centre,) = (c for c, sum in sums.items() if np.abs(sum - np.rint(sum)).max() < 1e-9)
         centres.add(centre)

@@ -1,4 +1,4 @@
-"""Converse KAM on symmetry lines against residues; test_transversal has its definition."""
+"""Converse KAM on symmetry lines against residues; test_transversal tests its definition."""
 
 from itertools import product
 
@@ -14,7 +14,7 @@ from nasm.converse_kam.symmetry_line import critical_scale, elimination_time, lo
 from nasm.critical import Status
 from nasm.symmetries import ray
 
-# Each some per cent beyond the breakup of its last circle: lifetimes of all lengths.
+# Each some per cent beyond the breakup of its last circle; tests scale them.
 FORCINGS = [(1.03,), (0.71, 0.46), (-0.43, 0.72), (0.15, -0.57)]
 Y = (np.arange(300) + 0.5) / 600
 
@@ -35,7 +35,7 @@ def _one_by_one(c, x0, w0, y0, n_max):
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize("n_starts", [1, 63, 300])
 def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_starts):
-    # The same kick on floats, one start at a time; the last block is full, or not.
+    # The same kick on floats, one start at a time; the last block may be full or not.
     line = symmetry_line._line_coefficients(
         0.9 * critical_scale(kappa, 100).value * np.array(kappa)
     )
@@ -48,11 +48,11 @@ def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_starts):
 
 
 @pytest.mark.parametrize("kappa", [(2.1,), (-5, 1), (0.3, 1e6), (2.001, 0, 2.001, 0)])
-def test_beyond_two_the_first_kick_eliminates(kappa):
+def test_beyond_strength_two_the_first_kick_eliminates_all_starts(kappa):
     assert_array_equal(elimination_time(kappa, Y, 5), 1 / len(kappa))
 
 
-# The most robust circle on a ray, by trying out nobles.
+# The most robust circle on each ray, found by trying nobles.
 LAST = {0: "gamma", 20: "gamma", 30: "[0;1,2,(1)]", 36: "[0;1,3,(1)]"}
 LAST |= {43: "[0;1,3,2,(1)]", 45: "2gamma"}
 CASES = [(0, 10_000), *product(LAST, (100, 500, 3000)), (45, 10_000)]
@@ -92,7 +92,7 @@ def test_the_line_is_eliminated_above_upper_and_not_far_below():
 
 
 @pytest.mark.parametrize("degrees", thirds([14, 30, 44.4, 44.99]))
-def test_a_dense_scan_finds_no_longer_life(degrees):
+def test_a_dense_scan_finds_no_longer_lifetime(degrees):
     # A cell at the end of the search is 0.01/T² ≈ 5e-8 wide; the scan's are 2.4e-7.
     kappa = 1.003 * critical_scale(ray(degrees), 5000).value * ray(degrees)
     _, time = longest_lived(kappa, 10**6)

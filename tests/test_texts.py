@@ -1,4 +1,4 @@
-"""Texts from anybody: each is read, or refused by one sentence, at once."""
+"""Texts from untrusted sources: each is read, or refused in one sentence, at once."""
 
 import signal
 from decimal import Decimal
@@ -37,7 +37,7 @@ def alarm():
 
 
 def asked(name, text):
-    """Go to the address of the explorer's page that has this text."""
+    """Go to the explorer's address in which this parameter has this text."""
     State(planes.two_kicks()).go({name: text})
 
 
@@ -96,7 +96,7 @@ STORED = '{"name": "plane", "axes": {}, "origin": [%s, 0], "first": [1, 0], "sec
         "" if callable(value) else repr(value)[:20] if isinstance(value, str | bytes) else ""
     ),
 )
-def test_input_too_long_to_compute_is_refused_at_once_in_a_sentence(read, text, words):
+def test_input_too_long_to_compute_is_refused_at_once_in_one_sentence(read, text, words):
     with pytest.raises((ValueError, click.BadParameter)) as refused:
         read(text)
     said = str(refused.value)
@@ -107,12 +107,12 @@ def test_input_too_long_to_compute_is_refused_at_once_in_a_sentence(read, text, 
 
 @pytest.mark.parametrize("text", ["0.3819660112501051", "0.5" + 30 * "0", "0." + DIGITS])
 @pytest.mark.parametrize("whole", ["", "-", "12345"])
-def test_of_a_decimal_number_no_more_digits_are_taken_than_floats_have(text, whole):
+def test_only_as_many_digits_of_a_decimal_number_are_used_as_floats_have(text, whole):
     noble, _ = named_by(whole + text)
     assert float(numbers.parse(noble)) == pytest.approx(float(whole + text), rel=1e-14)
 
 
-def test_numbers_of_a_file_are_read_however_long_its_words_are():
+def test_numbers_in_a_file_are_read_however_long_they_are():
     assert numbers_in(DIGITS.encode()) == [float("inf")]
 
 
@@ -132,7 +132,7 @@ def test_a_fraction_is_read_as_it_is_written(value, form):
         ("7" * 100 + "/" + "9" * 100, Fraction(int("7" * 100), int("9" * 100))),
     ],
 )
-def test_decimal_numbers_are_exact(text, value):
+def test_decimal_numbers_are_read_exactly(text, value):
     assert texts.parse_fraction(text) == checks.exact_fraction(text) == value
 
 

@@ -1,4 +1,4 @@
-"""Ripples and random forcings against constant kicks: responses, laws, and rules that say no."""
+"""Ripples and random forcings against constant kicks: responses, laws, findings that can fail."""
 
 import numpy as np
 import pytest
@@ -15,8 +15,8 @@ from workflows.tolerance import response, study
 GAMMA = float(parse("gamma"))
 
 
-def test_residues_of_golden_orbits_respond_as_differences_say():
-    """Of all kicks, against residues of other constant kicks; and to a ripple of three kicks.
+def test_residues_of_golden_orbits_respond_as_finite_differences_show():
+    """To a change of all kicks, against residues of constant kicks; and to a ripple of three kicks.
 
     Of the minimax orbits 2/3 of (1, 1, 1), one for each phase, the last to be eliminated is the one
     that the ripple moves down; periodic.residue finds the minimax over all.
@@ -31,7 +31,7 @@ def test_residues_of_golden_orbits_respond_as_differences_say():
     assert min(abs(moved - each) for each in phases) < 1e-3 * max(np.abs(phases))
 
 
-def test_ripples_have_rms_one_over_their_mean_and_come_in_three_shapes():
+def test_ripples_have_rms_one_about_their_mean_and_come_in_three_shapes():
     for shape, d, profile in study.ripples(False):
         assert (profile.mean(), profile.std()) == pytest.approx((1, d))
         assert shape == "cosine" or profile.size in (4, 6, 8)
@@ -39,8 +39,8 @@ def test_ripples_have_rms_one_over_their_mean_and_come_in_three_shapes():
     assert study.ripple(4, "one kick") * 3**0.5 == pytest.approx([3, -1, -1, -1])
 
 
-def test_ripples_come_back_to_their_phases_and_circles_are_renormalised():
-    """The golden circle is its own image, per kick, and another one nearer to it than before."""
+def test_ripples_return_to_their_phases_and_circles_are_renormalised():
+    """The golden circle is its own image per kick; another circle is nearer to it than before."""
     steps = [len(response.modes(n)) * response.steps(n) for n in study.PERIODS]
     assert steps == [3, 4, 6, 10, 12, 8, 12]
     for n, circle in {2: "[0;1,3,4,2,(1)]", 3: "[1;6,1,5,(1)]", 7: "[2;1,1,3,5,2,(1)]"}.items():
@@ -51,7 +51,7 @@ def test_ripples_come_back_to_their_phases_and_circles_are_renormalised():
 
 
 def test_the_law_of_alternating_ripples_is_settled():
-    """By last circles, and those that are made of them."""
+    """By the last circles, and by those that are computed from them."""
     ripples = [("cosine", d, 1 + d * study.ripple(2)) for d in (1e-2, 1e-3)]
     circles = [str(barriers.critical_scale(profile, 1e-3).omega) for *_, profile in ripples]
     laws = study.laws(xr.Dataset(coords=labels(ripples, "") | {"circle": ("forcing", circles)}))
@@ -62,7 +62,7 @@ def test_the_law_of_alternating_ripples_is_settled():
 
 
 def test_forcings_against_constant_kicks_of_the_same_strength():
-    """The breakup of (1.1, 0.9) is at 0.66 in rms; of constant kicks a start survives at κ_G."""
+    """(1.1, 0.9) breaks up at an rms of 0.66; under constant kicks a start survives at κ_G."""
     ripple = np.array([1.1, 0.9]) / np.hypot(1.1, 0.9) * 2**0.5
     assert 0.66173460 < scale_without_barrier(ripple, KAPPA_G) <= 1.001 * KAPPA_G
     assert scale_without_barrier(np.ones(1), 0.97) == np.inf
@@ -74,8 +74,11 @@ def test_forcings_against_constant_kicks_of_the_same_strength():
 
 
 def results(measured, upper):
-    """What `findings` and the figure take, if the golden circle's loss has these exponents, and
-    random forcings and, the last, a climb these bounds."""
+    """Arguments of `findings` and of the figure.
+
+    `measured` are exponents of the golden circle's loss, and `upper` bounds of random forcings and,
+    last, of a climb.
+    """
     ripples = [("cosine", d, 1 + d * study.ripple(2)) for d in (1e-3, 1e-2)]
     cube = xr.Dataset(coords=labels(ripples, "")).assign(loss=("forcing", [0.02, 0.09]))
     law = {"measured": measured, "predicted": [0.64, 0.5]}
@@ -105,7 +108,7 @@ def test_findings_on_ripples_are_judged_by_the_numbers():
 
 
 def test_only_forcings_with_a_barrier_are_drawn_beyond_constant_kicks():
-    """Only one under which a barrier is left stands beyond it."""
+    """Only a forcing under which a barrier is left is drawn beyond them."""
     for beyond in (0, 1):
         upper = [0.7, 1.001, 1.001, *beyond * [np.inf], 1.001]
         _, strengths = draw_tolerance(*results([0.64, 0.5], upper)).axes
@@ -118,7 +121,7 @@ def test_only_forcings_with_a_barrier_are_drawn_beyond_constant_kicks():
         assert climbs.get_xdata() <= 1
 
 
-def test_what_is_not_found_and_what_is_equal_is_said_in_words():
+def test_missing_values_and_equal_values_are_described_in_words():
     said = said_of([0.64, 0.5], [0.7, 1.001])
     assert "P = none" not in said
     assert span(np.array([11.2, 10.8])) == "11"

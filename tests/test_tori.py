@@ -26,7 +26,7 @@ def torus():
     return tori.invariant_torus(*TRIBONACCI, *HALF)
 
 
-def test_without_an_amplitude_the_torus_is_the_circle_of_the_standard_map():
+def test_at_zero_amplitude_the_torus_is_the_circle_of_the_standard_map():
     torus = tori.invariant_torus(GAMMA, np.e, 0.9, 0.0)
     circle = circles.invariant_circle(GAMMA, (0.9,))
     assert torus.certified
@@ -35,7 +35,7 @@ def test_without_an_amplitude_the_torus_is_the_circle_of_the_standard_map():
     assert np.abs(rows - circle.u[0, :: circle.u.shape[1] // 64]).max() < 1e-11
 
 
-def test_circles_of_all_phases_are_the_torus_of_a_rational_frequency():
+def test_the_circles_of_all_phases_form_the_torus_of_a_rational_frequency():
     # u(θ + jω, φ0 + j/3) is site j of the circle of T³ with phase φ0.
     mean, amplitude, n = 0.1, 0.1, 512
     u, omega, worst = np.empty((24, n)), float(GAMMA), 0.0
@@ -51,7 +51,7 @@ def test_circles_of_all_phases_are_the_torus_of_a_rational_frequency():
     assert np.abs(tori.residual(omega, 1 / 3, mean, amplitude, u)).max() < 2 * worst < 1e-8
 
 
-def test_half_a_turn_more_of_both_is_the_same_torus_where_the_mean_is_zero():
+def test_at_zero_mean_half_a_turn_added_to_omega_and_frequency_gives_the_same_torus():
     omega, frequency = TRIBONACCI
     one = tori.invariant_torus(omega, frequency, 0.0, 0.3)
     two = tori.invariant_torus(omega + 0.5, frequency + 0.5, 0.0, 0.3)
@@ -60,14 +60,14 @@ def test_half_a_turn_more_of_both_is_the_same_torus_where_the_mean_is_zero():
     assert np.abs(one.u - two.u).max() < 1e-8
 
 
-def test_the_torus_is_odd_and_a_negative_amplitude_is_half_a_turn_of_phase(torus):
+def test_the_torus_is_odd_and_a_negative_amplitude_shifts_its_phase_by_half_a_turn(torus):
     mirrored = np.roll(torus.u[::-1, ::-1], (1, 1), axis=(0, 1))
     assert np.abs(torus.u + mirrored).max() < 1e-9
     other = tori.invariant_torus(*TRIBONACCI, HALF[0], -HALF[1]).u
     assert np.abs(np.roll(torus.u, len(torus.u) // 2, axis=0) - other).max() < 1e-9
 
 
-def test_orbits_stay_on_the_torus_and_measure_its_rotation_vector(torus):
+def test_orbits_stay_on_the_torus_and_rotate_as_it_does(torus):
     n, phase = 5000, 3  # kicks, and the row of the start
     turns = phase / len(torus.u) + np.arange(n) * torus.frequency
     kappa = torus.mean + torus.amplitude * np.cos(2 * np.pi * turns)
@@ -94,7 +94,7 @@ def test_newton_error_squares():
 
 @pytest.mark.parametrize("n_max", [2**14, 2**16])  # n = 256 and 1024
 def test_circles_past_kappa_g_are_refused_as_tori(n_max):
-    # On 1024 points a Newton's method that looks at no modes but its own converges at 0.97251.
+    # On 1024 points, a Newton's method that checks only its own modes converges at 0.97251.
     vector, mean = (float(GAMMA), np.e), 0.97251
     torus = tori.invariant_torus(*vector, mean, 0.0, n_max)
     assert torus.status in (Status.TOO_FEW_MODES, Status.NO_CIRCLE, Status.NOT_CERTIFIED)
@@ -121,13 +121,13 @@ def test_a_resonant_vector_has_no_torus(omega, frequency):
     assert np.isnan([found.value, found.error, found.lower]).all()
 
 
-def test_where_the_circle_breaks_the_torus_without_an_amplitude_breaks():
+def test_the_torus_of_zero_amplitude_breaks_where_the_circle_does():
     found = tori.critical_scale(GAMMA, np.e, 1.0, 0.0, 0.02)
     assert abs(found.value - KAPPA_G) < found.error < 0.02
     assert 0.9 < found.lower < KAPPA_G
 
 
-def test_a_torus_one_per_cent_below_its_breakup_is_certified_from_nothing():
+def test_a_torus_one_per_cent_below_its_breakup_is_certified_by_continuation_from_zero():
     n_max = tori.TorusSettings().max_points
     assert tori.invariant_torus(*TRIBONACCI, *(0.322 * ray(45)), n_max).certified
 
@@ -142,14 +142,14 @@ def test_a_torus_one_per_cent_below_its_breakup_is_certified_from_nothing():
         ),
     ],
 )
-def test_tori_are_certified_close_to_where_residues_of_a_long_orbit_say(angle, tol, known):
+def test_tori_are_certified_close_to_the_breakup_by_residues_of_a_long_orbit(angle, tol, known):
     found = tori.critical_scale(*TRIBONACCI, *ray(angle), tol)
     residue = periodic.torus_scale("3136/5768", "4841/5768", *ray(angle))
     assert known < found.lower < found.value
     assert abs(found.value - residue.value) < found.error + residue.error
 
 
-def test_graphs_persist_where_a_torus_is_certified_and_not_far_beyond():
+def test_invariant_graphs_persist_where_a_torus_is_certified_and_are_excluded_far_beyond():
     n = np.arange(-100, 101)
     kappa = ray(45)[0] + ray(45)[1] * np.cos(2 * np.pi * n * TRIBONACCI[1])
     lives = [aperiodic.longest_lived(scale * kappa, 0.0, 100)[2] for scale in (0.3, 0.6)]
@@ -157,13 +157,13 @@ def test_graphs_persist_where_a_torus_is_certified_and_not_far_beyond():
     assert lives[1] < 60
 
 
-# Periods, where their last circles break by residues or continuation, and how far above that no
-# graph is left: without a symmetry minimizing orbits cross the lines.
+# Periods, the breakups of their last circles by residues or continuation, and the relative distance
+# above which no graph is left: without a symmetry, minimizing orbits cross the lines.
 KNOWN = ((1.0,), KAPPA_G, 0.01), ((0.3, 0.2, 0.25), 1.79656, 0.05)
 
 
 @pytest.mark.parametrize("case", thirds(KNOWN))
-def test_a_sequence_that_repeats_loses_its_graphs_past_the_breakup(case):
+def test_for_repeated_kicks_invariant_graphs_are_excluded_past_the_breakup(case):
     period, breakup, above = case
     kappa = np.tile(period, 601)
     upper = aperiodic.critical_scale(kappa).upper
@@ -171,12 +171,12 @@ def test_a_sequence_that_repeats_loses_its_graphs_past_the_breakup(case):
     assert aperiodic.last_survivor(0.99 * breakup * kappa).kicks == np.inf
 
 
-def test_strong_random_kicks_exclude_graphs_and_name_the_last_start():
+def test_strong_random_kicks_exclude_graphs_and_identify_the_longest_lived_start():
     kappa = np.random.default_rng(20).uniform(0.8, 1.8, 300)
     last = aperiodic.last_survivor(kappa)
     site, reach = last.site, int(last.kicks)
     assert reach < 20
-    for less, life in ((0, reach), (1, np.inf)):  # the kicks told do it alone, fewer do not
+    for less, life in ((0, reach), (1, np.inf)):  # these kicks alone suffice, fewer do not
         first, end = max(site - reach + less, 0), site + reach - less
         alone = aperiodic.elimination_time(kappa[first:end], 0.0, site - first, [last.x], [last.y])
         assert alone == life
@@ -197,7 +197,7 @@ def test_searches_that_disagree_give_no_bound(monkeypatch):
     assert np.isnan(found.upper)
 
 
-def test_without_an_amplitude_the_last_torus_is_the_golden_circle():
+def test_at_zero_amplitude_the_last_torus_is_the_golden_circle():
     found, omega = last_torus.last_critical_scale(2**0.5 - 1, 1.0, 0.0, 4000)
     assert found.lower < KAPPA_G < found.upper < 1.05 * found.lower
     assert omega == pytest.approx((3 - 5**0.5) / 2, abs=0.05)

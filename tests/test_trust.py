@@ -14,12 +14,12 @@ NAN = float("nan")
 
 @pytest.fixture
 def page(monkeypatch):
-    """A function that imports a module of the site."""
+    """Return a function that imports a module of the site."""
     monkeypatch.syspath_prepend(Path(__file__).parents[1] / ".docs")
     return import_module
 
 
-def test_a_ratio_above_one_breaks_a_promise_and_nan_is_no_answer(page):
+def test_a_ratio_above_one_breaks_a_promise_and_nan_counts_as_no_answer(page):
     ratio = xr.DataArray([0.5, 1.5, NAN, 2.0])
     seen = page("studies").by_ratio(barriers.critical_scale, "value", "rays", ratio)
     assert (seen.asked, seen.answered, seen.broken, seen.worst) == (4, 3, 2, 2.0)
@@ -64,7 +64,7 @@ def test_each_measured_row_names_a_method_of_nasm_and_counts_no_more_than_it_ask
             assert (float(row["worst ratio"]) > 1) == (int(row["broken"]) > 0)
 
 
-def test_a_row_of_other_code_is_called_outdated(page):
+def test_a_row_measured_with_other_code_is_outdated(page):
     trust = page("measure_trust")
     row = {"method": "nasm.critical_scale", "code": trust.code_of(barriers.critical_scale)}
     assert not trust.has_changed(row)

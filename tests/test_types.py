@@ -1,4 +1,4 @@
-"""Public functions and methods say what they take and return."""
+"""Public functions and methods have annotated parameters and results."""
 
 import inspect
 from importlib import import_module

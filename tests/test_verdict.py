@@ -43,7 +43,7 @@ def test_verdicts_agree_with_the_boundary_on_both_sides(boundary, distance):
     assert outside.boundary.omega == inside.boundary.omega
 
 
-def test_on_the_boundary_a_verdict_is_undecided_and_tells_the_bracket():
+def test_on_the_boundary_a_verdict_is_undecided_and_states_the_bracket():
     value = barriers.critical_scale((1.0, 1.0), 1e-3).value
     found = verdict((value, value))
     assert (found.answer, found.circle) == (Answer.UNDECIDED, None)
@@ -71,7 +71,7 @@ def test_a_forcing_without_symmetry_gets_a_verdict(case):
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e-310, pytest.param(5e-324, marks=pytest.mark.slow)])
-def test_the_weakest_kicks_leave_a_circle_and_no_infinite_boundary(size):
+def test_under_the_weakest_kicks_a_circle_exists_and_the_boundary_is_not_infinite(size):
     found = verdict((size, 0.0))
     assert (found.answer, found.evidence) == (Answer.BARRIER, Evidence.CIRCLE)
     if size == 1e-300:
@@ -82,22 +82,22 @@ def test_the_weakest_kicks_leave_a_circle_and_no_infinite_boundary(size):
 
 
 @pytest.mark.parametrize("kappa", [(2.0, 0.0), (0.1, -3.0), (MAX_STRENGTH, -MAX_STRENGTH)])
-def test_a_strength_of_two_leaves_no_circle(kappa):
+def test_no_circle_exists_from_a_strength_of_two_on(kappa):
     found = verdict(kappa)
     assert (found.answer, found.steps) == (Answer.TRANSPORT, 0.5)
 
 
 @pytest.mark.slow
-def test_next_to_a_cusp_the_points_themselves_still_decide():
+def test_close_to_a_cusp_the_point_itself_still_decides():
     inside, outside = verdict((0.9, 0.9000001)), verdict((1.0, 1.0000001))
     assert np.isnan(inside.boundary.value)
     assert inside.boundary.status is outside.boundary.status is Status.NEAR_CUSP
     assert (inside.answer, outside.answer) == (Answer.BARRIER, Answer.TRANSPORT)
 
 
-# 20 CPU seconds would be used up to prove barriers further out on the ray.
+# By default, up to 20 CPU seconds would be spent on proofs of barriers further out on the ray.
 SHORT_PROOFS = VerdictSettings(proof_seconds=1.0)
-# Only the first look at the boundary: a verdict that fails takes 0.2 s, not 4.
+# Only the first of the default tolerances: a verdict that fails takes 0.2 s instead of 4 s.
 ONE_TOLERANCE = VerdictSettings(tols=(1e-3,))
 
 
@@ -109,22 +109,22 @@ def test_without_a_certified_circle_there_is_no_barrier(monkeypatch, kappa):
 
     monkeypatch.setattr(circles, "invariant_circle", failing)
     monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
-    monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)  # which asks long for others
+    monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)  # avoids long tests of others
     found = verdict(kappa, settings=ONE_TOLERANCE)
     assert (found.answer, found.evidence) == (Answer.UNDECIDED, Evidence.NONE)
 
 
-def test_a_circle_further_out_is_a_barrier_on_an_assumption(monkeypatch):
+def test_a_circle_further_out_is_a_barrier_under_an_assumption(monkeypatch):
     monkeypatch.setattr(continuation, "certified_circle", lambda *given: (given[2], None))
     assert verdict((0.526, 0.69), settings=ONE_TOLERANCE).evidence is Evidence.CIRCLE_BEYOND
 
 
-def test_starts_that_never_go_leave_no_verdict(monkeypatch):
+def test_if_starts_are_never_eliminated_the_verdict_is_undecided(monkeypatch):
     monkeypatch.setattr(symmetry_line, "longest_lived", lambda kappa, n_max: (0.2, np.inf))
     assert verdict((1.2, 0.9), settings=ONE_TOLERANCE).answer is Answer.UNDECIDED
 
 
-def test_converse_kam_against_a_certified_circle_is_no_verdict(monkeypatch):
+def test_converse_kam_that_contradicts_a_certified_circle_gives_no_verdict(monkeypatch):
     monkeypatch.setattr("nasm.survivors.eliminates", lambda kappa, n_max: True)
     found = verdict((0.3, 0.4), settings=ONE_TOLERANCE)
     assert found.boundary.lower > 1
@@ -146,7 +146,7 @@ def test_without_residues_only_the_point_itself_decides(monkeypatch):
         ((-0.75, 0.6), Evidence.TRANSPORT_PROVED),
     ],
 )
-def test_a_proof_is_evidence_of_its_own(kappa, evidence):
+def test_a_proof_is_its_own_kind_of_evidence(kappa, evidence):
     found, sampled = verdict(kappa, prove=True, settings=SHORT_PROOFS), verdict(kappa)
     assert found.evidence is evidence
     assert found.proof.proved
@@ -199,7 +199,7 @@ def test_the_answer_in_words_and_as_a_figure(monkeypatch, tmp_path, point, told)
     assert (tmp_path / f"out/{name}.txt").read_text(encoding="utf-8") in result.output
 
 
-def test_strengths_and_a_point_of_a_plane_ask_the_same(tmp_path, monkeypatch):
+def test_strengths_and_a_point_of_a_plane_ask_the_same_question(tmp_path, monkeypatch):
     kappas, found = [], verdict((0.3, 0.3, 0.3))
     seen = "workflows.ask.period.verdict", lambda kappa, prove: kappas.append(tuple(kappa)) or found
     monkeypatch.setattr(*seen)
@@ -212,7 +212,7 @@ def test_strengths_and_a_point_of_a_plane_ask_the_same(tmp_path, monkeypatch):
     assert len(list(tmp_path.glob("ask_*.png"))) == 2
 
 
-def test_kicks_that_come_once_get_an_answer_of_their_own(tmp_path):
+def test_an_aperiodic_forcing_gets_an_answer_of_its_own(tmp_path):
     kicks = str(tmp_path / "kicks.txt")
     np.savetxt(kicks, np.random.default_rng(1).uniform(1, 1.5, 70))
     said = invoke("ask", tmp_path, "--once", kicks).output
@@ -249,7 +249,7 @@ def test_an_answer_names_its_forcing_and_the_unit_of_its_rotation_number(kappa, 
 
 
 def finite(digits):
-    """The value of a continued fraction that ends."""
+    """Return the value of a finite continued fraction."""
     value = Fraction(digits[-1])
     for digit in digits[-2::-1]:
         value = digit + 1 / value
@@ -257,7 +257,7 @@ def finite(digits):
 
 
 @pytest.mark.parametrize("kappa", [(2.0,), (1.2, 0.9), (2.0, 0.0), (0.9, 0.4, 0.7, 0.4)])
-def test_lifetimes_are_whole_kicks(kappa):
+def test_lifetimes_are_whole_numbers_of_kicks(kappa):
     found = verdict(kappa)
     (line,) = [line for line in sentences(np.array(kappa), None, found) if "eliminates" in line]
     (kicks,) = re.findall(r"after (\d+) kicks?\.", line)
@@ -279,7 +279,7 @@ def test_lifetimes_are_whole_kicks(kappa):
         (np.nan, np.inf, ("", "")),
     ],
 )
-def test_a_bracket_has_the_digits_of_its_width_and_is_rounded_outwards(lower, upper, texts):
+def test_a_bracket_has_digits_to_match_its_width_and_is_rounded_outwards(lower, upper, texts):
     boundary = CriticalScale(np.nan, np.nan, lower, upper, None, Status.OK)
     assert bracket_of(boundary) == texts
 
@@ -288,12 +288,12 @@ def drawn(kappa):
     return period.drawn(np.array(kappa), None, verdict(kappa), None)
 
 
-def test_a_verdict_of_transport_is_drawn_as_dots_and_no_line():
+def test_a_verdict_of_transport_is_drawn_as_dots_without_a_line():
     figure = drawn((1.0, 1.0))
     (told,) = [line for line in figure.axes[0].lines if "not a barrier" in line.get_label()]
     assert (told.get_ls(), told.get_mfc()) == ("None", "black")
     width = figure.axes[0].get_window_extent().width * 72 / figure.dpi
-    assert told.get_xdata().size * told.get_ms() < 0.8 * width  # points; no row of them is a line
+    assert told.get_xdata().size * told.get_ms() < 0.8 * width  # dots do not merge into a line
     assert all(line.get_ls() == "None" for line in figure.axes[0].lines)
 
 
@@ -307,6 +307,6 @@ def test_the_circle_is_drawn_over_the_whole_period():
 
 
 @pytest.mark.slow
-def test_starts_that_survive_long_beyond_bands_are_eliminated_by_more_steps():
+def test_starts_that_survive_longer_beyond_bands_of_breakup_are_eliminated_by_more_steps():
     answer = verdict(0.62708 * np.array((1, 0.63, 1)))
     assert (answer.answer, answer.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)

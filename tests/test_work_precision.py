@@ -1,4 +1,4 @@
-"""Speed against accuracy: errors fall as they should, and every method knows its own."""
+"""Speed against accuracy: errors fall as they should, and every method estimates its own."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ EFFORTS = {
     "residue": [30, 100, 300, 1000],
     "barriers": [1e-2, 3e-3, 1e-3],
 }
-ORDERS = {  # in the effort, within a margin
+ORDERS = {  # order in the effort, and its margin
     "converse KAM, upper bound": (-1, 0.1),
     "residue, last crossing": (-2, 0.25),
     "last certified circle": (-1, 0.25),
@@ -28,13 +28,13 @@ ORDERS = {  # in the effort, within a margin
 
 @pytest.mark.parametrize("rays", thirds([("0", "30"), ("0", "three-kicks")]))
 def test_errors_fall_with_effort_and_their_estimates_cover_them(rays, monkeypatch):
-    """Of the better methods on two rays, with and without a symmetry, with small efforts."""
+    """Of the better methods, on two rays with and without a symmetry, at small efforts."""
     for name, efforts in EFFORTS.items():
         monkeypatch.setattr(METHODS[name], "efforts", efforts)
     monkeypatch.setattr(measure, "timed", lambda run, *arguments: (run(*arguments), 1.0))
     measured = measure.measure(rays, [*EFFORTS], quick=False, show=bool)
     place = measured.method.values.tolist().index
-    off = abs(float(measured.value[0]) / (KAPPA_G / 2) - 1)  # of the judge
+    off = abs(float(measured.value[0]) / (KAPPA_G / 2) - 1)  # error of the judge
     assert off <= float(measured.judge_error[0]) < 1e-11
     for name, (order, margin) in ORDERS.items():
         assert measure.order(measured, place(name)) == pytest.approx(order, abs=margin)

@@ -24,8 +24,10 @@ from pipeline.sweep.sweep import sweep
 
 
 def cube(rows=10, columns=13, tile=3, **settings):
-    """Two variables over (row, column), one of them with a further dimension that is not tiled; and
-    a coordinate of each cell, which is known."""
+    """Return the Cube of two variables over (row, column), and of a coordinate of each cell.
+
+    One variable has a further dimension, which is not tiled. The coordinate is known in advance.
+    """
     coords = {
         "part": np.arange(2),
         "row": np.linspace(0, 1, rows),
@@ -40,14 +42,14 @@ def cube(rows=10, columns=13, tile=3, **settings):
 
 
 def job(*args, compute=None, predict=None, **settings):
-    """The Job of `cube`, by other functions if they are given."""
+    """Return the Job of `cube`, with other functions if they are passed."""
     plan = cube(*args, **settings)
     functions = compute or globals()["compute"], predict or globals()["predict"], no_warm_up
     return of_one_code(Job(plan, *functions))
 
 
 def of_one_code(job):
-    """The job as if its functions were all of nasm: tests exchange them in one cube."""
+    """Return the job as if its functions were all of nasm: tests exchange them in one cube."""
     vars(job)["code"] = EVERYTHING
     return job
 
@@ -71,8 +73,8 @@ def compute(coords, settings):
 
 
 COMPUTED = []  # first coordinates of tiles, in the order in which `watched` computed them
-EVENTS = {}  # what is to happen before it computes the tile of that number
-_ONE_BY_ONE = Lock()  # the other worker commits at most the tile that it has during an event
+EVENTS = {}  # {number of a tile: function called before `watched` computes it}
+_ONE_BY_ONE = Lock()  # during an event the other worker commits at most its current tile
 
 
 def watched(coords, settings):
@@ -83,7 +85,7 @@ def watched(coords, settings):
 
 
 def watched_sweep(client, place, plan, events=()):
-    """A sweep by workers in this process, during which events may happen; see COMPUTED after it."""
+    """Sweep with workers in this process, during which events may happen; fills COMPUTED."""
     COMPUTED.clear()
     EVENTS.clear()
     EVENTS.update(events)
@@ -92,7 +94,7 @@ def watched_sweep(client, place, plan, events=()):
 
 @contextmanager
 def workers_here():
-    """What `connect` yields, of a Client whose two workers are threads of this process."""
+    """Yield what `connect` yields, for a Client whose two workers are threads of this process."""
     how = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "protocol": "tcp"}
     how |= {"processes": False, "n_workers": 1, "threads_per_worker": 2}
     # The preload of `connect` is for processes.
@@ -106,19 +108,19 @@ def predict(coords, settings):
 
 
 def serial(plan):
-    """The whole cube computed at once."""
+    """Compute the whole cube at once."""
     coords = {name: coordinate.values for name, coordinate in plan.template.coords.items()}
     return compute(coords, {})
 
 
 def records(place):
-    """The commit records of `cube`, CPU seconds of each tile."""
+    """Return the commit records of `cube`: the CPU seconds of each tile."""
     objects = ObjectStore(place.objects("toy"), read_only=True)
     return xr.open_zarr(objects, group="tiles").commit[0]
 
 
 def run(client, out, plan, wanted=None, **functions):
-    """Sweep the cube into a place that is free, silently; returns what the sweep does."""
+    """Sweep the cube silently into a place that no driver uses; return the result of `sweep`."""
     place, job = store.place_of(out), Job(plan, compute, predict, no_warm_up)
     job = of_one_code(replace(job, **functions))
     with store.driver_lock(place):
@@ -126,7 +128,7 @@ def run(client, out, plan, wanted=None, **functions):
 
 
 def assert_complete(out, plan):
-    """The cube holds in every cell what a serial computation gives, and verify finds no damage."""
+    """Assert that every cell equals that of a serial computation and verify finds no damage."""
     cube = store.read(store.place_of(out), plan.name)
     for name, values in serial(plan).items():
         assert np.array_equal(cube[name].values, values)
@@ -136,7 +138,7 @@ def assert_complete(out, plan):
 
 
 def commit_times(out):
-    """{path: time} of the commit records that lie in a directory, but for those being written."""
+    """Return {path: time} of the commit records in a directory, except those being written."""
     records = (out / "toy.zarr/tiles/commit/c/0").glob("*/*")
     return {path: path.stat().st_mtime_ns for path in records if "#" not in path.name}
 
@@ -149,7 +151,7 @@ def wait_until(condition, patience=60):
 
 
 def kept_memory():
-    """Megabytes that this process keeps of 128 that it needed for a while."""
+    """Return how many of 128 temporarily used megabytes this process keeps."""
 
     def resident():
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -160,12 +162,12 @@ def kept_memory():
 
 
 def peak_memory():
-    """Bytes that this process had at most; getrusage would count its parent's."""
+    """Return the peak memory of this process in bytes; getrusage would count its parent's."""
     return 1024 * int(re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())[1])
 
 
 def line(n_tiles):
-    """The Job of tiles in a row, of 2 kB each, that cost nothing."""
+    """Return the Job of tiles in a row, of 2 kB each, that cost nothing to compute."""
     coords = {dim: xr.Variable(dim, np.arange(n)) for dim, n in (("tile", n_tiles), ("cell", 256))}
     template = xr.Dataset({"level": blank(coords, "level")}, coords)
     return Job(Cube("line", template, {"tile": 1}, {}), level, nothing, no_warm_up)

@@ -1,4 +1,4 @@
-"""What the kernels are made of: their cache on disk, vectors, the sine, double-double numbers."""
+"""Building blocks of kernels: their cache on disk, vectors, the sine, double-double numbers."""
 
 import lazy_loader
 

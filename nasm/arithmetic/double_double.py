@@ -3,11 +3,11 @@
     x = x_hi + x_lo,   |x_lo| ≤ ulp(x_hi)/2
 
 Sums and products consist of error-free transformations: a + b = s + e and a·b = p + e exactly, with
-s and p the rounded results (Knuth; Dekker; here with fma). If rounding has reduced the digits of a
-long computation in floats, its last steps in this arithmetic restore them.
+s and p the rounded results (Knuth; Dekker; here with fma). If a long computation in floats has lost
+digits to rounding, its last steps in this arithmetic restore them.
 
-`add`, `multiply` and `sincos_2pi` exist inside `numba.njit` functions only, and take and return
-pairs (hi, lo).
+`add`, `multiply` and `sincos_2pi` take and return pairs (hi, lo); they are written for functions of
+`numba.njit`.
 """
 
 from fractions import Fraction
@@ -20,7 +20,7 @@ from nasm.arithmetic.lanes import fma, rint
 __all__ = ["add", "divided", "multiply", "pair", "sincos_2pi"]
 
 
-# To twice the digits of a pair.
+# With twice as many digits as a pair.
 EXACT_PI = Fraction("3.1415926535897932384626433832795028841971693993751058209749445923")
 
 
@@ -45,7 +45,7 @@ def _taylor(first):
     )
 
 
-_FIRST_FLOAT = 5  # the first coefficient that is a float
+_FIRST_FLOAT = 5  # index of the first coefficient that is used as a float
 _SIN, _COS = _taylor(1), _taylor(0)
 INVERSE_TWO_PI = pair(1 / (2 * EXACT_PI))
 
@@ -86,7 +86,7 @@ def divided(a, b):
 
 @njit
 def _polynomial(coefficients, square):
-    """Evaluate to 1e-23, for which terms below 1e-7 are floats."""
+    """Evaluate to 1e-23, for which floats suffice in terms below 1e-7."""
     low = coefficients[len(coefficients) - 1][0]
     for k in range(len(coefficients) - 2, _FIRST_FLOAT - 1, -1):
         low = low * square[0] + coefficients[k][0]

@@ -1,22 +1,22 @@
 """Compiled kernels, kept on disk: each is compiled once per machine, not once per process.
 
-`@kernel` is Numba's `njit(nogil=True)` with Numba's own cache on disk, and three more promises.
+`@kernel` is Numba's `njit(nogil=True)` with Numba's own cache on disk, and three more guarantees.
 
 - *Never stale.* Numba checks whether the file of a kernel has changed; but the code of other files
-  is compiled into it. Here the directory is named by a digest of all sources of this package and of
-  the version of rocket-fft; Numba keys by its own version, the processor and the types. So every
+  is compiled into it. Here the directory is named after a digest of all sources of this package and
+  the version of rocket-fft; Numba's own keys are its version, the processor and the types. So every
   version has its own directory. A process whose sources have been edited or upgraded since it
   imported them may contain code of both versions: it neither loads kernels nor keeps them.
 - *Many processes.* If several need a missing kernel, one compiles it, and the others wait and load
-  it: a lock is held until the kernel is kept. On a file system without locks each may compile it;
-  files are replaced atomically, so none is spoilt.
-- *No harm.* If nothing can be written or read, on a full disk, or from a damaged file, a kernel is
-  compiled as without a cache; from a directory that cannot be written kernels are read. Each file
-  ends with a digest of its content: machine code with one bit changed would crash every process
-  that loads it. A kernel runs with the rights of its user: directories and files that belong to
-  others than this user or root, or that others can write, are not used.
+  it: a lock is held until the kernel is stored. On a file system without locks each may compile it;
+  files are replaced atomically, so none is corrupted.
+- *No harm.* If a file cannot be written or read, because the disk is full or the file is damaged, a
+  kernel is compiled as without a cache; kernels are still read from a directory that cannot be
+  written. Each file ends with a digest of its content: machine code with one bit changed would
+  crash every process that loads it. A kernel runs with the rights of its user: directories and
+  files that belong to anyone but this user or root, or that others can write, are not used.
 
-The directory is in NUMBA_CACHE_DIR if that is set, else in the user's folder of caches. Only
+The directory is in NUMBA_CACHE_DIR if that is set, else in the user's cache folder. Only
 functions that Python calls are kernels; what they call is compiled into them (`njit` alone).
 """
 
@@ -65,7 +65,7 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     function : callable
         The function; None for a decorator with options.
     **options
-        Those of `numba.njit`.
+        Options of `numba.njit`.
 
     Returns
     -------
@@ -82,12 +82,12 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         return partial(kernel, **options)
     dispatcher = njit(nogil=True, **options)(function)
     if directory() is not None:
-        dispatcher._cache = _Cache(function)  # what cache=True does, with a cache of ours
+        dispatcher._cache = _Cache(function)  # what cache=True does, with our own cache
     return dispatcher
 
 
 def begin_without_scipy() -> None:
-    """Load what Numba loads with the first kernel, but not scipy.fft and scipy.linalg, half of it.
+    """Load what Numba loads with the first kernel, except scipy.fft and scipy.linalg (half of it).
 
     Call it in programs; no module calls it on import. Numba then compiles neither np.cov nor
     scipy.fft, which no kernel of nasm calls.
@@ -103,13 +103,13 @@ def begin_without_scipy() -> None:
 
 @cache
 def directory() -> Path | None:
-    """Return the directory of the kernels of these sources, and make it if necessary.
+    """Return the directory of the kernels of these sources, and create it if necessary.
 
     Returns
     -------
     Path or None
-        None if it cannot be made, or if others than this user can write it, of which a warning is
-        issued once.
+        None if it cannot be created, or if somebody other than this user can write it; a warning
+        about the latter is issued once.
     """
     digest = sources.digest()
     digest.update(version("rocket-fft").encode())
@@ -186,7 +186,7 @@ class _Files(IndexDataCacheFile):
     """Numba's files of a function: an index, and one for each of its types; OSError if damaged."""
 
     def _data_name(self, number):
-        # Random: two processes without a lock keep two types in two files.
+        # Random, so that two processes without a lock store two types in two files.
         return super()._data_name(secrets.randbits(64))
 
     def _dump(self, obj):
@@ -212,7 +212,7 @@ class _Files(IndexDataCacheFile):
 def _check(path, start=0):
     """Raise OSError unless the file is this user's and undamaged.
 
-    From `start` on it ends with the digest of its content.
+    Its content from `start` on must end with the digest of what precedes.
     """
     with open(path, "rb") as file:
         if not _is_trusted(os.fstat(file.fileno())):
@@ -240,7 +240,7 @@ class _Cache(FunctionCache):
         with suppress(Exception):  # a damaged file may raise anything when it is unpickled
             if (overload := super().load_overload(sig, target_context)) is not None:
                 return overload
-        from filelock import FileLock  # 0.1 s to import, and mostly not needed
+        from filelock import FileLock  # 0.1 s to import, and rarely needed
 
         self._lock = self._lock or FileLock(f"{self._cache_file._index_path}.lock")
         with suppress(Exception):  # without the lock others may compile it too

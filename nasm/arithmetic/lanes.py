@@ -1,6 +1,6 @@
 """Lanes: 64 orbits in one value, for kernels that advance many orbits in lockstep.
 
-A `Lanes` is LLVM's vector <64 x double>, or <64 x float> of an array of float32. The compiler
+A `Lanes` is LLVM's vector <64 x double>, or <64 x float> for an array of float32. The compiler
 splits it over the registers that the machine has (8 of AVX-512, 16 of AVX2), and that many
 independent chains hide the latency of the arithmetic. Scalars would be at the mercy of the
 auto-vectoriser. `load_few` makes narrower lanes, for a kernel of many variables.
@@ -8,10 +8,10 @@ auto-vectoriser. `load_few` makes narrower lanes, for a kernel of many variables
 `+ - * /` work on lanes, and between lanes and a float, which fills all lanes. `fma`, `rint`,
 `fabs`, `copysign`, `maximum` and `minimum` take lanes or floats, so that one source of a formula
 compiles to both: a lane and the scalar code agree to the last bit, on every machine (a processor
-without fma falls back on a slow, equal, library call).
+without fma falls back on a slow library call with the same result).
 
-These names exist inside `numba.njit` functions only; so without the compiler, under
-NUMBA_DISABLE_JIT, an import of this module is an ImportError.
+These names work only inside `numba.njit` functions. Without the compiler, under NUMBA_DISABLE_JIT,
+importing this module raises an ImportError.
 """
 
 import operator
@@ -49,10 +49,10 @@ class _LanesModel(models.PrimitiveModel):
 
 
 def _filled(builder, value, vector):
-    """`value` itself if it is a vector, else a vector with the float in every lane."""
+    """Return `value` itself if it is a vector, else a vector with the float in every lane."""
     if value.type == vector:
         return value
-    if value.type != vector.element:  # a constant of a kernel among float32
+    if value.type != vector.element:  # a constant in a kernel of float32
         value = builder.fptrunc(value, vector.element)
     undefined = ir.Constant(vector, ir.Undefined)
     single = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
@@ -61,15 +61,17 @@ def _filled(builder, value, vector):
 
 
 def _result(arguments):
-    """Lanes if any argument is lanes, or their float type if all are of one; None (no match) for
-    any other types."""
+    """Return the type of a result: lanes if any argument is lanes, or the float type of all.
+
+    None (no match) for any other types.
+    """
     kinds = {a for a in arguments if a not in _ELEMENTS} or set(arguments)
     kind = kinds.pop()
     return None if kinds or not (isinstance(kind, _LanesType) or kind in _ELEMENTS) else kind
 
 
 def _elementwise(emit):
-    """The code generator of an elementwise operation; `emit` works on operands of one type."""
+    """Return the code generator of an elementwise operation; `emit` takes operands of one type."""
 
     def generate(context, builder, signature, arguments):
         if isinstance(signature.return_type, _LanesType):
@@ -80,7 +82,7 @@ def _elementwise(emit):
 
 
 def _llvm(name):
-    """`emit` by the LLVM intrinsic of that name, overloaded on the operands' type."""
+    """Return the `emit` of the LLVM intrinsic of that name, overloaded on the operands' type."""
 
     def emit(builder, *operands):
         kind = operands[0].type
@@ -157,7 +159,7 @@ def _negate(a):
 
 
 def _pointer(context, builder, array_type, kind, array, index):
-    """To array[index], as `kind`: lanes, or a float."""
+    """Return a pointer to array[index], as `kind`: lanes, or a float."""
     place = builder.gep(context.make_array(array_type)(context, builder, array).data, [index])
     return place if kind in _ELEMENTS else builder.bitcast(place, kind.vector.as_pointer())
 
@@ -179,7 +181,7 @@ load, load_few = _load(LANES), _load(FEW)
 
 @intrinsic
 def store(typing_context, array, index, lanes):
-    """array[index : index + width] = lanes; contiguous floats of theirs, bounds not checked."""
+    """Set array[index : index + width] = lanes: contiguous floats of one type, not checked."""
 
     def generate(context, builder, signature, arguments):
         array_type, _, kind = signature.args
@@ -192,9 +194,10 @@ def store(typing_context, array, index, lanes):
 
 @intrinsic(prefer_literal=True)
 def load_state(typing_context, array, column, n_rows, width):
-    """A tuple of the first n_rows rows of an array (rows, FEW), in `width` columns from `column`.
+    """Return the first n_rows rows of an array (rows, FEW), in `width` columns from `column`.
 
-    n_rows and width : constants; each entry is `width` lanes, or a float if that is 1.
+    n_rows and width : constants. The result is a tuple; each entry is `width` lanes, or a float if
+    that is 1.
     """
     n, size = n_rows.literal_value, width.literal_value
     kind = _LanesType(size, types.float64) if size > 1 else types.float64
@@ -212,7 +215,7 @@ def load_state(typing_context, array, column, n_rows, width):
 
 @intrinsic
 def store_state(typing_context, array, state):
-    """The first rows of an array (rows, FEW) = a tuple of FEW lanes each."""
+    """Set the first rows of an array (rows, FEW) to a tuple of FEW lanes each."""
 
     def generate(context, builder, signature, arguments):
         for row in range(state.count):

@@ -1,4 +1,4 @@
-"""What the process does with memory that its arrays no longer need.
+"""Keep memory in the process after its arrays are freed.
 
 Circles near their breakup and tori are arrays of up to 10⁶ points, each step of Newton's method
 makes many of them, and the C library takes memory for each from the system and returns it: a third

@@ -1,10 +1,10 @@
 """Numbers that are the same, to the last bit, on processors of different kinds.
 
 NumPy computes exp, log, powers and `geomspace` of arrays by other formulas where a processor has
-AVX-512, and BLAS adds the products of a matrix product in an order that suits the processor. The
+AVX-512, and BLAS adds the terms of a matrix product in an order that depends on the processor. The
 functions of `math`, which kernels call too, do neither. The values and coordinates of cubes are
 computed without those functions of NumPy and without matrix products, except for proofs, whose
-results depend on time anyway. This holds for processors of x86-64 with AVX2 and FMA, and one
+results depend on time anyway. This holds for x86-64 processors with AVX2 and FMA, and one
 version of the C library.
 """
 
@@ -17,7 +17,7 @@ __all__ = ["geometric", "powers"]
 
 
 def geometric(first: float, last: float, n: int) -> FloatArray:
-    """Return n numbers in equal ratios, from first to last, both positive, like `np.geomspace`.
+    """Return n positive numbers in geometric progression from first to last, like `np.geomspace`.
 
     Examples
     --------
@@ -31,7 +31,7 @@ def geometric(first: float, last: float, n: int) -> FloatArray:
 
 
 def powers(values: ArrayLike, exponent: float) -> FloatArray:
-    """Compute values**exponent, for a few numbers: it takes 0.1 µs for each.
+    """Compute values**exponent for a few numbers, in 0.1 µs each.
 
     Examples
     --------

@@ -26,7 +26,7 @@ def root(
     tol : float
         Absolute error.
     max_steps : int
-        With max_steps + 2 values of f the best of them is returned.
+        After max_steps + 2 values of f the better end of the bracket is returned.
 
     Returns
     -------

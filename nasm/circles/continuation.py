@@ -1,4 +1,4 @@
-"""The breakdown of a circle, from how its norms blow up along the ray κ = s·profile.
+"""The breakup of a circle, from how its norms blow up along the ray κ = s·profile.
 
 The length of a circle's finest structure is 1/M,
 
@@ -9,10 +9,10 @@ Near the breakup it is self-similar. For ω with the tail (b_1, …, b_m) there 
     M(s_c - d/δ) = Λ M(s_c - d)
 
 up to terms that vanish with d. Λ is the growth of the denominators of the convergents over m
-partial quotients, and δ the unstable eigenvalue of renormalisation, the same for all circles of
+partial quotients, and δ the unstable eigenvalue of renormalisation, the same for all circles with
 that tail. So M blows up like d^(-ν), ν = log Λ / log δ, times a function that is periodic in log M:
-flat for golden tails, ±10% for the tail of fours. Three scales at which M differs by Λ and Λ² are
-in phase, and yield s_c by Richardson's extrapolation, with the ratios δ and δ².
+flat for golden tails, ±10% for the tail of fours. Three scales at which M differs by factors of Λ
+and Λ² are in phase, and yield s_c by Richardson's extrapolation, with the ratios δ and δ².
 
 That the blow-up marks the breakup is Calleja & de la Llave's criterion (Nonlinearity 23 (2010)
 2029), which the paper uses (arXiv:1606.04824, Sec. VI).
@@ -53,13 +53,14 @@ class ContinuationSettings:
     Attributes
     ----------
     max_points : int
-        Points of the finest grid: more reach nearer to the breakup, in proportion.
+        Points of the finest grid; the distance from the breakup that is reached is in inverse
+        proportion.
     max_certified_points : int
         Most points of the circle that is certified, on a grid four times finer.
     max_circles : int
-        Circles on a ray, which needs 10 to 30.
+        Most circles on a ray, which needs 10 to 30.
     max_halvings : int
-        Halvings of a step until a failure of Newton's method is final.
+        Halvings of a step after which a failure of Newton's method is final.
     max_rounds : int
         Rounds of the fixed-point iteration for s_c, which needs 5 to 20.
     mode_share : float
@@ -67,17 +68,18 @@ class ContinuationSettings:
     modes : float
         Modes, times the relative distance from the breakup, that resolve a circle.
     modes_of_path : float
-        The same for circles from which others are extrapolated: of 46 certificates 3.5 lost five,
-        4.5 none.
+        The same for circles from which others are extrapolated: of 46 certificates, five failed
+        with 3.5, and none with 4.5.
     two_scale_error : float
         Error of s_c from two scales, over its distance to the last circle; 2.3 is the largest seen.
     error_without_delta : float
         Least error of s_c if δ is not known, over its distance to the last circle.
     test_distance : float
-        Relative distance beyond the value where residues of periods up to 3000 look for the circle.
+        Relative distance beyond the value at which residues test for the circle, by
+        `farey.circle_exists`.
     max_depth_ratio : float
-        Depth of a cusp up to which circles do not show it, over the distance of the second of
-        three.
+        Depth up to which circles do not show a cusp, over the distance from the breakup of the
+        second of the three scales.
     newton : NewtonSettings
         When Newton's method has converged.
 
@@ -128,7 +130,7 @@ def critical_scale(
     profile : array_like, shape (P,)
         Direction of the ray, not zero; no symmetry is needed.
     tol : float
-        Absolute error to aim at; the result's may exceed it.
+        Absolute error to aim at; that of the result may exceed it.
     settings : ContinuationSettings
         Limits, and what the estimates may claim.
 
@@ -136,9 +138,9 @@ def critical_scale(
     -------
     CriticalScale
         lower is the scale of the certified circle, upper NaN. Without an estimate, or with an error
-        as large as the value, both are NaN, as where a large quotient hides the tail from all
-        circles with modes enough; lower remains. Status UNDECIDED if residues show the circle
-        beyond the value.
+        as large as the value, value and error are NaN, for example where a large quotient hides the
+        tail from all circles with enough modes; lower remains. Status UNDECIDED if residues show
+        the circle beyond the value.
 
     Raises
     ------
@@ -147,11 +149,11 @@ def critical_scale(
 
     Notes
     -----
-    The error is the spread of the last estimates and their last change, or the change by the third
-    scale if that is larger, plus the change by the highest modes. Near a forcing of a shorter
-    period it includes the depth of the boundary's cusp there, as long as the circles so far cannot
-    resolve it. It is three times the distance from the last circle if M has not grown by Λ² yet,
-    and at least a fifth of that distance if δ is not known for the tail of ω.
+    The error is the spread of the last estimates and their last change, or the change due to the
+    third scale if that is larger, plus the change due to the highest modes. Near a forcing of a
+    shorter period it includes the depth of the boundary's cusp there, until the circles resolve it.
+    It is three times the distance from the last circle if M has not grown by Λ² yet, and at least a
+    fifth of that distance if δ is not known for the tail of ω.
 
     Examples
     --------
@@ -196,10 +198,10 @@ def certified_circle(
 ) -> tuple[float, FloatArray | None]:
     """Compute a certified circle of ω near a known breakup.
 
-    1. Circles are computed at the relative distances 1/2, 0.15, 0.045, … from the breakup, with 4.5
-       modes or more per distance, which resolves their finest structures.
-    2. The one at `distance` is certified on a finer grid, from 2.4 modes per distance if they are
-       enough, or 4.2 or 6; otherwise one slightly farther from the breakup, or the one before.
+    1. Circles are computed at the relative distances d = 1/2, 0.15, 0.045, … from the breakup, with
+       at least 4.5/d modes, which resolve their finest structures.
+    2. The one at d = `distance` is certified on a finer grid, from 2.4/d modes if they are enough,
+       or 4.2/d or 6/d; otherwise one slightly farther from the breakup, or the one before.
 
     Parameters
     ----------
@@ -223,7 +225,7 @@ def certified_circle(
     scale : float
         breakup·(1 - distance) or below; NaN if no circle is certified.
     u : ndarray, shape (P, n), or None
-        Its deviations; None if no circle is certified.
+        Deviations of the circle; None if no circle is certified.
 
     Notes
     -----
@@ -284,7 +286,7 @@ def fineness(u: FloatArray, last: int | IntArray = -1) -> FloatArray:
     u : ndarray, shape (P, n)
         Deviations.
     last : int or array of int
-        Highest mode that counts, or several; default all.
+        Highest mode included, or several of them; default all modes.
 
     Returns
     -------
@@ -309,23 +311,23 @@ def fineness(u: FloatArray, last: int | IntArray = -1) -> FloatArray:
 def _continue(omega, profile, tol, settings):
     """Continue the circle towards its breakup.
 
-    Returns the path, the last estimate of the breakup, its error, inf without one, and OK, or why
-    the path ends.
+    Returns the path; the last estimate of the breakup; its error, inf without one; and OK, or the
+    Status that ended the path.
     """
     growth, delta = _scaling(omega.tail)
     step_ratio = 1 - 1 / delta if growth < 2 else 0.25
-    # As many circles as s_c - s needs to shrink by δ, and M to pass through one oscillation.
+    # As many circles as it takes s_c - s to shrink by δ, and M to pass through one oscillation.
     window = max(3, 1 + round(log(delta) / -log(1 - step_ratio)))
     cusps = powers(distances_to_shorter(profile), CUSP_EXPONENT)
     path, logarithms, estimates = [(0.0, np.zeros((profile.size, newton.MIN_POINTS)))], [], []
     value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
-    # Below a relative step of 1e-14 the norms cannot tell the circle from the breakup.
+    # Below a relative step of 1e-14 the norms do not distinguish the circle from the breakup.
     while error > tol and len(path) < settings.max_circles and step > 1e-14 * path[-1][0]:
         (last_scale, u), status = _next_circle(omega, profile, path, step, settings)
         if status is not Status.OK:
             break
         path.append((last_scale, u))
-        # By most of the modes and by all: they differ where the last ones are not resolved.
+        # From most of the modes and from all: the two differ if the last modes are not resolved.
         kept = fourier.cut(omega, u.shape[-1], settings.newton.grid)
         finest = fineness(u, np.array([int(settings.mode_share * kept), kept]))
         logarithms.append([log(m) for m in finest])
@@ -370,10 +372,10 @@ def _next_circle(omega, profile, path, step, settings):
 
 
 def _estimate(omega, scales, log_m, growth, delta, settings):
-    """Estimate s_c by three scales, at M, M/Λ and M/Λ², or by the first two; and its error.
+    """Estimate s_c and its error from three scales, at M, M/Λ and M/Λ², or from the first two.
 
-    M counts from the wave number at which the tail of ω begins: the last denominator of its prefix.
-    NaN and inf if M has not grown by Λ yet.
+    Growth of M is counted from the wave number at which the tail of ω begins: the last denominator
+    of its prefix. NaN and inf if M has not grown by Λ yet.
     """
     decreases = np.flatnonzero(np.diff(log_m[0]) <= 0)  # far from the breakup M may decrease
     start = decreases[-1] + 1 if decreases.size else 0
@@ -398,7 +400,7 @@ def _estimate(omega, scales, log_m, growth, delta, settings):
 
 
 def _extrapolate(scales, log_m, growth, delta, order, max_rounds):
-    """Return s_c, and that of one order less, by Richardson's rule; NaN if the iteration diverges.
+    """Return s_c, and its value at one order less, by Richardson's rule; NaN if this diverges.
 
     The rule needs the scales at M, M/Λ, …, which are interpolated in log(s_c - s).
     """

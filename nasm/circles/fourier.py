@@ -29,14 +29,14 @@ class GridSettings:
     Attributes
     ----------
     mode_ratio : float
-        Modes kept over points: products of so few do not alias much.
+        Ratio of modes kept to points: products of so few modes do not alias much.
     resonance_ratio : float
-        A cut is moved below a resonant mode that is larger than this, relative to the cut.
+        A cut is moved below a resonant mode that exceeds this fraction of the cut.
     min_modes : int
-        Fewest modes for which `grid` chooses points.
+        Least number of modes for which `grid` chooses points.
     size_factor : int
-        Factor of all sizes that `grid` chooses: transforms of lengths like 3⁵·5⁵ take a fifth
-        longer.
+        Common factor of all sizes that `grid` chooses: transforms of lengths like 3⁵·5⁵ take a
+        fifth longer.
 
     Examples
     --------
@@ -80,7 +80,7 @@ def turns(omega: OmegaLike, n_modes: int) -> NDArray[np.complex128]:
 
 
 def grid(omega: OmegaLike, n_modes: float, settings: GridSettings = DEFAULT_GRID_SETTINGS) -> int:
-    """Choose the points of a grid that keeps n_modes or more, up to just below a resonance.
+    """Choose the size of a grid that keeps n_modes or more, up to just below a resonance.
 
     Near a breakup the modes up to the next resonance are small, and those beyond it are not.
 
@@ -96,7 +96,7 @@ def grid(omega: OmegaLike, n_modes: float, settings: GridSettings = DEFAULT_GRID
     >>> cut("gamma", n)
     233
     """
-    from rocket_fft import good_size  # as SciPy's next_fast_len, which takes a while to import
+    from rocket_fft import good_size  # like SciPy's next_fast_len, which takes a while to import
 
     factor = settings.size_factor
     for fraction in convergents(omega):

@@ -1,4 +1,4 @@
-"""Invariant circles in chain form, by Newton's method, and what certifies one.
+"""Invariant circles in chain form, by Newton's method, and how they are certified.
 
 The sites of a circle's orbits are x_j = h_j(θ), j = 0, …, P - 1 within a period, and a period takes
 θ to θ + ω:
@@ -66,7 +66,7 @@ class NewtonSettings:
     max_steps : int
         Steps of Newton's method, which needs 3 to 8 if the circle exists.
     max_update : float
-        Last update of u with which the method has converged.
+        Largest last update of u with which the method has converged.
     max_tail : float
         Share of the H³ norm in the last 15% of the modes, up to which the circle is resolved.
     min_divisor : float
@@ -77,9 +77,9 @@ class NewtonSettings:
     polished_residual : float
         max |E_j| with which `polish` ends, after a last step that reduces it to a tenth or less.
     max_residual : float
-        max |E_j| that `polish` accepts if it decreases no more, for example by rounding.
+        max |E_j| that `polish` accepts if it stops decreasing, for example because of rounding.
     rounding : float
-        max |E_j| that `polished_is_circle` takes for rounding.
+        max |E_j| that `polished_is_circle` attributes to rounding.
     grid : GridSettings
         The modes that are kept on a grid.
 
@@ -125,7 +125,8 @@ class InvariantCircle(Result):
 
     Notes
     -----
-    Circles compare by their contents, NaN equal to NaN. They contain arrays and cannot be hashed.
+    Circles are compared by their contents, NaN equal to NaN. They contain arrays and cannot be
+    hashed.
     """
 
     omega: RotationNumber
@@ -181,7 +182,7 @@ def invariant_circle(
     n_max : int
         Most grid points, 64 to 65536; the certificate uses 4 times as many.
     start : array_like, shape (P, n), optional
-        Deviations near the circle, n a power of 2 from 16.
+        Deviations near the circle; n is a power of 2, at least 16.
     settings : NewtonSettings
         When the method has converged, and what the certificate requires.
 
@@ -193,9 +194,9 @@ def invariant_circle(
     Notes
     -----
     An existing circle may be missed, with too few modes or a bad start; `barriers.last_circle`
-    finds the one next to a known breakup, with 10⁵ modes and more. A certified circle exists to
-    within floating-point arithmetic and 4n points. This is not a proof, and resonances of ω beyond
-    those modes are not detected, as for a rational ω of large denominator.
+    finds the one next to a known breakup, with 10⁵ modes or more. A certified circle exists as far
+    as floating-point arithmetic on 4n points can show. This is not a proof, and resonances of ω
+    beyond those modes are not detected, as for a rational ω of large denominator.
 
     Examples
     --------
@@ -255,7 +256,7 @@ def certified(
     u: FloatArray,
     settings: NewtonSettings = DEFAULT_NEWTON_SETTINGS,
 ) -> InvariantCircle:
-    """Return the InvariantCircle of deviations, with the error and status by `certify`."""
+    """Return the InvariantCircle of deviations, with the error and status from `certify`."""
     return InvariantCircle(omega, kappa, u, *certify(omega, kappa, u, settings))
 
 
@@ -288,8 +289,8 @@ def polish(
 ) -> bool:
     """Iterate Newton's method from u, in place, until max |E_j| < 10⁻⁹ before a step.
 
-    It also ends when max |E_j| is below 10⁻⁸ and decreases no more. For 10⁵ modes and more, whose
-    small divisors let rounding into the updates of u.
+    It also ends when max |E_j| is below 10⁻⁸ and no longer decreases. It is meant for 10⁵ modes or
+    more, whose small divisors let rounding into the updates of u.
 
     Returns
     -------
@@ -321,8 +322,8 @@ def polished_is_circle(
 ) -> bool:
     """Certify the result of `polish` on a grid with the modes up to the next resonance.
 
-    There max |E_j| is still below 10⁻⁸, and the first Newton step or the second reduces it to a
-    tenth or less, and below 10⁻¹⁰, or to rounding. Beyond the breakup it does not decrease.
+    There max |E_j| must still be below 10⁻⁸, and the first or the second Newton step must reduce it
+    to a tenth or less, and below 10⁻¹⁰, or to rounding. Beyond the breakup it does not decrease.
 
     Returns
     -------
@@ -351,7 +352,7 @@ def newton_step(omega: OmegaLike, kappa: ArrayLike, u: ArrayLike) -> tuple[Float
     omega, kappa
         As for `invariant_circle`.
     u : array_like, shape (P, n)
-        Deviations; n is a power of 2 from 16.
+        Deviations; n is a power of 2, at least 16.
 
     Returns
     -------
@@ -441,8 +442,8 @@ def extrapolate(path: Sequence[tuple[float, FloatArray]], target: float, n: int 
     Parameters
     ----------
     path : sequence of (float, ndarray)
-        Scales and deviations of at least one circle, with grids that do not shrink. The last three
-        are used, which save a Newton step near the breakup.
+        Scales and deviations of at least one circle, on grids that do not shrink. The last three
+        are used, which saves a Newton step near the breakup.
     target : float
         Scale of the result.
     n : int
@@ -465,7 +466,7 @@ def extrapolate(path: Sequence[tuple[float, FloatArray]], target: float, n: int 
 
 
 def lagrange(nodes: Sequence[float], at: float) -> list[float]:
-    """Return Lagrange's weights of values at distinct nodes, for the value at `at`."""
+    """Return Lagrange's weights of the values at distinct nodes, for interpolation at `at`."""
     return [prod((at - other) / (x - other) for other in nodes if other != x) for x in nodes]
 
 
@@ -506,7 +507,7 @@ def _newton(omega, kappa, u, settings):
 
 @kernel(error_model="numpy")
 def _iterate(kappa, angles, turn, kept, u, max_steps, max_update, max_tail):
-    """Take Newton steps until they decide; return an index into _OUTCOMES, and the first error."""
+    """Take Newton steps to an outcome; return its index in _OUTCOMES, and the first error."""
     workspace = _workspace(*u.shape)
     first = last_error = last_change = 1.0
     for step in range(max_steps):
@@ -523,9 +524,9 @@ def _iterate(kappa, angles, turn, kept, u, max_steps, max_update, max_tail):
 
 @njit(nogil=True, error_model="numpy")
 def step_outcome(error, change, slope, twist, tail, last_error, last_change, max_update, max_tail):
-    """Judge a Newton step: 0 for converged, 1 for too few modes, 2 for diverged, 3 for go on.
+    """Judge a Newton step: 0 for converged, 1 for too few modes, 2 for diverged, 3 for continue.
 
-    Each update is the square of the one before, so the last one need not be made.
+    Each update is the square of the one before, so the last one need not be computed.
     """
     diverged = not (error < 1 and slope > 0 and twist > 0.5 and change < 1)  # NaN ends it too
     if diverged or error > max(2 * last_error, 1e-9):
@@ -538,7 +539,7 @@ def step_outcome(error, change, slope, twist, tail, last_error, last_change, max
 
 @kernel(error_model="numpy")
 def _workspace(n_sites, n):
-    """Allocate arrays for `_chain_step`, which above n = 4096 takes as long as the step."""
+    """Allocate arrays for `_chain_step`; above n = 4096 this takes as long as the step."""
     return (
         np.empty((n_sites, n // 2 + 1), np.complex128),
         np.zeros((2 * n_sites + 3, n // 2 + 1), np.complex128),
@@ -569,7 +570,7 @@ def _chain_step(kappa, angles, turn, kept, u, workspace):
             total[i] -= slopes[j, i] * residual[j, i]
             flux[j, i] = total[i]
             u[j, i] = x[j + 1, i]
-        for i in range(n):  # apart from the loop above, which is vectorized then
+        for i in range(n):  # separate, so that the loop above is vectorized
             error = max(error, abs(residual[j, i]))
             slope = min(slope, slopes[j, i])
     _solve_cohomology(total, turn, kept, line, w)  # the flux into site 0
@@ -632,7 +633,7 @@ def _sites(u, turn, kept, own, modes, values):
 
 @njit(nogil=True, error_model="numpy")
 def _solve_cohomology(f, turn, kept, modes, g):
-    """Write `fourier.solve_cohomology` to g."""
+    """Write the result of `fourier.solve_cohomology` to g."""
     np.fft.rfft(f, out=modes)
     modes[0] = 0.0
     for k in range(1, kept):

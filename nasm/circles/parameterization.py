@@ -37,7 +37,7 @@ def newton_step(omega: OmegaLike, kappa: ArrayLike, u: FloatArray) -> tuple[Floa
     u : ndarray, shape (P, n)
         Deviations after the step, with ⟨u_0⟩ = 0.
     error : float
-        Largest component of |e_0| = |T∘K(θ) - K(θ + ω)| before it.
+        Largest component of |e_0| = |T∘K(θ) - K(θ + ω)| before the step.
 
     Examples
     --------

@@ -1,7 +1,8 @@
-"""Circles carried to the parameters that a symmetry maps theirs to (Sec. VI.C).
+"""Circles carried by a symmetry to other parameters (Sec. VI.C).
 
 If T∘K(θ) = K(θ + ω), and a change of variables C turns T into T', then C∘K is a circle of T'. Here
-K is given by the deviations u_j of its sites (see `circles`), in which the paper's compositions are
+K is given by the deviations u_j of its sites (see `circles`), for which the paper's compositions
+are
 
     S∘S:               (κ) → (κ, κ),          ω → 2ω:       u_j(θ) = u(θ + jω)           (49)
     R_{1/2} ∘ K:       κ → -κ:                              u_j(θ) → u_j(θ - 1/2)      (50)
@@ -26,7 +27,7 @@ __all__ = ["alternate", "interleave", "negate", "repeat", "shift"]
 
 
 def repeat(circle: InvariantCircle, times: int) -> InvariantCircle:
-    """Return the circle of the same map with its forcing written out `times` times; ω → times·ω.
+    """Return the circle of the same map with its forcing repeated `times` times; ω → times·ω.
 
     Examples
     --------
@@ -71,7 +72,7 @@ def alternate(circle: InvariantCircle) -> InvariantCircle:
 
 
 def interleave(circle: InvariantCircle) -> InvariantCircle:
-    """Return the circle under (κ_0/2, 0, κ_1/2, 0, …): idle kicks between halved ones.
+    """Return the circle under (κ_0/2, 0, κ_1/2, 0, …): kicks of strength 0 between halved ones.
 
     Examples
     --------
@@ -103,7 +104,7 @@ def shift(circle: InvariantCircle) -> InvariantCircle:
     site_turn = fourier.turns(moebius(circle.omega, 1, 0, 0, n_sites), n // 2 + 1)
     u = np.vstack([circle.u[1:], fourier.rotate(circle.u[:1], turn)])
     u = fourier.rotate(u, site_turn.conj())
-    # θ must count from ⟨u_0⟩ = 0, which needs a shift without a symmetry centre.
+    # The origin of θ is fixed by ⟨u_0⟩ = 0; without a symmetry centre this needs a shift.
     mean = u[0].mean()
     u = fourier.rotate(u, np.exp(-1j * TWO_PI * mean * np.arange(n // 2 + 1))) - mean
     return certified(circle.omega, np.roll(circle.kappa, -1), u)

@@ -7,33 +7,33 @@ kicks is a shift of x, and θ_n = nΩ is the standard map in x - nΩ, y - Ω. In
 
     X_{n+1} - 2X_n + X_{n-1} = (κ_n/2π) sin 2πX_n - (θ_{n+1} - 2θ_n + θ_{n-1}):
 
-only changes of the phase's speed matter.
+only changes in the speed of the phase matter.
 
 The map does not recur, so there are no invariant circles. A barrier is a rotational curve and its
 images, one before each kick. If all N + 1 of them are graphs of Lipschitz functions of x, the
 distances of neighbours on an orbit form a solution ξ_n > 0 of the linearised chain (see
-`nasm.converse_kam.symmetry_line`). The criterion of `nasm.converse_kam.transversal`, applied along
-a start before the kick of a site, then shows that no such family of graphs passes through the
-start,
+`nasm.converse_kam.symmetry_line`). The criterion of `nasm.converse_kam.transversal`, applied to a
+start before the kick of a site, then shows that no such family of graphs passes through the start,
 
     v_{n+1} = (2 + κ_n cos 2π(x_n - θ_n)) v_n - v_{n-1} ≤ 0,   v_site = 0,  v_{site+1} = 1,
 
-and likewise backwards, or by the sum there. All graphs cross the line x = a before a kick: if all
-its starts are eliminated, y from 0 to 1 by the symmetry y → y + 1, no family of graphs exists.
+and likewise backwards, or by the sum given there. All graphs cross the line x = a before a kick: if
+all its starts are eliminated, no family of graphs exists. By the symmetry y → y + 1, y from 0 to 1
+suffices.
 
 This does not show that orbits cross. For aperiodic forcing no theorem like Birkhoff's says that
-barriers are graphs: `asymptotic` computes curves that are as good as circles from some kick on, and
-that fold before. So apply it to kicks among which the forcing has settled, and search for orbits
-that escape: they alone show transport. And N kicks say nothing about later ones.
+barriers are graphs: `asymptotic` computes curves that are as good as circles from some kick on, but
+fold before it. So apply the criterion to kicks over which the forcing has settled, and search for
+orbits that escape: they alone show transport. N kicks say nothing about later ones.
 
 For κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), θ_n = 0, one line without survivors therefore shows, to within
 sampling:
 
-- Ω = p/q: no rotational circle under this φ0. By the theorem for products of twist maps each is a
-  graph before every kick. Other φ0 are other forcings, and may have circles.
+- Ω = p/q: no rotational circle under this φ0. By the theorem for products of twist maps each circle
+  is a graph before every kick. Other φ0 are other forcings, and may have circles.
 - Ω irrational: no invariant torus y = g(x, φ) that is Lipschitz in x. It would be a family of
-  graphs for every φ0, so one φ0 is enough, and the line with the shortest lifetimes. Tori that fold
-  are not excluded: their absence is only measured, by their continuation and by escapes.
+  graphs for every φ0, so one φ0 is enough, and one line: that with the shortest lifetimes. Tori
+  that fold are not excluded: only their continuation and escapes suggest that there are none.
 """
 
 from dataclasses import dataclass, replace
@@ -64,10 +64,10 @@ _METHOD = "converse KAM"
 HORIZON = 200
 """Largest lifetime, in kicks, that is accepted as evidence that no graph persists.
 
-If kicks grow beyond the breakup, a minimizing orbit is lost in rounding: before the kick of κ_G in
-κ_G + 0.003·n the longest lifetime found is 233 kicks, and a segment found by Newton's method
-survives 279. On lines before later kicks lifetimes agree with a search of segments, or are up to 6%
-longer (29 lines in ramps from 10⁻² to 10⁻⁷)."""
+If kicks grow beyond the breakup, a minimizing orbit is lost in rounding: before the kick of
+strength κ_G in the ramp κ_G + 0.003·n the longest lifetime found is 233 kicks, while a segment
+found by Newton's method survives 279. On lines before later kicks lifetimes agree with a search for
+segments, or are up to 6% longer (29 lines in ramps from 10⁻² to 10⁻⁷)."""
 
 DEFAULT_SEARCH = SearchSettings(resolution=0.0)
 
@@ -79,16 +79,16 @@ class AperiodicSettings:
     Attributes
     ----------
     search : SearchSettings
-        The search on a line, of which the effort multiplies the starts and the width. No orbit
-        recurs: lifetimes still differ for starts that the shear of a map would not separate, so its
-        resolution is 0.
+        The search on a line; the effort multiplies its starts and its width. Its resolution is 0:
+        no orbit recurs, so lifetimes still differ for starts that the shear of a map would not
+        separate.
     max_lines : int
-        Lines that `last_survivor` searches.
+        Maximum number of lines that `last_survivor` searches.
     middle_kicks : int
         Kicks on either side of the middle from which these lines are chosen.
     lower_ratios : tuple of float
-        Ratios to a scale without survivors at which `critical_scale` seeks lower ones, in this
-        order.
+        Ratios to a scale without survivors at which `critical_scale` looks for a lower one, in
+        this order.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def escape_time(
 def elimination_time(
     kappa: ArrayLike, theta: ArrayLike, site: int, x: ArrayLike, y: ArrayLike
 ) -> FloatArray:
-    """Compute when each start (x, y) before the kick of `site` is eliminated, see the module.
+    """Compute when each start (x, y) before the kick of `site` is eliminated; see the module.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def longest_lived(
     kappa, theta, site
         As for `elimination_time`.
     effort : int
-        Factor of the starts of the first grids, 1 to 100.
+        Factor that multiplies the starts of the first grids, 1 to 100.
     settings : AperiodicSettings
         Its search.
 
@@ -210,10 +210,10 @@ def longest_lived(
 
     Notes
     -----
-    The beam search of `symmetry_line.longest_lived` may miss the longest: on 18 lines in fields of
-    4096 particles, with lifetimes of 50 to 1750, an effort of 64 found lifetimes up to 1.7 times
-    those of effort 1, and up to 1.3 times those of effort 8, and one survivor of 2048 kicks where
-    an effort of 1 had found 1963.
+    The beam search of `symmetry_line.longest_lived` may miss the longest lifetime: on 18 lines in
+    fields of 4096 particles, with lifetimes of 50 to 1750, an effort of 64 found lifetimes up to
+    1.7 times those of effort 1, and up to 1.3 times those of effort 8, and one survivor of 2048
+    kicks where an effort of 1 had found 1963.
 
     Examples
     --------
@@ -228,7 +228,7 @@ def longest_lived(
     effort = count("effort", effort, 1, 100)
     x = theta[site] + (0.5 if kappa[site] > 0 else 0.0)
 
-    def lifetimes(half):  # the search knows y from 0 to 1/2
+    def lifetimes(half):  # the search covers [0, 1/2], and y is in [0, 1]
         return _elimination_times(kappa, theta, site, np.full(half.size, x), 2 * half, True)
 
     grids = tuple((effort * starts, offset) for starts, offset in settings.search.grids)
@@ -260,8 +260,8 @@ def last_survivor(
     Returns
     -------
     LongestLived
-        If a start survives all N kicks on each line, the first of these: a family of graphs may
-        exist, or not.
+        If a start survives all N kicks on each line, the first of these starts: a family of graphs
+        may or may not exist.
 
     Examples
     --------
@@ -287,7 +287,7 @@ def last_survivor(
 def around_strongest(kappa: ArrayLike) -> FloatArray:
     """Repeat a periodic forcing, and return the 1601 kicks around its strongest one.
 
-    No circle of the forcing exists if no family of graphs persists through these.
+    No circle of the forcing exists if no family of graphs persists through these kicks.
 
     Parameters
     ----------
@@ -320,10 +320,11 @@ def critical_scale(
     """Compute the lowest scale at which no family of graphs survives the N kicks κ = s·profile.
 
     1. Bisect between a scale with survivors of the middle quarter of the kicks and one without: a
-       survivor that a search misses may live longer than the longest-lived start found, but seldom
-       four times.
-    2. Starts next to orbits that minimize the action outlive others, so that scales with survivors
-       are not an interval: search up to 15% lower, and begin again from the lowest without.
+       survivor that a search misses may have a longer lifetime than the longest-lived start found,
+       but seldom four times as long.
+    2. Starts next to orbits that minimize the action outlive others, so the scales with survivors
+       do not form an interval: search up to 15% lower, and begin again from the lowest scale
+       without survivors.
     3. At the end search for survivors of all kicks, with an effort of 8.
 
     Parameters
@@ -340,13 +341,13 @@ def critical_scale(
     CriticalScale
         upper : no start survives there on one of the lines of `last_survivor`. value is the middle
         of the bracket, and error half of its width. lower is NaN and omega None: survivors do not
-        show a barrier. More kicks have a smaller scale. Status NO_BREAKUP if a start survives kicks
-        of strength 2, and UNDECIDED if the search at the end finds one.
+        show a barrier. The scale decreases with the number of kicks. Status NO_BREAKUP if a start
+        survives kicks of strength 2, and UNDECIDED if the search at the end finds one.
 
     Raises
     ------
     ValueError
-        If profile is shorter, zero or tiny, or tol is out of range.
+        If profile is too short, zero or tiny, or tol is out of range.
 
     Examples
     --------
@@ -389,14 +390,16 @@ def critical_scale(
 def asymptotic(
     kappa: ArrayLike, theta: ArrayLike, limit: float, x: ArrayLike, y: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute starts whose orbits converge to the orbits of (x, y) under the limit map,
+    """Compute starts whose orbits converge to the orbits of (x, y) under the limit map.
+
+    They are
 
         K_0 = S_{κ_0}⁻¹ ∘ … ∘ S_{κ_{N-1}}⁻¹ ∘ S_limit^N (x, y).
 
     For points of an invariant circle of S_limit, K(ϑ), the last factor is K(ϑ + Nω), and K_0 is the
     asymptotic circle of Canadell & de la Llave (Physica D 310 (2015) 104), if kappa → limit and
-    theta → 0 fast enough: it converges as N grows, and is not invariant, but its images converge to
-    an invariant circle. It bounds the same area as that one. It may fold; see the module.
+    theta → 0 fast enough: K_0 converges as N grows. It is not invariant, but its images converge to
+    an invariant circle, and it bounds the same area as that circle. It may fold; see the module.
 
     Parameters
     ----------
@@ -475,7 +478,7 @@ def _elimination_times(kappa, theta, site, x, y, one_is_enough):
 
 @njit(nogil=True)
 def _elimination_time(kappa, theta, site, x, y):
-    # Only between two of the graphs before kicks 0 to N does 2 + κ cos … bound the sum.
+    # 2 + κ cos … bounds the sum only if graphs exist before and after: not at site 0.
     bound = 2 + kappa[site] * cos2pi(x - theta[site]) if site > 0 else np.inf
     if bound <= 0:
         return 1.0

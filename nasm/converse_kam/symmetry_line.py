@@ -12,32 +12,34 @@ If v_n ≤ 0 for some n, no rotational invariant circle passes through that star
 
 1. A rotational circle and its images under the kicks are graphs of Lipschitz functions, by
    Birkhoff's theorem for products of twist maps. (`proofs/README.md` derives it from that for one
-   twist map, if the kicks are weak enough.) On a graph the kicks keep the order of neighbours.
+   twist map, if the kicks are weak enough.) On a graph the kicks preserve the order of neighbours.
    Their distances, normalised, tend to a solution ξ_n > 0 of the linearised chain, for all n from
    -∞ to ∞.
-2. With one ξ > 0 the second variation of the action of every finite piece of the orbit is
+2. Given one such ξ > 0, the second variation of the action of every finite piece of the orbit is
    positive: Σ_k η_k (Hη)_k = Σ_k ξ_k ξ_{k+1} (η_{k+1}/ξ_{k+1} - η_k/ξ_k)² > 0 for every η ≠ 0
    that vanishes outside the piece.
 3. The orbit is its own mirror image about the centre, so v_{-n} = v_n. If v_n ≤ 0 for the first
    time at n, then η = v on |k| < n, and 0 elsewhere, has Σ_k η_k (Hη)_k = 2 v_{n-1} v_n ≤ 0.
 
 A circle is a graph, so it meets the line x_c = a in one point: if all y of the line are eliminated,
-no rotational circle exists. y from 0 to 1/2 suffice, by the symmetries y → y + 1 and
+no rotational circle exists. The interval 0 ≤ y ≤ 1/2 suffices, by the symmetries y → y + 1 and
 (x, y) → (-x, -y). The criterion is MacKay and Percival's, Commun. Math. Phys. 98 (1985) 469.
 
-The line is the dominant one, x = 1/2 before the stronger kick, or x = 0 if that is negative. The
-minimax orbits are on it, where v becomes negative soonest. With three kicks or more minimax orbits
-of different ω may be on different lines: `converse_kam.transversal` has a curve through them all.
+The line is the dominant one, x = 1/2 before the stronger kick, or x = 0 if that kick is negative.
+The minimax orbits are on it, and v becomes negative soonest there. With three or more kicks,
+minimax orbits of different ω may be on different lines: `converse_kam.transversal` constructs a
+curve through them all.
 
-Beyond the last circle's breakup, at the scale s_c of a ray, the longest lifetime on the line is T,
+Beyond the last circle's breakup, at the scale s_c of a ray, the longest lifetime T on the line
+obeys
 
     s/s_c - 1 ≈ C/T,
 
-up to a log-periodic ripple of some per cent; on the paper's plane C is 0.6 to 0.7 in steps, on
-|κ1| = |κ2| half of that.
+up to a log-periodic ripple of a few per cent; on the paper's plane C is 0.6 to 0.7 in steps, and
+half of that on |κ1| = |κ2|.
 
 These results rest on sampled starts and floating point: strong evidence, not a proof. A search may
-miss a survivor; see `longest_lived`. `nasm.proofs.transport` proves it.
+miss a survivor; see `longest_lived`. For proofs, see `nasm.proofs.transport`.
 
 The kernel advances 64 starts in lockstep, with the kick of `nasm.escape` and its derivative:
 
@@ -87,28 +89,28 @@ _METHOD = "converse KAM"
 MAX_STEPS = 10**9
 
 _LIFETIME_RATIO = 2 + 5**0.5
-"""(1/γ)³, by which lifetimes grow from scale to scale."""
+"""(1/γ)³, the factor by which lifetimes grow from one scale to the next."""
 
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """A beam search for the longest-lived start: more starts miss fewer, and take longer.
+    """A beam search for the longest-lived start: more starts miss fewer, but take longer.
 
     Attributes
     ----------
     grids : tuple of (int, float)
-        Numbers of starts, and place of the start in its cell, of grids without a common start.
+        Number of starts, and position of a start in its cell, for grids without a common start.
     width : int
-        Starts from which the search goes on at each level. `longest_lived` says how often which
-        width misses the longest lifetime.
+        Number of starts from which the search continues at each level. See `longest_lived` for how
+        often each width misses the longest lifetime.
     final_width : int
-        The same for cells smaller than 100·resolution over T², T the longest lifetime.
+        The same for cells smaller than 100·resolution/T², with T the longest lifetime.
     children : int
         New starts around each of these.
     cell_ratio : float
-        Cell size over that of the level before.
+        Ratio of the cell size to that of the previous level.
     resolution : float
-        The search ends if cells are smaller than this, over T².
+        The search ends when cells are smaller than this divided by T².
 
     Examples
     --------
@@ -129,21 +131,21 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class LineSettings:
-    """How the dominant line is searched, and when the law of lifetimes is believed.
+    """How the dominant line is searched, and when the law of lifetimes is accepted.
 
     Attributes
     ----------
     search : SearchSettings
         The search for the longest-lived start.
     block_kicks : int
-        Kicks between two tests for v ≤ 0; even, so that each block begins a period. It affects the
-        time only.
+        Kicks between two tests for v ≤ 0; even, so that each block begins a period. It affects
+        only the computing time.
     max_scales : int
-        Scales that `critical_scale` tries, which needs 10.
+        Maximum number of scales that `critical_scale` tries; it needs 10.
     min_slope, max_slope : float
-        Bounds of slope/s_c of the law, in kicks; the upper one for each kick of the period. On 63
+        Bounds of slope/s_c of the law, in kicks; the upper one is per kick of the period. On 63
         random rays of 2 to 4 kicks and 88 next to the diagonal it was 0.68 or more, and 1.01 or
-        less for each.
+        less per kick of the period.
 
     Examples
     --------
@@ -169,7 +171,7 @@ class LongestLived:
     Attributes
     ----------
     site : int
-        The kick before which it is, from 0.
+        Index, from 0, of the kick before which it is taken.
     x, y : float
         The start, in turns.
     kicks : float
@@ -202,7 +204,7 @@ def elimination_time(
     n_max : int
         Steps (periods of the forcing), 1 to 10⁹.
     settings : LineSettings
-        Its `block_kicks`.
+        Only `block_kicks` is used.
 
     Returns
     -------
@@ -213,7 +215,7 @@ def elimination_time(
     Raises
     ------
     ValueError
-        If the forcing repeats later, or an argument is out of range.
+        If the forcing does not repeat after one or two kicks, or an argument is out of range.
 
     Examples
     --------
@@ -239,24 +241,24 @@ def longest_lived(
     kappa, n_max
         As for `elimination_time`.
     settings : LineSettings
-        The search.
+        How the line is searched.
 
     Returns
     -------
     y : float
         The start, in [0, 1/2] up to the size of a cell.
     time : float
-        Its elimination time in steps; inf if it survives n_max steps, and it is then one of the
-        survivors, not necessarily the last.
+        Its elimination time in steps; inf if it survives n_max steps: it is then one of the
+        survivors, not necessarily the longest-lived.
 
     Notes
     -----
     A beam search, on two unrelated grids: among 2048 and 1597 starts, the longest-lived get 8
     children each, 0.15 cells apart, and so on until a cell is too small to separate its starts. It
     may miss the longest lifetime, and with it a survivor. Of 992 searches, 2% to 0.002% beyond the
-    breakup and a third of them within a degree of the diagonals, none did so by more than 1%; with
-    a width of 16 none, with 8 4%, with 4 20%, with 1 77%. Dense scans of 2²⁴ starts found no longer
-    lifetimes.
+    breakup and a third of them within a degree of the diagonals, none missed it by more than 1%.
+    Nor did any with a width of 16, but 4% did with 8, 20% with 4, and 77% with 1. Dense scans of
+    2²⁴ starts did not find longer lifetimes.
 
     Examples
     --------
@@ -279,7 +281,8 @@ def critical_scale(
 
     1. Start where the largest strength is 2, and the first kick eliminates all starts.
     2. Lower the scale, by the law s - s_c = slope/T through the last two scales, so that the
-       longest lifetime T grows by a factor of 4.2 each time, until it is near n_max: `upper`.
+       longest lifetime T grows by a factor of 4.2 each time, until it is near n_max. This is
+       `upper`.
     3. `value` is the limit of the law for T → ∞.
 
     Parameters
@@ -297,13 +300,13 @@ def critical_scale(
     CriticalScale
         upper : no start was found to survive n_max steps there. error : a third of upper - value;
         all of it next to a cusp that lifetimes do not resolve. lower is NaN and omega None: the
-        method neither shows nor names a circle. Status NOT_CONVERGED if lifetimes contradict each
-        other, or the law, because a search missed a survivor.
+        method neither finds nor identifies a circle. Status NOT_CONVERGED if lifetimes contradict
+        each other, or the law, because a search missed a survivor.
 
     Raises
     ------
     ValueError
-        If profile is zero or tiny, or repeats later.
+        If profile is zero or tiny, or does not repeat after one or two kicks.
 
     Notes
     -----
@@ -341,7 +344,7 @@ def critical_scale(
 
 
 def _lower_scale(lifetime, scale, time, slope, n_kicks, max_scales):
-    """Lower the scale until starts live nearly n_kicks.
+    """Lower the scale until starts survive nearly n_kicks.
 
     Returns the lowest scale at which no start was found to survive, the longest lifetime there, and
     the slope of the law; NaN if `max_scales` do not suffice.
@@ -420,7 +423,7 @@ def _lifetimes(line, y, n_kicks):
 def search_grids(
     lifetimes: Callable[[NDArray[np.floating]], FloatArray], settings: SearchSettings
 ) -> tuple[float, float]:
-    """Do a `beam_search` on each of the grids, until one finds a survivor."""
+    """Run `beam_search` on each of the grids, until one finds a survivor."""
     starts = []
     for grid in settings.grids:
         starts.append(beam_search(lifetimes, *grid, settings))
@@ -440,7 +443,7 @@ def beam_search(
     Parameters
     ----------
     lifetimes : callable
-        From a vector of y to their lifetimes in kicks, inf for a survivor.
+        A vector of y → their lifetimes in kicks, inf for a survivor.
     starts, offset
         One of the grids of the settings.
     settings : SearchSettings
@@ -523,8 +526,8 @@ def _elimination_times(c, x, w, y, n_max, times):
 
     A lane whose start is done takes the next one.
     """
-    # An idle lane has v = NaN, which raises no alarm. So has an orbit that is hyperbolic for ever,
-    # by overflow, if its x and y are exact: it counts as a survivor, as it should.
+    # An idle lane has v = NaN, which raises no alarm. So does, by overflow, an orbit that stays
+    # hyperbolic forever, if its x and y are exact: it counts as a survivor, as it should.
     state, before = np.full((5, LANES), np.nan), np.empty((5, LANES))
     start, age = np.full(LANES, -1), np.zeros(LANES, np.int64)
     next_start, n_active = 0, 0

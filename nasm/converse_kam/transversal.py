@@ -9,29 +9,31 @@ No rotational invariant circle passes through the start if some v_n ≤ 0 or u_{
 
     Σ_{n≥1} 1/(v_n v_{n+1}) + Σ_{n≥1} 1/(u_{-n} u_{-n-1})  ≥  2 + κ_0 cos 2πx_0
 
-in a partial sum. For a circle gives a solution ξ_n > 0 of the linearised chain (see
-`nasm.converse_kam.symmetry_line`, whose criterion this is on a symmetry line). ξ_n v_{n+1} -
+holds for partial sums. Indeed, a circle yields a solution ξ_n > 0 of the linearised chain (see
+`nasm.converse_kam.symmetry_line`, whose criterion this becomes on a symmetry line). ξ_n v_{n+1} -
 ξ_{n+1} v_n = ξ_0 is constant, so v_n > 0, and ξ_n/v_n falls by ξ_0/(v_n v_{n+1}) from each site to
-the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). Likewise backwards, and ξ_1 + ξ_{-1} is ξ_0 times the right.
+the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same holds backwards, and ξ_1 + ξ_{-1} is ξ_0 times the
+right-hand side.
 
-Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. If all starts on one are
-eliminated, no circle is left. Orbits that minimize the action are never eliminated. The curve must
-pass through the gaps between them, for every ω, and a *minimax* orbit of p/q is in the middle of
-one: among the orbits of p/q that minimize the action for a fixed x_0, it has the largest. So the
-*transversal* is a chain of straight pieces through minimax orbits before the kick of one site, in
-the order of their ω. If all minimax orbits are on one symmetry line, it is that line.
+Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. If all starts on one such
+curve are eliminated, no circle exists. Orbits that minimize the action are never eliminated. The
+curve must pass through the gaps between them, for every ω, and a *minimax* orbit of p/q is in the
+middle of one: among the orbits of p/q that minimize the action for a fixed x_0, it has the largest
+action. So the *transversal* is a chain of straight pieces through minimax orbits before the kick of
+one site, in order of ω. If all minimax orbits are on one symmetry line, it is that line.
 
 1. Start with the orbits of ω = 0, 1, … and P/2 per period. The symmetries y → y + 1 and
    (x, y) → (-x, -y) continue this curve to all ω.
-2. The longest-lived start is on a piece between two orbits, p/q and p'/q'. Bend the piece by the
-   minimax orbit of (p + p')/(q + q'), at its point nearest to the piece in units of the gap.
-3. Repeat this as long as the start survives and its lifetime resolves the change. It leads down the
-   Farey tree, to minimizing orbits on the curve, and to the circle that breaks last.
+2. The longest-lived start is on a piece between two orbits, p/q and p'/q'. Bend the piece through
+   the minimax orbit of (p + p')/(q + q'), at its point nearest to the piece in units of the gap.
+3. Repeat this as long as the start survives and its lifetime resolves the change. This leads down
+   the Farey tree, to minimizing orbits on the curve, and to the circle that breaks last.
 
-Beyond the last circle's breakup, at the scale s_c of a ray, the longest lifetime there is T, and
-s/s_c - 1 ≈ C/T as on a symmetry line, with C in EXCESS_BOUNDS. This is sampled, in floating point:
-strong evidence, not a proof. The choice matters: 0.5% beyond the breakup of the standard map
-lifetimes are up to 130 steps there, while on 15 of 20 other lines x = a starts survive 3000.
+Beyond the last circle's breakup, at the scale s_c of a ray, the longest lifetime T on the curve
+obeys s/s_c - 1 ≈ C/T, as on a symmetry line, with C in EXCESS_BOUNDS. This is sampled, in floating
+point: strong evidence, not a proof. The choice of the curve matters: 0.5% beyond the breakup of the
+standard map, lifetimes on it are up to 130 steps, while on 15 of 20 other lines x = a starts
+survive 3000.
 """
 
 import math
@@ -84,28 +86,31 @@ class TransversalSettings:
     Attributes
     ----------
     search : SearchSettings
-        The search for the longest-lived start. Its width counts for each kick of a period, of two
-        at least, and all cells have that width.
+        The search for the longest-lived start. Its width is multiplied by the number of kicks per
+        period, at least 2, and is the same for cells of all sizes.
     first_ratio : int
         Ratio of the width to that of the first search, which usually finds a survivor if one
         exists.
     block_kicks : int
-        Kicks, roughly, between two tests of the starts. It affects the time only.
+        Approximate number of kicks between two tests of the starts. It affects only the computing
+        time.
     min_gap, min_proof_gap : float
-        Least gap, over the widest one before the kick of a site, in which a corner is placed: in
-        searches for survivors, and in polygons for proofs.
+        Least gap in which a corner is placed, relative to the widest gap before the kick of a site:
+        in searches for survivors, and in polygons for proofs.
     max_sites : int
         Sites whose transversals are tried.
     period_factor : float
-        Period over √n_max of the minimax orbits up to which pieces are bent.
+        Longest period of the minimax orbits by which pieces are bent, divided by √n_max.
     short_lifetime : float
-        Kicks: among shorter lifetimes the least of the transversals of all sites is sought.
+        Lifetime in kicks up to which the transversals of all sites are compared, to find the one
+        with the shortest.
     typical_excess : float
-        C of the law in most cases; it only chooses the next scale.
+        C of the law in most cases; used only to choose the next scale.
     bracket_width : float
-        Width of the bracket, over the scale and times the steps, at which bisection ends.
+        Width of the bracket at which bisection ends, divided by the scale and multiplied by the
+        number of steps.
     scan_step : float
-        Change of the largest strength in a step from a start.
+        Change of the largest strength in each step of the scan from a nonzero start.
     scan_steps : int
         Number of these steps.
 
@@ -153,8 +158,8 @@ def longest_lived(
     n_max : int
         Steps (periods of the forcing) in either direction, 1 to 10⁶.
     until : float
-        The `time.thread_time` from which on nothing is computed any more: then a start is called a
-        survivor that may not be one.
+        The `time.thread_time` at which the computation stops; a start that is then reported as a
+        survivor may not be one.
     settings : TransversalSettings
         How transversals are bent and searched.
 
@@ -166,7 +171,7 @@ def longest_lived(
 
     Notes
     -----
-    The beam search of `symmetry_line.longest_lived`, on two unrelated grids: it may miss a
+    This is the beam search of `symmetry_line.longest_lived`, on two unrelated grids; it may miss a
     survivor.
 
     Examples
@@ -188,13 +193,13 @@ class Transversal:
     Attributes
     ----------
     site : int
-        The kick, from 0.
+        Index of the kick, from 0.
     kappa : ndarray, shape (P,)
         The forcing from that site on.
     orbits : list of (Fraction, ndarray)
-        ω and sites of minimax orbits from there on, in the order of ω.
+        ω, and the sites from there on, of minimax orbits, in order of ω.
     minimax : callable
-        From ω and x to the sites of the minimax orbit near x.
+        (ω, x) → the sites of the minimax orbit near x.
     """
 
     site: int
@@ -208,7 +213,7 @@ class Transversal:
         return np.array([_place(*orbit) for orbit in self.orbits])
 
     def bend(self, piece: int, max_period: float) -> bool:
-        """Insert the corner of their mediant p/q between corners piece and piece + 1.
+        """Insert the corner of the mediant p/q between corners piece and piece + 1.
 
         Returns
         -------
@@ -239,7 +244,7 @@ def eliminated_transversals(
     n_max : int
         Steps (periods of the forcing) in either direction.
     until : float
-        The `time.thread_time` at which the search ends, within a bend or two.
+        The `time.thread_time` after which the search ends, within a bend or two.
     settings : TransversalSettings
         How transversals are bent and searched.
 
@@ -296,24 +301,24 @@ def upper_scale(
     n_max : int
         Steps (periods of the forcing), 30 to 10⁶.
     start : array_like, shape (P,), optional
-        Start of the segment; default 0. From another one the scale is just above the first breakup,
-        s ≥ 0, found in steps of 0.1 of the largest strength.
+        Start of the segment; default 0. From a nonzero start the scale is just above the first
+        breakup, s ≥ 0, found in steps of 0.1 in the largest strength.
     n_sites : int, optional
         Number of sites, 1 to 8, on whose transversals survivors are sought; default 8, or P if that
-        is less. With two it takes half the time, and the scale may be some per cent higher.
+        is less. Two sites take half the time, but the scale may be a few per cent higher.
     until : float
-        The `time.thread_time` after which the scale is left as high as it is then.
+        The `time.thread_time` after which the scale is not lowered any further.
     settings : TransversalSettings
         How transversals are bent and searched, and how the scale is lowered.
 
     Returns
     -------
     scale : float
-        No start was found to survive n_max steps there. From another start 0 if no start survives
-        at s = 0, inf if one does up to 40 steps.
+        No initial condition was found to survive n_max steps there. From a nonzero start the scale
+        is 0 if none survives at s = 0, and inf if one survives at each of 40 steps.
     longest : LongestLived or None
-        The longest-lived start there; T is its lifetime in steps. None if scale is 0 or inf, or the
-        time is over.
+        The longest-lived start there; T is its lifetime in steps. None if scale is 0 or inf, or
+        time is up.
 
     Raises
     ------
@@ -384,10 +389,10 @@ def _longest_lived(kappa, n_steps, sites, until, settings):
     """Return the LongestLived of the transversal whose longest lifetime is the shortest.
 
     Of transversals without survivors and with a long lifetime, the first is taken. The last site
-    that was better is moved to the front of `sites`.
+    that improved the result is moved to the front of `sites`.
     """
     best = None
-    # All ω up to P/2 are there.
+    # A transversal covers all ω up to P/2.
     search = settings.search_of_width(settings.search.width * max(2, kappa.size))
     for transversal in _transversals(kappa, list(sites), settings.min_gap):
         site, ((x, y), kicks) = (
@@ -420,9 +425,10 @@ def _transversals(kappa, sites, min_gap):
 
 
 def _bend_while_surviving(transversal, n_steps, search, until, settings):
-    """Bend a transversal as long as a start survives, and time remains. Then all starts do.
+    """Bend a transversal as long as a start survives and time remains.
 
-    Returns (x, y) of the longest-lived start on it, and its lifetime in kicks.
+    Once time is up, every start counts as a survivor. Returns (x, y) of the longest-lived start on
+    the transversal, and its lifetime in kicks.
     """
     kappa, max_period = transversal.kappa, longest_period(n_steps, settings)
     # A few starts usually find a survivor, if one exists.
@@ -451,7 +457,7 @@ def _bend_while_surviving(transversal, n_steps, search, until, settings):
 
 
 def longest_period(n_steps: float, settings: TransversalSettings = DEFAULT_SETTINGS) -> float:
-    """Return the period of the minimax orbits up to which pieces are bent, for such lifetimes.
+    """Return the longest period of the minimax orbits by which pieces are bent, for n_steps.
 
     Examples
     --------
@@ -469,8 +475,8 @@ def _first_orbits(kappa, minimax):
     """
     period = kappa.size
     omegas = sorted({*map(Fraction, range(period // 2 + 1)), Fraction(period, 2)})
-    # This replaces orbits that are lost, far beyond the breakup: on the other side of the kick they
-    # would be minimizing, and survive.
+    # This replaces orbits that cannot be found, far beyond the breakup: on the other side of the
+    # kick they would be minimizing, and survive.
     orbits, x_before = [], 0.5 if kappa[0] > 0 else 0.0
     for omega in omegas:
         orbits.append((omega, minimax(omega, x_before)))
@@ -495,7 +501,7 @@ def _place(omega, sites):
 def _minimax(ordered, period, site, min_gap, omega, target):
     """Return the sites of the minimax orbit of p/q before the kick of `site`.
 
-    They start with the one nearest to x = target, over the width of its gap. ordered :
+    They start with the one nearest to x = target, relative to the width of its gap. ordered :
     `ordered_orbits` of ω. min_gap : as for `_transversals`.
     """
     p, q = omega.numerator, omega.denominator
@@ -524,8 +530,8 @@ def elimination(
     """Compute when each start before kick 0 is eliminated, and its slope γ.
 
     With V_0 = 1, V_{-1} = 1 - γ the solution V of the linearised chain is ≤ 0 in both directions by
-    then, or soon: the sums of the module are ≥ 1 + κ_0 cos 2πx_0 + γ and ≥ 1 - γ, or v or u has
-    become negative.
+    then, or soon after: the sums of the module are ≥ 1 + κ_0 cos 2πx_0 + γ and ≥ 1 - γ, or v or u
+    has become negative.
 
     Parameters
     ----------
@@ -534,11 +540,11 @@ def elimination(
     x, y : array_like
         Starts, in turns.
     n_kicks : int
-        Most kicks.
+        Maximum number of kicks.
     one_is_enough : bool
-        End with the first survivor; the times of starts that are undecided then are 0.
+        Stop at the first survivor; the times of starts that are still undecided are 0.
     settings : TransversalSettings
-        Its `block_kicks`.
+        Only `block_kicks` is used.
 
     Returns
     -------

@@ -1,6 +1,6 @@
-"""Proofs that a barrier exists or that transport is global; README.md has their theorems.
+"""Proofs that a barrier exists or that transport is global; README.md states the theorems.
 
-Only this package proves. What the rest of `nasm` says rests on samples or on floating point.
+Only this package proves anything. All other results of `nasm` rest on samples or on floating point.
 """
 
 import lazy_loader

@@ -3,19 +3,19 @@
     E_j(φ) = g_{j+1}(φ + α) - 2g_j(φ) + g_{j-1}(φ - α) - (κ_j/2π) sin 2πg_j(φ),      α = ω/P,
 
 where g_j(φ) = φ + u_j(φ), u_{j+P} = u_j: the chain of `nasm.circles` with g_j(θ + jα) = h_j(θ).
-Near trigonometric polynomials u_j for which E is small enough there is a true circle; the theorem
-of proofs/README.md, "A barrier exists", says how small. With ‖f‖ = Σ_k |f_k| e^{2π|k|ρ} its
-hypotheses are upper bounds of
+If E is small enough for trigonometric polynomials u_j, a true circle exists near them; the theorem
+of proofs/README.md, "A barrier exists", states how small. With ‖f‖ = Σ_k |f_k| e^{2π|k|ρ}, its
+hypotheses are stated in terms of the upper bounds
 
     n_j ≥ ‖g_j'‖,    p_j ≥ ‖1/g_j'‖,    k_j ≥ ‖e^{2πig_j}‖,    ε ≥ Σ_j n_j ‖E_j‖,    C ≥ C_R + δ.
 
 A proof relies on the balls of FLINT (python-flint, the extra `proof`), and on the functions from
 `_omega_ball` to `balls`. There every number that enters a bound is a ball or an exact dyadic
 number; floats only choose ρ, ρ̂, the mode at which sums are cut, and the polynomial near 1/g_j', and
-any choice is sound. The functions after these search for u, which a proof may get from anywhere.
+any choice is sound. The functions after these search for u, which may come from any source.
 
-For P ≤ 2 the u_j are odd, as h_j(θ) → -h_{-j}(-θ) maps circles to circles. Then all modes are real,
-and one transform serves two functions.
+For P ≤ 2 the u_j are odd, as h_j(θ) → -h_{-j}(-θ) maps circles to circles. Their modes are then
+imaginary, so that one real number stands for each and one transform serves two functions.
 """
 
 import time
@@ -51,7 +51,7 @@ except ImportError:  # the extra `proof`
 MODES_PER_POINT = 0.38  # modes of u
 _MAX_NEWTON_STEPS = 6  # in balls; 0 to 3 are needed
 _MAX_POINTS = 2**22  # of a grid
-_SECONDS_PER_POINT = 1e-5  # and kick, of CPU time on a fast machine
+_SECONDS_PER_POINT = 1e-5  # CPU seconds per point and kick, on a fast machine
 _LOG_ROUNDING = 46  # e^-46 is 10^-20, the rounding of long doubles near 0.1
 
 ComplexArray: TypeAlias = NDArray[Any]
@@ -79,10 +79,10 @@ class BarrierProof(Result):
     kappa : tuple of P floats
         Forcing. The proof holds for exactly these floats.
     short_omega, short_kappa
-        The same of the shorter map (`symmetries.shorten`) for which it was proved. Nothing is
+        The same for the shorter map (`symmetries.shorten`), to which the proof applies. Nothing is
         shortened if tilt is not 0.
     tilt : tuple of float
-        For a patch, of the length of short_kappa; otherwise empty.
+        For a patch, as many floats as in short_kappa; otherwise empty.
     scales : tuple of 2 floats
         For a patch; otherwise empty.
     n : int
@@ -146,7 +146,7 @@ class BarrierProof(Result):
         return f"s·{tilted}, {low:g} ≤ s ≤ {high:g}"
 
     def certificate(self) -> dict[str, Any]:
-        """Return what another program needs to check the proof, a dict fit for JSON.
+        """Return what another program needs to check the proof, as a JSON-serializable dict.
 
         Raises
         ------
@@ -188,7 +188,7 @@ def prove(
     4. Try to verify the theorem with each residual. If it fails because the grid is too coarse,
        repeat with a third more points, as long as the budget lasts.
 
-    FLINT's precision belongs to the process, so proofs must not run in several threads at once.
+    FLINT's precision is global to the process, so proofs must not run in several threads at once.
 
     Parameters
     ----------
@@ -197,10 +197,10 @@ def prove(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first. The proof is about exactly these floats.
     n : int, optional
-        Points of the grid, even, from 64 to 4194304; by default chosen by the decay of the modes.
+        Points of the grid, even, from 64 to 4194304; by default chosen from the decay of the modes.
     start : array_like, shape (P, m), optional
-        Deviations u near the circle on a grid. If the forcing is shortened, only the first rows
-        count.
+        Approximate deviations u of the circle on a grid. If the forcing is shortened, only the
+        first rows are used.
     budget : float
         CPU seconds; grids that would take longer are not tried.
 
@@ -220,7 +220,7 @@ def prove(
     References
     ----------
     J.-Ll. Figueras, A. Haro and A. Luque, Found. Comput. Math. 17 (2017) 1123, arXiv:1601.00084:
-    a-posteriori KAM proofs on a computer. `nasm/proofs/README.md` has the theorem used here.
+    a-posteriori KAM proofs on a computer. `nasm/proofs/README.md` states the theorem used here.
 
     Examples
     --------
@@ -268,9 +268,9 @@ def proved_lower(
 ) -> tuple[float, BarrierProof | None]:
     """Search for the largest scale s at which the circle of omega is proved under s·profile.
 
-    Circles closer and closer to the breakup are proved until the time is spent; the work grows like
-    the power -1.2 to -1.4 of the distance. The proof is about exactly s·profile rounded to doubles.
-    It makes no statement about smaller scales, at which the circle might not exist;
+    Circles closer and closer to the breakup are proved until the budget is spent; the work grows
+    like the distance to the power -1.2 to -1.4. The proof is about exactly s·profile rounded to
+    doubles. It makes no statement about smaller scales, at which the circle might not exist;
     `patches.proved_below` does.
 
     Parameters
@@ -281,10 +281,9 @@ def proved_lower(
         Direction of the ray, not zero.
     value : float
         Scale at which the circle breaks, e.g. by `periodic.critical_scale`, from 1e-300 to 1e306.
-        It only chooses where to try proofs.
+        Used only to choose where to try proofs.
     budget : float
-        CPU seconds, which are kept approximately: 0.1 s reach 0.95 of the breakup, 1 s more than
-        0.99.
+        CPU seconds, kept to approximately: 0.1 s reaches 0.95 of the breakup, 1 s more than 0.99.
 
     Returns
     -------
@@ -339,7 +338,7 @@ def need_flint() -> None:
     Raises
     ------
     ImportError
-        If it is not, with the name "flint".
+        If it is not installed; the `name` of the error is "flint".
 
     Examples
     --------
@@ -359,7 +358,7 @@ def _proved(
     until: float,
     about: dict[str, Any],
 ) -> BarrierProof:
-    """Try to prove a circle near `start`, on finer and finer grids."""
+    """Try to prove that a circle exists near `start`, on finer and finer grids."""
     size, before = n or grid_size(start), None
     while True:
         seconds = _SECONDS_PER_POINT * size * kappa.size
@@ -390,10 +389,9 @@ def _omega_ball(omega: RotationNumber, bits: int) -> Ball:
 
 @lru_cache(maxsize=64)
 def _divisors(omega: RotationNumber) -> list[tuple[int, Ball, bool]]:
-    """Return (q_n, |e^{2πiq_nω} - 1|, if n is in the last period) for n = 0, 1, …
+    """Return (q_n, |e^{2πiq_nω} - 1|, whether n is in the last period) for n = 0, 1, …
 
-    The last period begins 40 quotients or more behind the beginning of the tail, and bounds all n
-    that follow.
+    The last period begins 40 quotients or more after the start of the tail, and bounds all later n.
     """
     length = len(omega.tail)
     last = len(omega.prefix) + (40 // length + 2) * length
@@ -506,7 +504,7 @@ def bounds_of_the_residual(
     rho_hat: Ball,
     cut: int,
 ) -> list[Ball]:
-    """Bound ‖E_j‖_ρ from bounds u and E of the sizes of the modes.
+    """Bound ‖E_j‖_ρ, given bounds u and E of the absolute values of the modes.
 
     |sin 2πg_j| ≤ M for |Im φ| ≤ ρ̂, so its modes are below M e^{-2πρ̂|k|}. Modes |k| < cut are taken
     from E, which contains their aliases k + n, k - n, …; the others are modes of the sine alone.
@@ -536,8 +534,8 @@ def bound_of_the_inverse(
 ) -> Ball:
     """Bound p ≥ ‖1/g'‖_ρ = ‖d/(1 - (1 - g'd))‖ for all g' with ‖g' - slope‖ ≤ moved.
 
-    d are doubles near the modes of 1/g'; the bound is infinite if ‖1 - g'd‖ ≥ 1. g'd is multiplied
-    out for the first `kept` modes of slope, and bounded for the others.
+    The modes of d are doubles near those of 1/g'; the bound is infinite if ‖1 - g'd‖ ≥ 1. g'd is
+    multiplied out for the first `kept` modes of slope, and bounded for the others.
     """
     d = [arb(x.real) if odd else acb(x.real, x.imag) for x in near]
     sizes = [x.abs_upper() for x in slope]
@@ -616,11 +614,11 @@ def verified(
     sizes
         For each degree (m, l) the sizes of the modes of C_jml.
     apart
-        For each degree, how much T_m T_l differs from its value at the nearest point at most.
+        For each degree, a bound of the difference of T_m T_l from its value at the nearest point.
     kappa
         Bounds of |κ_j|.
     between : callable
-        (error, rho, norms of the C_jml, j) → a bound of ‖E_j‖ in all of the patch, from the bound
+        (error, rho, norms of the C_jml, j) → a bound of ‖E_j‖ on the whole patch, from the bound
         `error` at the points.
     part : float
         As for `inequalities`.
@@ -628,8 +626,8 @@ def verified(
     Returns
     -------
     dict
-        Fields of a `BarrierProof`, and `estimated_ratio`, the left side of (1) in floats, which
-        choose ρ, ρ̂, the cut and the polynomials near 1/g_j'.
+        Fields of a `BarrierProof`, and `estimated_ratio`, the left side of (1) in floats. Floats
+        only choose ρ, ρ̂, the cut and the polynomials near 1/g_j'.
     """
     (grid, *_), two_pi = grids, 2 * arb.pi()
     bounds = [[[[x.abs_upper() for x in row] for row in t] for t in rows] for rows in (u, E)]
@@ -663,7 +661,7 @@ def verified(
     failed, left = inequalities(grid.omega, kappa, rho, eps, n, p, k, part)
     worst = {"error": everywhere, "n": n, "p": p, "k": k}
     left |= {key: reduce(arb.max, of_sites) for key, of_sites in worst.items()}
-    # Floats above: the nearest to the upper end of a ball may be below it.
+    # Round up: the float nearest to the upper end of a ball may be below it.
     constants = {key: float(np.nextafter(float(x.upper()), inf)) for key, x in left.items()}
     reason = f"not proved: inequalities of the theorem fail: {', '.join(failed)}" if failed else ""
     outcome = {"proved": not failed, "reason": reason, "rho": float(rho), "constants": constants}
@@ -726,13 +724,13 @@ def best_widths(grid: Grid, u: FloatArray, e: FloatArray, near: FloatArray) -> d
 
 
 def _leading(weighted: FloatArray, small: float) -> int:
-    """Count the leading columns that hold all but a small part of the sum of each row."""
+    """Count the leading columns that contain all but a fraction `small` of each row's sum."""
     left = np.cumsum(weighted[:, ::-1], axis=1)[:, ::-1] < small * weighted.sum(axis=1)[:, None]
     return int(left.all(axis=0).argmax()) or weighted.shape[1]
 
 
 def decay(sizes: FloatArray, least: float = 1e-12) -> float:
-    """Fit ρ in sizes_k ~ e^{-2πρk} to the modes above `least` of the largest."""
+    """Fit ρ in sizes_k ~ e^{-2πρk} to the modes larger than `least` times the largest."""
     k = np.arange(len(sizes))
     good = (k > 0) & (sizes > least * sizes[1:].max(initial=0))
     good[: good.sum() // 10] = False
@@ -745,7 +743,7 @@ def decay(sizes: FloatArray, least: float = 1e-12) -> float:
 def refined(grid: Grid, start: FloatArray) -> dict[str, Any]:
     """Refine `start` by Newton's method until the theorem is verified, or the residual stagnates.
 
-    Return fields of a `BarrierProof`, and `estimated_ratio` as `verified`.
+    Return fields of a `BarrierProof`, and `estimated_ratio`, as `verified` does.
     """
     K, turn = int(MODES_PER_POINT * grid.n), turns(grid.omega, grid.sites, grid.n // 2 + 1)
     modes, last, unit = polished(grid.kappa, grid.n, turn, start), inf, -ctx.prec
@@ -800,8 +798,8 @@ def turns(omega: RotationNumber, n_sites: int, n_modes: int) -> ComplexArray:
 def polished(kappa: Sequence[Any], n: int, turn: ComplexArray, start: FloatArray) -> ComplexArray:
     """Refine values of a circle on a grid by Newton's method in long double; return its modes.
 
-    Modes of the size of rounding are left as they are: small divisors would make their rounding
-    larger than u itself.
+    Modes of the size of rounding errors are left unchanged: small divisors would make their
+    rounding errors larger than u itself.
     """
     modes = np.zeros((len(kappa), int(MODES_PER_POINT * n) + 1), np.clongdouble)
     known = np.fft.rfft(start)[:, : modes.shape[1]] / start.shape[1]
@@ -890,12 +888,12 @@ def integers(row: list[Ball], unit: int) -> list[list[int]]:
 
 
 def grid_size(start: FloatArray) -> int:
-    """Choose the points of a grid by the decay of the circle's modes; enough on nearly all rays."""
+    """Choose the grid size from the decay of the circle's modes; it suffices on nearly all rays."""
     rate = decay(np.abs(np.fft.rfft(start)).max(axis=0), 1e-6)
     return fast_size(max(64, 2 * ceil(max(5.5, -2.2 * log(rate)) / rate)))
 
 
 def fast_size(n: int) -> int:
-    """Return the least of 2^k, 5·2^k and 6·2^k from n on; FLINT transforms these twice as fast."""
+    """Return the least 2^k, 5·2^k or 6·2^k that is ≥ n; FLINT transforms these twice as fast."""
     power = 2 ** (n.bit_length() - 3)
     return power * next(m for m in (4, 5, 6, 8) if m * power >= n)

@@ -96,7 +96,7 @@ def critical_scale(profile: ArrayLike, seconds: float = 8.0) -> ProvedBracket:
         Direction of the ray, not zero.
     seconds : float
         CPU time for `below`, and on average for each of the two bounds. The upper bound gets half
-        of it, and still comes ten times closer than the lower one. The width of the bracket depends
+        of it, and is still ten times closer than the lower one. The width of the bracket depends
         on the time and on the machine; each of its bounds is proved.
 
     Returns

@@ -1,13 +1,13 @@
-"""Check certificates of proofs in ball arithmetic, by a second program, slow and simple.
+"""Check certificates of proofs in ball arithmetic, by an independent program, slow and simple.
 
     check(json.loads(text))   # returns the claim, which is then proved, or raises Refuted
 
-It needs python-flint alone, and shares no code with the programs that made the certificates.
+It needs only python-flint, and shares no code with the programs that made the certificates.
 nasm/proofs/README.md, "Certificates", describes the fields and states the five theorems.
 
 *Transport.* Given a forcing, or a cell of forcings, and boxes with their lifetimes N, it verifies
-that the boxes cover the initial conditions on a curve, and that each box has an η of finite support
-whose second variation along every orbit of the box is
+that the boxes cover the initial conditions on a curve, and that for each box there is an η of
+finite support whose second variation along every orbit of the box is
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0.
 
@@ -16,16 +16,16 @@ On a symmetry line η is even, and half of Q is summed. On a polygon both halves
 
     x_k = x̂_k + Σ_i σ_i ξ_ik + Σ_{i≤j} σ_iσ_j ξ_ijk + ρ_k,   |σ_i| ≤ 1,
 
-where x̂_k, ξ_ik, … are exact numbers of 128 bits, and the bound of ρ_k includes their errors. One
+where x̂_k, ξ_ik, … are exact numbers of 128 bits, and the bound on ρ_k includes their errors. One
 parameter is that of the initial condition; in a cell two more are those of the strengths k + σ_i h.
 Any sequence of floats will do for η.
 
-*A barrier*, under one forcing or in a patch (a "fan" in certificates). A function is a Laurent
-polynomial in z = e^{2πiφ} with balls as coefficients; 1/g_j' is computed by sums and products of
-these. The sine is evaluated on a grid, at many points of a patch, with a bound of the aliases
+*A barrier*, under one forcing or in a patch (a "fan" in certificates). Functions are Laurent
+polynomials in z = e^{2πiφ} with balls as coefficients, and 1/g_j' is computed from their sums and
+products. The sine is evaluated on a grid, at many points of a patch, with a bound on the aliases
 (`Grid`).
 
-A certificate may come from anybody. `within_limits` refuses it before anything is computed if the
+A certificate may come from anyone. Before anything is computed, `within_limits` refuses it if the
 check would take too much time or memory.
 """
 
@@ -103,7 +103,7 @@ def check(certificate: Certificate, max_kicks: float = MAX_TOTAL_KICKS) -> str:
     certificate : dict
         A JSON object; see nasm/proofs/README.md, "Certificates".
     max_kicks : float
-        Largest number of kicks of all boxes together, for transport; each takes some 7·10⁻⁵ s.
+        Largest number of kicks of all boxes together, for transport; each takes about 7·10⁻⁵ s.
 
     Raises
     ------
@@ -232,7 +232,7 @@ def within_limits_of_moves(data: Certificate) -> None:
 
 
 def is_whole(x: Any) -> bool:
-    """Return True for an int; False for bools, and for floats that equal one."""
+    """Return True for an int; False for a bool, or a float that equals an integer."""
     return type(x) is int
 
 
@@ -270,10 +270,11 @@ def decimals(numbers: list[str]) -> str:
 
 
 def shortened(data: Certificate) -> None:
-    """Refute unless the forcing, and ω, are the original ones, or the shortened ones.
+    """Refute unless the forcing and ω are the original ones or the shortened ones.
 
-    Either the original κ repeats the shortened one; or only every m-th site is kicked, and it does
-    so up to alternating signs, as x advances by 1/2 more from one of these sites to the next.
+    Either the original κ repeats the shortened one; or only every m-th site is kicked, and the
+    original repeats the shortened one up to alternating signs, as x advances by an extra 1/2 from
+    each of these sites to the next.
     """
     original = data["shortened_from"]
     long, short = (
@@ -289,7 +290,7 @@ def shortened(data: Certificate) -> None:
         "fields of shortened_from are missing or unknown",
     )
     repeated = short * (n_long // n_short)
-    turns = [Fraction(0)] if long == repeated else []  # of a period, beyond ω
+    turns = [Fraction(0)] if long == repeated else []  # extra turns per period, beyond ω
     for spacing in (m for m in range(1, n_long // 2 + 1) if n_long % (2 * m) == 0):
         for first in range(spacing):
             signs = [0] * n_long
@@ -302,7 +303,7 @@ def shortened(data: Certificate) -> None:
     if "omega" in data:
         if any(map(exact, data.get("tilt", []))):
             demand(long == short, "forcings in several directions cannot be shortened")
-            turns = [Fraction(0)]  # the others have not the symmetry of κ
+            turns = [Fraction(0)]  # other forcings of the patch lack the symmetry of κ
         (a, b), (a_short, b_short) = surd(original["omega"]), surd(data["omega"])
         times = Fraction(n_long, n_short)
         same = [((a_short * times - a - turn) / n_long).denominator == 1 for turn in turns]
@@ -310,7 +311,7 @@ def shortened(data: Certificate) -> None:
 
 
 def surd(text: str) -> tuple[Fraction, Fraction]:
-    """Return (a, ±b²) of ω = a ± b, where b is the root of a fraction."""
+    """Return (a, ±b²) of ω = a ± b, where b is the square root of a fraction."""
     head, tail = quotients(text)
     (p, p_last), (q, q_last) = product(tail)  # x = (p x + p')/(q x + q') = (r + √d)/t
     r, t, d = p - q_last, 2 * q, (q_last - p) ** 2 + 4 * q * p_last
@@ -330,7 +331,7 @@ def product(quotients: list[int]) -> tuple[tuple[int, int], tuple[int, int]]:
 
 
 def exact(text: Any) -> Fraction:
-    """Read a number as `float.hex` writes it; other texts are refuted, as "0.5" would be 5/16."""
+    """Read a number as `float.hex` writes it; refute other texts: "0.5" would be read as 5/16."""
     demand(type(text) is str and len(text) <= 24, "a number is not a text of at most 24 letters")
     try:
         number = float.fromhex(text)
@@ -341,7 +342,7 @@ def exact(text: Any) -> Fraction:
 
 
 def rows(columns: list[str]) -> list[tuple[Fraction, ...]]:
-    """Return rows of exact numbers from the texts of their columns, 16 digits a number."""
+    """Return rows of exact numbers from the texts of their columns, 16 digits per number."""
     data = [bytes.fromhex(column) for column in columns]
     numbers = [map(Fraction, struct.unpack(f">{len(each) // 8}d", each)) for each in data]
     return list(zip(*numbers, strict=True))
@@ -440,13 +441,13 @@ def is_positive(kappa: list[Fraction]) -> bool:
 def halves(
     x: Fraction, y: Fraction, x_width: Fraction, y_width: Fraction, split: Fraction
 ) -> tuple[tuple[tuple[Any, Any], ...], ...]:
-    """Return the initial η, x, v and t of both halves of Q, each at the site before and the first.
+    """Return the initial η, x, v and t of both halves of Q, at the site before the first and at it.
 
     One half begins at the site of the curve, the other, with x_{c-n} → -x_{c-n}, at the site before
     it. The site of the curve counts in the former as if η before it were 1 - split, which is η at
     the first site of the latter.
     """
-    # Any slope of v that makes it independent of t: `split`, unless it makes them nearly parallel.
+    # Any slope making v independent of t will do: `split`, unless both are then nearly parallel.
     near = abs(y_width - split * x_width) < (abs(x_width) + abs(y_width)) / 10_000
     slope = split + near
     ahead = (1 - split, 1), (x - y, x), (1 - slope, 1), (x_width - y_width, x_width)
@@ -476,7 +477,7 @@ def cover_of_piece(
 
 
 def tile(whole: Cuboid, cuboids: Sequence[Cuboid]) -> bool:
-    """Return True if cuboids that were made by bisection tile `whole`: repeat the bisections."""
+    """Return True if cuboids made by bisection tile `whole`, by repeating the bisections."""
     if len(cuboids) == 1:
         return cuboids[0] == whole
     for axis, (low, high) in enumerate(whole):
@@ -497,7 +498,7 @@ def ball(fraction: Fraction) -> Ball:
 
 
 def second_variation(a: Fraction, box: Sequence[Fraction], lifetime: int) -> Ball:
-    """Bound Q/2 from above on a box of a symmetry line, for an even η that is chosen here.
+    """Bound Q/2 from above on a box of a symmetry line, for an even η chosen here.
 
     box : ŷ, δ, then k and h of each strength, beginning with the kick at x = a, then, in a cell,
     the shears.
@@ -513,13 +514,13 @@ def on_a_line(a: Fraction, box: Sequence[Fraction]) -> tuple[Any, tuple[Any, ...
     strengths = list(zip(strengths[::2], strengths[1::2], strict=True))
     shears = [ball(number) for number in box[6:8]] or [arb(0)] * len(strengths)
     aside = [shear * width for shear, (_, width) in zip(shears, strengths, strict=True)]
-    before = 1 + strengths[0][0] / 2 * (1 if a == 0 else -1)  # as behind the site
+    before = 1 + strengths[0][0] / 2 * (1 if a == 0 else -1)  # the same as after the site
     begun = (ball(a) - y, ball(a)), (before, arb(1)), (-delta, arb(0))
     return (begun, strengths, aside), (before, 1.0, fmpq(1, 2))
 
 
 def summed(sites: list[Any], before: Ball, first: float, share: Any = 1) -> Ball:
-    """Bound the sum of Q over the sites that `orbits` yields from above, for an η chosen here.
+    """Bound from above the sum of Q over the sites that `orbits` yields, for an η chosen here.
 
     before, first : η at the site before the first, and at the first. share : weight of the first
     site; with 1/2, η is even about it.
@@ -632,8 +633,8 @@ def orbits(
 def some_sequence(sites: list[Any], before: Ball, first: float, share: Any = 1) -> list[float]:
     """Choose η: the solution of the linear chain in the middle of the box, in floats.
 
-    Payments increase it by what Q may exceed its value in the middle by. It is cut off where it is
-    not positive. Arguments as for `summed`.
+    It is raised to offset the amount by which Q may exceed its value in the middle, and cut off
+    where it is not positive. Arguments as for `summed`.
     """
     eta, last, paid = [first], float(arb(before).mid()), 0.0
     signed, squares = ([0.0] * len(terms) for terms in sites[0][1:3])
@@ -781,7 +782,7 @@ def inequalities(
     p: list[Ball],
     k: list[Ball],
 ) -> tuple[bool, dict[str, Ball]]:
-    """Return True if (1), (2) and (3) hold, and their left sides with the largest |κ_j|."""
+    """Return True if (1), (2) and (3) hold, and their left-hand sides with the largest |κ_j|."""
     P, e, two_pi, eta = len(kappa), arb(1).exp(), 2 * arb.pi(), arb("0.01")
     grown = 1 + eta
     q = [p[j] * p[(j + 1) % P] for j in range(P)]
@@ -803,7 +804,7 @@ def inequalities(
 def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
     """Return True if the theorem applies to the forcing, or to all of a patch, and its constants.
 
-    u_j = Σ_ml C_jml T_m(σ) T_l(t); a polynomial of the modes k ≥ 0 stands for a real function of φ.
+    u_j = Σ_ml C_jml T_m(σ) T_l(t); a polynomial of the modes k ≥ 0 represents a real function of φ.
     """
     rho, (omega, divisors, period) = arb(float.fromhex(data["rho"])), rotation(data["omega"])
     single = {"tilt": [(0.0).hex()] * len(data["kappa"]), "scales": [(1.0).hex()] * 2}
@@ -837,13 +838,13 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
     n = [1 + sum(column) for column in zip(*slopes.values(), strict=True)]
     k = [(two_pi * (rho + real_norm(f, r))).exp() for f in totals]
     p, errors, grid = [arb(0)] * len(n), [arb(0)] * len(n), Grid(rho, totals)
-    # One point more than degrees, if anything depends on s, or on t.
+    # One more point than degrees, if anything depends on s, or on t.
     points = len(numbers) + 1 if long else 1, widest + 1 if fanned else 1
     for angle, beside, u in at_points(moves, points):
         there = strengths(middle + half * angle.cos_pi(), beside.cos_pi())
         found = grid.residuals(there, u, omega / len(kappa))
         errors = [old.max(new) for old, new in zip(errors, found, strict=True)]
-    # Between these points an angle differs by π/2f at most, and T_m by 2 sin(mπ/4f).
+    # Between these points an angle differs by at most π/2f, and T_m by 2 sin(mπ/4f).
     demand(all(error < 1 for error in errors), "a residual is not below 1")
     nodes = 12 if long else 1, 8 if fanned else 1
     step = [
@@ -898,9 +899,9 @@ def slope(f: Any) -> list[Ball]:
 class Grid:
     """n points of φ, n > 2K, on which sin 2πg_j is evaluated for one of the forcings.
 
-    A mode and its aliases k + n, k + 2n, … appear as their sum. Each mode |k| ≥ n/2 is omitted
-    once, and once it is an alias of a mode with a smaller weight. With ‖sin 2πg_j‖ ≤ M for ρ̂ > ρ
-    both errors together are at most 2M e^{-2π(ρ̂-ρ)n/2}.
+    A mode and its aliases k + n, k + 2n, … appear as their sum. Each mode |k| ≥ n/2 counts twice in
+    the error: it is omitted, and is an alias of a mode of smaller weight. With ‖sin 2πg_j‖ ≤ M for
+    ρ̂ > ρ both errors together are at most 2M e^{-2π(ρ̂-ρ)n/2}.
 
     sizes : for each j a polynomial whose coefficients bound |û_k|, k ≥ 0.
     """
@@ -919,7 +920,7 @@ class Grid:
         self.angles = [arb(i) / self.half for i in range(2 * self.half)]
 
     def residuals(self, kappa: list[Ball], u: list[Any], alpha: Ball) -> list[Ball]:
-        """Bound ‖E_j‖; u has for each j the polynomial of the modes û_k, k ≥ 0."""
+        """Bound ‖E_j‖; u contains for each j the polynomial of the modes û_k, k ≥ 0."""
         half, two_pi, errors = self.half, 2 * arb.pi(), []
         u = [[*f.coeffs(), *[acb(0)] * (half - len(f))] for f in u]
         turns = [acb(2 * k * alpha).exp_pi_i() for k in range(half)]

@@ -52,7 +52,7 @@ def certificate(
     theorem : str
         Name of its theorem in proofs/README.md.
     fields : dict
-        What the theorem's hypothesis is verified from.
+        Data from which the hypothesis of the theorem is verified.
     kappa : tuple of float
         Forcing of the claim.
     half_width : tuple of float
@@ -95,9 +95,9 @@ def in_hex(numbers: Iterable[float]) -> list[str]:
 
 
 def columns_in_hex(rows: FloatArray) -> list[str]:
-    """Write each column of a matrix as one text: 16 digits a number, its 8 bytes, sign first.
+    """Write each column of a matrix as one text: 16 digits per number, its 8 bytes, sign first.
 
-    Certificates may have a million rows, and this form is short.
+    Certificates may have a million rows, and this form is compact.
 
     Examples
     --------

@@ -7,15 +7,15 @@ a ray if b = 0. In each of them
     u_j(φ; s, t) = Σ_{m<Q, l<R} C_jml(φ) T_m(σ) T_l(t),    s = (low + high)/2 + σ (high - low)/2,
 
 |σ| ≤ 1, with the Chebyshev polynomials T_m. The theorem of `nasm.proofs.barrier` applies for every
-s and t if its constants hold for all σ and t. Bounds of n_j and k_j are sums over m and l. That of
-p_j uses how much g_j' differs from its value at the nearest of Q·R Chebyshev points. For the
-residual
+s and t if its constants hold for all σ and t. Bounds of n_j and k_j are sums over m and l. The
+bound of p_j uses how much g_j' differs from its value at the nearest of Q·R Chebyshev points. For
+the residual
 
     ‖E_j‖ ≤ Λ_Q Λ_R max ‖E_j‖ at the points + interpolation error,    Λ_Q = 1 + (2/π) log Q.
 
 So the circle exists for all weaker kicks too; it does not break and reappear on the way. See
 proofs/README.md, "A patch". A proof relies on `_Patch` and the functions of `nasm.proofs.barrier`
-that it calls, and may get C from anywhere. Certificates call a patch a fan.
+that it calls; C may come from any source. Certificates call a patch a fan.
 """
 
 import time
@@ -59,18 +59,18 @@ try:
 except ImportError:  # the extra `proof`
     arb = None  # type: ignore[assignment, misc]
 
-# Distances from the breakup, at the end of a patch relative to its beginning.
+# Distance from the breakup at the end of a patch, relative to that at its beginning.
 _MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
 # The residual ε that suffices 1% below the breakup, and its power law in the distance.
 _RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 3e-19, 6.3
 _LONG_DOUBLE_RESIDUAL = 1e-15  # ε down to which circles in long doubles are accurate enough
-_GRID_FACTOR = 1.1  # points of a grid, relative to one forcing
+_GRID_FACTOR = 1.1  # points of a grid, relative to those for one forcing
 _MIN_NODES, MAX_NODES = 8, 64  # Chebyshev points in s, and in t
 _TRIAL_NODES = 24  # across the far end of a patch, to choose the number of points in t
 _STRIP_RATIO = 0.1  # ρ relative to the strip in which circles are analytic, approximately
 _SLOWDOWN = 1.25  # of the work, relative to a power law 1/distance
 _BOUND_FRACTION = 0.8
-"""A patch counts as proved if the left sides are below this part of the right sides of the theorem.
+"""A patch counts as proved if the theorem's left sides are below this fraction of its right sides.
 
 The checker of certificates computes its own bounds, which may be slightly larger: in one of 988
 cells of forcings by a factor of 1.15.
@@ -95,10 +95,10 @@ def proved_below(
         Direction of the ray, not zero.
     value : float
         Scale at which the circle breaks, e.g. by `periodic.critical_scale`, from 1e-300 to 1e306;
-        for a triangle the least on its rays. It only chooses where to try proofs.
+        for a triangle the least on its rays. Used only to choose where to try proofs.
     budget : float
-        CPU seconds, which are kept approximately. For two kicks 2 s reach 0.97 of the breakup, and
-        12 s 0.99; proofs/README.md has a table.
+        CPU seconds, approximately. For two kicks 2 s reach 0.97 of the breakup, and 12 s reach
+        0.99; proofs/README.md has a table.
     tilt : array_like, shape (P,), optional
         For a triangle: it consists of the rays profile + t·tilt, -1 ≤ t ≤ 1.
     nearest : float
@@ -108,7 +108,7 @@ def proved_below(
     -------
     scale : float
         The circle exists under s·(profile + t·tilt) for all real s and t, 0 ≤ s ≤ scale. This is a
-        statement about real numbers: forcings rounded to floats lie beside the ray by some 10⁻¹⁶.
+        statement about real numbers: forcings rounded to floats lie off the ray by some 10⁻¹⁶.
     proofs : list of BarrierProof
         Proofs of the patches that fill the ray or the triangle.
 
@@ -185,7 +185,7 @@ def covered_up_to(intervals: Iterable[tuple[float, ...]]) -> float:
 
 
 def _proved_between(low: float, high: float, value: float, about: dict[str, Any]) -> BarrierProof:
-    """Try to prove the circle for low ≤ s ≤ high, below the breakup at value."""
+    """Try to prove that the circle exists for low ≤ s ≤ high, below the breakup at value."""
     about = about | {"scales": (low, high)}
     omega, profile, tilt = (about[key] for key in ("short_omega", "short_kappa", "tilt"))
     middle, half, distance = (low + high) / 2, (high - low) / 2, 1 - high / value
@@ -252,7 +252,7 @@ def _points_across(far: list[circles.InvariantCircle], n: int, max_error: float)
     T *= np.minimum(degrees + 1, 2) / _TRIAL_NODES
     weights = 2 * np.exp(2 * pi * rho * np.arange(modes.shape[-1]))
     sizes = (np.abs(np.tensordot(T, modes, 1)) @ weights).max(axis=1)
-    # Beyond `end` sizes are those of rounding.
+    # Beyond `end` the sizes are rounding errors.
     end = max(4, int(np.argmax(np.append(sizes < 1e-10 * sizes.max(), True))))
     rate = (sizes[end - 1] / sizes[end // 2 - 1]) ** (1 / (end - end // 2))
     rate = np.clip(rate, 0.01, 0.95)
@@ -265,9 +265,9 @@ def _points_across(far: list[circles.InvariantCircle], n: int, max_error: float)
 
 
 def _above_rounding(coefficients: list[Any], Q: int, R: int) -> list[Any]:
-    """Replace coefficients C by 0 if they are as small as the rounding of modes in long double.
+    """Replace coefficients C by 0 if they are as small as rounding errors of modes in long double.
 
-    C decays with the sum of its degrees, so that those of high degrees in both are rounding alone.
+    C decays with the sum of its degrees, so coefficients of high degrees in both are mere rounding.
     """
     size = max(1, *(len(part) for table in coefficients for row in table for part in row))
     sizes = np.zeros((Q * R, size))
@@ -318,7 +318,7 @@ class _Patch:
         self.odd, self.turn = grid.odd, turns(omega, grid.sites, n // 2 + 1)
 
     def circles(self, starts: list[FloatArray], epsilon: float = 0.0) -> list[Any] | None:
-        """Return the modes of circles at the points, exact balls, from values on grids.
+        """Return the modes of circles at the points, as exact balls, from values on grids.
 
         If epsilon is close to the rounding of long doubles, add a step of Newton's method in balls.
         None if Newton's method diverges.
@@ -375,8 +375,8 @@ class _Patch:
     def _between(self, error: Ball, rho: Ball, norms: list[Ball], j: int) -> Ball:
         """Bound ‖E_j‖ for all σ and t, from its bound `error` at the points.
 
-        The error of interpolating the sine, in σ and in t, is bounded on ellipses whose half axes
-        have the sum r.
+        The error of interpolating the sine, in σ and in t, is bounded on ellipses whose
+        semi-axes have the sum r.
         """
         (Q, R), two_pi, misses = self.shape, 2 * arb.pi(), []
         degrees = [*product(range(Q), range(R))]

@@ -8,7 +8,7 @@ condition on the curve, up to symmetries, some η of finite support has
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0,   η ≠ 0,
 
 then no circle exists, and orbits lead from any y to any other. `proofs/README.md`, "Transport is
-global", has the theorem, and shows why the computation below proves its hypothesis in spite of
+global", states the theorem, and shows why the computation below proves its hypothesis despite
 rounding.
 
 The curve is covered by boxes |s - ŝ| ≤ δ, whose orbits are
@@ -16,10 +16,10 @@ The curve is covered by boxes |s - ŝ| ≤ δ, whose orbits are
     x_n(σ) = x̂_n + σ t_n + σ² q_n + ρ_n,   |ρ_n| ≤ A_n|v_n| + B_n|t_n|,   s = ŝ + σδ,   |σ| ≤ 1.
 
 All orbits of a box share one η: V, the solution v of the linearised chain, increased at each kick
-by a payment for what Q may exceed its value in the middle of the box. V_N ≤ 0 shows Q ≤ 0 in all of
-the box, and N is its lifetime. A box that fails is bisected. On a symmetry line the sites n ≥ c are
-enough. On a polygon the sites before c are followed as well, as those after c under the kicks in
-reverse order, so that a box has two lifetimes.
+by a payment for the amount by which Q may exceed its value in the middle of the box. V_N ≤ 0 shows
+Q ≤ 0 on the whole box, and N is its lifetime. A box that fails is bisected. On a symmetry line the
+sites n ≥ c are enough. On a polygon the sites before c are followed too, like those after c but
+under the kicks in reverse order, so that a box has two lifetimes.
 
 Sixteen boxes run in lockstep on `nasm.arithmetic.lanes`. After an event in one of them, its block
 of kicks is repeated on floats, by the same function. The proof relies on IEEE arithmetic with
@@ -68,7 +68,7 @@ from nasm.types import FloatArray, IntArray
 
 __all__ = ["Outcome", "TransportProof", "prove", "proved_upper"]
 
-# Taylor coefficients of sin 2πu / 2πu in u²: four sums of two floats, eight floats.
+# Taylor coefficients of sin 2πu / 2πu in u²: four as sums of two floats, eight as floats.
 _SERIES = [(-1) ** k * (2 * EXACT_PI) ** (2 * k) / factorial(2 * k + 1) for k in range(12)]
 _S0, _S1, _S2, _S3 = map(pair, _SERIES[:4])
 _S4 = tuple(map(float, _SERIES[4:]))
@@ -83,9 +83,9 @@ CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: remainders
 COS_CUBIC = 41.35  # (2π)³/6, rounded up: the remainder of cos
 
 _MAX_DEVIATION = 0.1  # |x - x̂| up to which the bounds hold
-_MAX_UNKNOWN_SHARE = 0.8  # of |x - x̂|, the part beyond first order; the box is bisected above it
+_MAX_UNKNOWN_SHARE = 0.8  # fraction of |x - x̂| beyond first order; above it the box is bisected
 _MAX_WRONSKIAN_ERROR = 1e-3  # relative, of v_n t_{n+1} - v_{n+1} t_n = δ
-_MAX_V = 1e100  # products may overflow beyond
+_MAX_V = 1e100  # beyond it, products may overflow
 _MAX_LIFETIME = 1e11  # kicks of a box in a proof; they would take hours
 
 _MIN_TOTAL_STRENGTH = 0.1  # of P Σ|κ_j|; it is 0.97 where the last circle of one kick in P breaks
@@ -93,10 +93,10 @@ _FIRST_BOXES = 16  # on each piece
 _MIN_DELTA = 2.0**-50  # down to which centres are exact, up to s = 8
 _KICKS_PER_BLOCK = 8  # between checks for events; rounded up to periods
 _STATE, _ROWS, _V = 18, 19, 6  # numbers of a box: those that change, all, and the index of V
-_FIRST_EXCESS = 0.1  # of s over value, with which `proved_upper` begins
+_FIRST_EXCESS = 0.1  # relative excess of s over value with which `proved_upper` begins
 _KICKS_PER_CALL = 2_000_000  # of the kernel, between checks of the clock
-_MIN_CROWD = 128  # waiting boxes from which on a piece of the polygon may be bent
-_MAX_STEPS = 2**14  # within which floats must eliminate all initial conditions on a polygon
+_MIN_CROWD = 128  # waiting boxes above which a piece of the polygon may be bent
+_MAX_STEPS = 2**14  # in which all initial conditions on a polygon must be eliminated in floats
 _CORNER_GRID = 2.0**26  # inverse spacing of corners, so that their sums are exact in two floats
 
 
@@ -163,7 +163,7 @@ class TransportProof(Proof):
         Rows ŝ, δ: no circle passes through initial conditions with |s - ŝ| ≤ δ; s is 0 at the first
         corner, 1/2 at the second, and so on. The boxes of a proof tile the curve, in order.
     lifetimes : ndarray of int, shape (n, 1) or (n, 2)
-        Kicks N until V ≤ 0, for each box; for three kicks and more, forwards and backwards.
+        Kicks N until V ≤ 0, for each box; for three or more kicks, forwards and backwards.
     slopes : ndarray, shape (n,)
         γ of each box.
 
@@ -199,7 +199,7 @@ class TransportProof(Proof):
         return html_table(rows, "Proof that transport is global")
 
     def certificate(self) -> dict[str, Any]:
-        """Return what another program needs to check the proof, a dict fit for JSON.
+        """Return what another program needs to check the proof, as a JSON-serializable dict.
 
         Raises
         ------
@@ -245,8 +245,8 @@ def prove(kappa: ArrayLike, budget: float = 10.0) -> TransportProof:
     budget : float
         CPU seconds. A relative distance of 10⁻³ beyond the breakup takes some 10⁻² s for two kicks
         and up to 0.5 s for three or four; a distance three times smaller takes ten times as long.
-        For P > 2 the search for the polygon is included, whose last step may exceed the budget by a
-        second.
+        For P > 2 this includes the search for the polygon, whose last step may exceed the budget by
+        a second.
 
     Returns
     -------
@@ -258,12 +258,12 @@ def prove(kappa: ArrayLike, budget: float = 10.0) -> TransportProof:
     ValueError
         If kappa is not finite or too large, or budget is not positive.
     RuntimeError
-        If the arithmetic of this machine is not IEEE 754 as the proof needs it.
+        If the arithmetic of this machine is not IEEE 754 as the proof requires.
 
     References
     ----------
     R. S. MacKay and I. C. Percival, Commun. Math. Phys. 98 (1985) 469: converse KAM, made rigorous
-    on a computer. `nasm/proofs/README.md` has the theorem for several kicks.
+    on a computer. `nasm/proofs/README.md` states the theorem for several kicks.
 
     Examples
     --------
@@ -309,10 +309,11 @@ def _on_polygon(
     strengths: tuple[float, ...],
     budget: float,
 ) -> TransportProof:
-    """Try to prove it for three kicks and more.
+    """Try to prove that transport is global under three or more kicks.
 
     A piece of the polygon is bent if more boxes wait on it than kicks were needed to eliminate all
-    floats. If that does not help, another polygon is tried; the last one gets the remaining time.
+    starts in floats. If that does not help, another polygon is tried; the last one gets the
+    remaining time.
     """
     _compile_search()
     polygon, end = None, time.thread_time() + budget
@@ -336,15 +337,15 @@ def _on_polygon(
 
 @cache
 def _compile_search() -> None:
-    """Compile the kernels of the search, so that their compilation does not count."""
+    """Compile the kernels of the search, so that compilation does not count against the budget."""
     next(transversal.eliminated_transversals((1.9, 1.8, 1.7), 256), None)
 
 
 def _closed(corners: FloatArray) -> tuple[FloatArray, list[int]]:
     """Round the corners to a grid, and add ends that are their own images.
 
-    Also return the number of each piece among those of `corners`, out of range for the two pieces
-    at the ends.
+    Also return the index of each piece among those of `corners`; it is out of range for the two
+    pieces at the ends.
     """
     points = np.rint(corners * _CORNER_GRID) / _CORNER_GRID
     first, last = np.rint(2 * points[[0, -1]]) / 2
@@ -354,9 +355,9 @@ def _closed(corners: FloatArray) -> tuple[FloatArray, list[int]]:
 
 
 def _is_twist(kappa: tuple[float, ...]) -> bool:
-    """Return True if for some m the kicks after κ_m, without κ_m, make x_{m+P} grow with x_{m+1}.
+    """Return True if for some m the kicks other than κ_m make x_{m+P} grow with x_{m+1}.
 
-    It does if the matrix with 2 - |κ_j| on the diagonal, j = m + 1 … m + P - 1, and -1 beside it is
+    They do if the matrix with 2 - |κ_j| on the diagonal, j = m + 1 … m + P - 1, and -1 beside it is
     positive definite: all its leading minors are positive, in exact arithmetic.
     """
     entries = [2 - abs(Fraction(k)) for k in kappa]
@@ -378,7 +379,7 @@ def proved_upper(profile: ArrayLike, value: float, budget: float) -> tuple[float
     Parameters
     ----------
     profile : array_like, shape (P,)
-        Direction of the ray, as kappa of `prove`.
+        Direction of the ray, with the same requirements as kappa of `prove`.
     value : float
         Scale at which the last circle breaks, e.g. by `barriers.critical_scale`, from 1e-300 to
         1e306. The proof does not depend on it; a bad value only costs time.
@@ -395,7 +396,7 @@ def proved_upper(profile: ArrayLike, value: float, budget: float) -> tuple[float
     Raises
     ------
     ValueError, RuntimeError
-        As `prove`, or if value is out of range.
+        As for `prove`, or if value is out of range.
 
     Examples
     --------
@@ -434,7 +435,7 @@ def _covered(
     budget: float,
     max_waiting: float = math.inf,
 ) -> tuple[TransportProof, int | None]:
-    """Try to prove it on a curve; boxes that fail are bisected, level by level.
+    """Try to prove on a curve that transport is global; bisect boxes that fail, level by level.
 
     If more than `max_waiting` boxes wait on one piece, stop, and return the index of the piece too.
     """
@@ -495,7 +496,7 @@ def _followed(
     slopes: FloatArray,
     end: float,
 ) -> IntArray:
-    """Return the lifetimes of boxes; 0 for those that fail, or that remain when the time ends."""
+    """Return the lifetimes of boxes; 0 for those that fail, or that remain when time is up."""
     lifetimes, first, unfinished = np.zeros(len(boxes), np.int64), 0, True
     lanes, ages, box_ids = np.zeros((_ROWS, FEW)), np.zeros(FEW, np.int64), np.full(FEW, -1)
     while unfinished and time.thread_time() < end:
@@ -549,7 +550,7 @@ _ELIMINATED, _FAILED = 0, 1
 
 @kernel(error_model="numpy")
 def _follow(cycle, way, points, boxes, slopes, lifetimes, lanes, ages, box_ids, first, most_kicks):
-    """Continue with the boxes for some kicks; return the first one not begun, and if any remain.
+    """Follow the boxes for some more kicks; return the first not begun, and whether any remain.
 
     cycle : a block of kicks. boxes, slopes : ŝ, δ and γ. lifetimes : receives the results. lanes,
     ages, box_ids : the state of each lane, the kicks so far, and the index of its box, -1 for none.
@@ -586,7 +587,7 @@ def _follow(cycle, way, points, boxes, slopes, lifetimes, lanes, ages, box_ids, 
 def _start(lanes, lane, points, s, delta, slope, way):
     """Set the state of a box before the kick at the curve.
 
-    With way = 1: before the kick at the site before, under the kicks in reverse order.
+    With way = 1: before the kick at the preceding site, with the kicks in reverse order.
     """
     for row in range(_ROWS):
         lanes[row, lane] = 0.0
@@ -682,7 +683,7 @@ def horner(v, c):
 
 @njit(forceinline=True)
 def _next(s, s_low, v, v_low, coefficient):
-    """Return (s + s_low)(v + v_low) + coefficient, whose leading part is the largest number."""
+    """Return (s + s_low)(v + v_low) + coefficient, where coefficient[0] is the largest number."""
     product = s * v
     error = fma(s_low, v, fma(s, v_low, fma(s, v, -product)))
     total = coefficient[0] + product
@@ -713,7 +714,7 @@ def _kick(k, scale, state):
     sine = fma(fabs(h), TWO_PI, 7e-16)
     both = curved * (E + straight)  # |(x - x̂)² - (σt)²|
 
-    # The payment covers what Q may exceed its value in the middle by, and rounding.
+    # The payment covers rounding, and the amount by which Q may exceed its value in the middle.
     V2 = V * V
     f4 = 2.0 * f2
     linear = fma(f4 * t, V2, linear)

@@ -7,10 +7,10 @@ condition and the two strengths,
     x_n = x̂_n + σ t + σ_0 p + σ_1 q + σ² tt + σσ_0 tp + σσ_1 tq + σ_0² pp + σ_0σ_1 pq + σ_1² qq + ρ,
     |ρ_n| ≤ A_n|v_n| + B_n|t_n|.
 
-The shear g moves the initial conditions with κ, such that the rotation number of their orbit hardly
-changes and p and q grow less. [0, 1/2] is cut into pieces, each with its own shear. Boxes that
-reach Σ_i |g_i| h_i beyond the ends of a piece cover it for all κ of the cell. A box that fails is
-bisected in the parameter that has moved its orbit most. See `proofs/README.md`, "Cells".
+The shear g moves the initial conditions with κ, so that the rotation number of their orbit hardly
+changes and p and q grow more slowly. [0, 1/2] is cut into pieces, each with its own shear. Boxes
+that reach Σ_i |g_i| h_i beyond the ends of a piece cover it for all κ of the cell. A box that fails
+is bisected in the parameter that has moved its orbit most. See `proofs/README.md`, "Cells".
 """
 
 import time
@@ -71,7 +71,7 @@ _END_GRID = 2.0**-20  # spacing of the ends of pieces
 _SHEAR_GRID = 2.0**-8  # spacing of g
 _MIN_DELTA, _MIN_STRENGTH_WIDTH = 2.0**-45, 2.0**-40
 _KICKS_PER_BLOCK = 8  # between checks for events
-_STATE, _ROWS, _COLUMNS = 40, 45, 9  # numbers in a lane: those that change, and all; of a box
+_STATE, _ROWS, _COLUMNS = 40, 45, 9  # numbers per lane, those that change and all; numbers per box
 _MAX_WAITING = 4096  # boxes on the stack
 _KICKS_PER_CALL, _MAX_ELIMINATED = 200_000, 16_384  # of the kernel, between checks of the clock
 DOWN = 1 - 1e-14  # as `UP`, for a sum that is subtracted
@@ -92,7 +92,8 @@ class CellProof(Proof):
     a : float
         x of the symmetry line before that kick.
     boxes : ndarray, shape (n, 9)
-        Rows ŷ, δ, k_0, h_0, k_1, h_1, g_0, g_1 and the piece of [0, 1/2]; 0 is the kick at `site`.
+        Rows ŷ, δ, k_0, h_0, k_1, h_1, g_0, g_1 and the piece of [0, 1/2]; index 0 is the kick at
+        `site`.
     lifetimes : ndarray of int, shape (n,)
         Kicks N until V ≤ 0, for each box.
 
@@ -128,7 +129,7 @@ class CellProof(Proof):
         return html_table(rows, "Proof that transport is global in a cell")
 
     def certificate(self) -> dict[str, Any]:
-        """Return what another program needs to check the proof, a dict fit for JSON.
+        """Return what another program needs to check the proof, as a JSON-serializable dict.
 
         Raises
         ------
@@ -155,8 +156,9 @@ def prove_cell(kappa: ArrayLike, half_width: ArrayLike, budget: float = 1.0) -> 
     kappa : array_like, shape (2,)
         Centre of the cell, a multiple of 2⁻³⁰.
     half_width : float or array_like, shape (2,)
-        The cell is |κ_i - kappa_i| ≤ half_width_i. It is a positive multiple of 2⁻³⁰, so that the
-        corners of the cell are exact. Cells in which some |κ_i| ≥ 2 have the outcome SCOPE.
+        The cell is |κ_i - kappa_i| ≤ half_width_i. Half widths are positive multiples of 2⁻³⁰, so
+        that the corners of the cell are exact. For cells in which some |κ_i| ≥ 2, the outcome is
+        SCOPE.
     budget : float
         CPU seconds.
 
@@ -170,7 +172,7 @@ def prove_cell(kappa: ArrayLike, half_width: ArrayLike, budget: float = 1.0) -> 
     ValueError
         If an argument is out of range or not a multiple of 2⁻³⁰.
     RuntimeError
-        If the arithmetic of this machine is not IEEE 754 as the proof needs it.
+        If the arithmetic of this machine is not IEEE 754 as the proof requires.
 
     Examples
     --------
@@ -206,7 +208,7 @@ def prove_cell(kappa: ArrayLike, half_width: ArrayLike, budget: float = 1.0) -> 
 def _covered(
     kappa: Sequence[float], half_width: Sequence[float], a: float, budget: float
 ) -> tuple[Outcome, FloatArray, IntArray]:
-    """Cover a cell by boxes; the first kick is that at the line."""
+    """Cover a cell by boxes; the first kick is the one at the line."""
     (k0, k1), (h0, h1), x = kappa, half_width, a - 0.25
     waiting, n_waiting = np.empty((_MAX_WAITING, _COLUMNS)), _PIECES
     for piece in range(_PIECES):
@@ -233,7 +235,7 @@ def _covered(
 
 @kernel(error_model="numpy")
 def _shears(x, y, k0, k1):
-    """Choose g_i = -p_i/t where v passes zero, so that the orbit hardly moves there with κ_i.
+    """Choose g_i = -p_i/t where v crosses zero, so that the orbit hardly depends on κ_i there.
 
     No proof depends on the choice.
     """
@@ -260,7 +262,7 @@ _ELIMINATED, _FAILED = 0, 1
 
 @kernel(error_model="numpy")
 def _cover(x, waiting, n_waiting, lanes, boxes, ages, eliminated, lifetimes, most_kicks):
-    """Continue a cover for some kicks; return how it ended, n_waiting, and the boxes eliminated.
+    """Continue a cover for some kicks; return how it ended, n_waiting and n_eliminated.
 
     waiting[:n_waiting] : boxes to do, a stack of rows as in CellProof. lanes, boxes, ages : the
     state of each lane, its box (δ = 0 for none) and its kicks so far, in columns. eliminated,
@@ -305,7 +307,7 @@ def _bisect(waiting, n_waiting, box, split):
     """Put both halves of a box on the stack; return False if they are too small, or inexact.
 
     split : the parameter to bisect, 0 for the initial condition, 1 and 2 for the strengths. The
-    centre ŷ moves with a strength by the shear.
+    shear moves the centre ŷ along with a strength.
     """
     width = box[1 + 2 * split] / 2
     smallest = _MIN_DELTA if split == 0 else _MIN_STRENGTH_WIDTH
@@ -356,7 +358,7 @@ def _advance(lanes, events):
 
 @njit(nogil=True, error_model="numpy")
 def _replay(lanes, lane):
-    """Repeat the block of one lane; return the kicks to its event, its outcome, what to bisect."""
+    """Repeat the block of one lane; return the kicks to its event, outcome and what to bisect."""
     state = load_state(lanes, lane, _STATE, 1)
     scale, k0, h0, k1, h1 = lanes[_STATE:, lane]
     for n in range(_KICKS_PER_BLOCK):
@@ -411,7 +413,7 @@ def _kick(k, spread, k_next, spread_next, scale, state):
     t2, p2, q2 = t * t, p * p, q * q
     tp2, tq2, pq2 = 2.0 * t * p, 2.0 * t * q, 2.0 * p * q
 
-    # The payment covers what Q may exceed its value in the middle by, and rounding.
+    # The payment covers rounding, and the amount by which Q may exceed its value in the middle.
     V2 = V * V
     # Coefficients in Q of x - x̂, of its square, and of x - x̂ times the change of this strength.
     slope, turn, twist = 2.0 * bend * V2, -TWO_PI2 * kc * V2, -2.0 * TWO_PI2 * spread * h * V2

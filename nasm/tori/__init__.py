@@ -1,4 +1,4 @@
-"""Invariant tori under kicks of two frequencies: Newton's method, and a bracket of the last one."""
+"""Invariant tori under kicks of two frequencies: Newton's method, and bracketing the last one."""
 
 import lazy_loader
 

@@ -2,8 +2,8 @@
 
     κ_n = s·(κ̄ + Δκ cos 2π(φ0 + nΩ)),     n = …, -1, 0, 1, …
 
-Ω = p/q has circles of T^q, different ones for each φ0: see `nasm.barriers`. An irrational Ω has
-tori, for all φ0 at once:
+For Ω = p/q the barriers are circles of T^q, different ones for each φ0: see `nasm.barriers`. For an
+irrational Ω they are tori, for all φ0 at once:
 
 1. `upper`: the lowest scale found at which converse KAM eliminates all starts, by the kicks from -N
    to N (`nasm.converse_kam.aperiodic`): no torus that is a graph exists.
@@ -38,7 +38,7 @@ class LastTorusSettings:
     Attributes
     ----------
     upper_tol : float
-        Relative width of the bracket by converse KAM that ends at `upper`.
+        Relative width of the bracket from converse KAM that ends at `upper`.
     distances : tuple of float
         Relative distances below `upper` at which candidates are sought, in this order.
     n_starts : int
@@ -46,12 +46,12 @@ class LastTorusSettings:
     average_kicks : int
         Kicks over which they are averaged.
     max_difference : float
-        Difference of averages over all kicks and over half of them of regular starts, in turns per
-        kick.
+        Largest difference, for a regular start, between its averages over all kicks and over half
+        of them, in turns per kick.
     min_distance : float
-        Distance of two candidates, in turns per kick.
+        Least distance between two candidates, in turns per kick.
     max_candidates : int
-        Candidates whose tori are continued, which takes most of the time.
+        Maximum number of candidates whose tori are continued, which takes most of the time.
 
     Examples
     --------
@@ -104,16 +104,16 @@ def last_critical_scale(
     n_kicks : int
         N, 100 to 10⁶.
     tol : float
-        Relative error of a torus's breakup to aim at.
+        Target relative error of the breakup of a torus.
     settings : LastTorusSettings
         How precise `upper` is, and where candidates are sought.
 
     Returns
     -------
     scale : CriticalScale
-        value is the middle of the bracket, and error half of its width; omega is None. Without a
-        value, status UNDECIDED if no torus was certified, or if searches for survivors disagree;
-        NO_BREAKUP, and no bounds, if a start survives kicks of strength 2.
+        value is the middle of the bracket, and error half of its width; omega is None. If there is
+        no value, the status is UNDECIDED if no torus was certified or searches for survivors
+        disagree, and NO_BREAKUP, without bounds, if a start survives kicks of strength 2.
     torus_omega : float
         Turns per kick of the torus at lower, in [0, 1/2]; NaN without one.
 
@@ -150,15 +150,15 @@ def upper_scale(
     n_kicks: int = 8_000,
     settings: LastTorusSettings = DEFAULT_SETTINGS,
 ) -> float:
-    """Compute a scale at which no torus of an irrational Ω exists that is a graph, whatever its ω.
+    """Compute a scale at which no torus that is a graph exists for an irrational Ω, whatever its ω.
 
     Parameters are those of `last_critical_scale`.
 
     Returns
     -------
     float
-        `upper` of `converse_kam.aperiodic.critical_scale`; NaN without one. It takes a second or
-        two.
+        `upper` of `converse_kam.aperiodic.critical_scale`; NaN if there is none. It takes a
+        second or two.
 
     Examples
     --------

@@ -7,18 +7,19 @@ under a periodic forcing are tori, two-dimensional graphs over (θ, φ):
     E = u(θ + ω, φ + Ω) - 2u + u(θ - ω, φ - Ω) - (κ(φ)/2π) sin 2πh = 0.
 
 The unknown is u on a grid of m × n points, an array of shape (m, n), φ first. It is unique up to
-θ → θ + constant, which ⟨u⟩ = 0 fixes. A torus serves all phases φ0.
+θ → θ + constant, which ⟨u⟩ = 0 fixes. One torus serves all phases φ0.
 
 Newton's step is that of `nasm.circles` with one site, and (θ, φ) in place of θ. Write the
 correction as h_θ w, and f⁺ for f(θ + ω, φ + Ω); up to terms of the size of E²
 
     c (w⁺ - w) - [c (w⁺ - w)]⁻ = -h_θ E,     c = h_θ h_θ⁺.
 
-That is solved twice in Fourier space by the divisors e^{2πi(k₁ω + k₂Ω)} - 1, in the modes of an
-ellipse whose half axes are 36% of the points of each axis. A vector with a divisor below 10⁻⁶ among
-the modes in use is refused as resonant. Resonant modes are left out near the rim of the ellipse,
-the more the nearer: the modes that they drive are missing, and would make Newton's method diverge.
-Their estimated size counts as unresolved. The two axes are refined separately.
+It is solved by two divisions in Fourier space, by e^{2πi(k₁ω + k₂Ω)} - 1, for the modes in an
+ellipse whose semi-axes are 36% of the number of points along each axis. A rotation vector with a
+divisor below 10⁻⁶ among the modes in use is refused as resonant. Resonant modes are left out near
+the rim of the ellipse, more of them closer to it: the modes that they drive are missing, which
+would make Newton's method diverge. Their estimated size counts as unresolved. The two axes are
+refined separately.
 
 With too few modes Newton's method converges on "tori" beyond the breakup. Therefore a torus is
 certified only if the method converges again, with h_θ > 0, on a grid twice as fine along both axes.
@@ -60,7 +61,7 @@ __all__ = [
 
 _METHOD = "continuation of tori"
 MAX_POINTS = 2**22
-"""Largest `n_max`; the certificate uses four times as many."""
+"""Largest `n_max`; the certificate uses four times as many points."""
 
 TORUS_NEWTON_SETTINGS = NewtonSettings(min_divisor=1e-6)
 
@@ -74,29 +75,30 @@ class TorusSettings:
     first_grid : tuple of int
         Points of the first grid, along φ and θ.
     max_points : int
-        Points of a grid, on the way to a breakup and of the torus that is certified.
+        Most points of a grid, both on the way to a breakup and for the torus that is certified.
     inner_radius : float
         Squared relative radius in the ellipse of modes up to which all modes are used.
     outer_radius : float
-        Squared relative radius from which modes count as outer ones.
+        Squared relative radius beyond which modes count as outer ones.
     hole_divisor : float
-        Divisor of modes that are left out at the rim; quadratic in the distance from
-        `inner_radius`.
+        Divisor below which modes are left out at the rim; further in, this limit is quadratic in
+        the distance from `inner_radius`.
     max_halvings : int
-        Halvings of a step until a failure of Newton's method is final.
+        Halvings of a step before a failure of Newton's method is final.
     max_refusals : int
-        Halvings until a lack of modes is final.
+        Halvings of a step before a lack of modes is final.
     max_tori : int
-        Tori on a ray, which needs 10 to 25.
+        Most tori on a ray; 10 to 25 are needed.
     kept_tori : int
         Last tori of a path of which one may be certified.
     step_ratio : float
-        Next step over the estimated distance from the breakup.
+        Ratio of the next step to the estimated distance from the breakup.
     error_factor : float
-        Error over the distance of the last torus from the breakup: enough in 172 of 177 cases.
+        Ratio of the error to the distance of the last torus from the breakup; sufficient in 172 of
+        177 cases.
     newton : NewtonSettings
-        When Newton's method has converged, and the modes kept along an axis. Its certificate and
-        `polish` are those of circles alone.
+        Criteria for the convergence of Newton's method, and the modes kept along an axis. Its
+        fields for the certificate and for `polish` apply to circles only.
 
     Examples
     --------
@@ -200,7 +202,7 @@ def invariant_torus(
     mean, amplitude : float
         κ̄ and Δκ.
     n_max : int
-        Most grid points m·n, 8192 to 2²²; the certificate uses 4 times as many.
+        Maximum number m·n of grid points, 8192 to 2²²; the certificate uses 4 times as many.
     settings : TorusSettings
         Grids and modes.
 
@@ -216,9 +218,9 @@ def invariant_torus(
 
     Notes
     -----
-    An existing torus may be missed, with too few modes. A certified one exists to within floating
-    point and 4 m·n points. Resonances beyond those modes are not detected: for an Ω that is a
-    fraction of large denominator the circles of all phases are certified.
+    With too few modes, an existing torus may be missed. A certified one exists to within the
+    precision of floating point and of 4 m·n points. Resonances beyond those modes are not detected:
+    if Ω is a fraction with a large denominator, the circles of all phases are certified.
 
     Examples
     --------
@@ -255,7 +257,7 @@ def critical_scale(
 
     1. Continue the torus from s = 0, each time by a fixed fraction of the estimated distance to the
        breakup: min h_θ falls like (s_c - s)^p, and three tori determine s_c and p.
-    2. Stop when `error` is below tol, or the modes are used up.
+    2. Stop when `error` is below tol, or the available modes are exhausted.
     3. Certify the last torus that can be certified, of ten.
 
     Parameters
@@ -295,8 +297,8 @@ def critical_scale(
     path, value, error, status = _continue(vector, profile, tol, settings)
     certified_scales = (
         s
-        for s, u in reversed(path[1:])
-        if certify(*vector, s * profile[0], s * profile[1], u, settings)[1] is Status.OK
+        for s, u in reversed(path)
+        if s > 0 and certify(*vector, s * profile[0], s * profile[1], u, settings)[1] is Status.OK
     )
     lower = next(certified_scales, nan)
     if not error < value:
@@ -456,8 +458,8 @@ def _next_torus(vector, profile, path, step, n_max, settings):
 def _continue(vector, profile, tol, settings):
     """Continue the torus towards its breakup.
 
-    Returns the last tori, the estimate of the breakup, its error, inf without one, and OK, or why
-    the path ends.
+    Returns the last tori, the estimate of the breakup, its error (inf without an estimate), and the
+    Status: OK, or why the path ends.
     """
     path, slopes = [(0.0, np.zeros(settings.first_grid))], [(0.0, 1.0)]
     value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
@@ -527,7 +529,7 @@ def _turns(number, k):
     return np.exp(1j * TWO_PI * ((k.astype(np.uint64) * unit).astype(np.int64) / 2.0**64))
 
 
-@lru_cache(maxsize=8)  # of arrays as large as the grid
+@lru_cache(maxsize=8)  # entries hold arrays as large as the grid
 def _constants(omega, frequency, m, n, settings):
     """Return e^{2πi(k₂Ω + k₁ω)} of all modes, their kinds, and the smallest divisor in use.
 
@@ -574,9 +576,10 @@ def _newton(omega, frequency, mean, amplitude, u, settings=DEFAULT_SETTINGS):
 
 @kernel(error_model="numpy")
 def _iterate(mean, amplitude, turn, kind, modes, max_steps, max_update, max_tail):
-    """Take Newton steps until they decide; return an index into _OUTCOMES, and the first error.
+    """Take Newton steps until the outcome is clear; return its index, and the first error.
 
-    As in `circles`, but modes may be missing along either axis.
+    The index is one into _OUTCOMES. As in `nasm.circles`, but modes may be missing along either
+    axis.
     """
     first = last_error = last_change = 1.0
     for step in range(max_steps):
@@ -590,7 +593,7 @@ def _iterate(mean, amplitude, turn, kind, modes, max_steps, max_update, max_tail
             return outcome, first
         if outcome == 1:
             return 2, first
-        # It diverges, or stalls by rounding or for want of modes.
+        # It diverges, or stalls because of rounding or a lack of modes.
         if outcome == 2 or (step > 3 and change > 0.5 * last_change):
             return 3, first
         last_error, last_change = error, change
@@ -616,7 +619,7 @@ def _step(mean, amplitude, turn, kind, modes):
             bend[j, i] -= strength * sin2pi(i / n + u[j, i])
             flux[j, i] = -bend[j, i] * slopes[j, i]
             inverse[j, i] = 1 / (slopes[j, i] * inverse[j, i])
-        for i in range(n):  # apart from the loop above, which is vectorized then
+        for i in range(n):  # a separate loop, so that the one above is vectorized
             error = max(error, abs(bend[j, i]))
             slope = min(slope, slopes[j, i])
             sum_inverse += inverse[j, i]
@@ -680,7 +683,7 @@ def _fields(turn, kind, modes, mass, edge):
 def _solve_cohomology(f, turn, kind, behind, edge):
     """Solve g - g⁻ = f if `behind`, else g⁺ - g = f, in the modes in use, with ⟨g⟩ = 0.
 
-    The first of the two adds to edge an estimate of the modes left out, f̂/d², which are not in u.
+    The former also adds to edge an estimate, f̂/d², of the modes that were left out of u.
     """
     m, n = f.shape
     modes = np.fft.rfft2(f)

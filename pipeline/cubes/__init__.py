@@ -1,1 +1,1 @@
-"""What is computed: a file per kind of cube, with its labels, tiles, their cost, its warm-up."""
+"""What is computed: one file per kind of cube, with labels, tiles, their cost, and a warm-up."""

@@ -1,7 +1,7 @@
-"""The last barrier on rays: CB_gt from both sides, and which circle is the last.
+"""The last barrier on rays: CB_gt, bracketed from both sides, and the last circle.
 
-On rays of a plane of forcings, arXiv:1606.04824, Sec. V and VI. CB_gt has the symmetries of its
-plane (Sec. III and `nasm.planes`), so each computed ray represents its images too.
+On rays of a plane of forcings, see arXiv:1606.04824, Sec. V and VI. CB_gt has the symmetries of its
+plane (Sec. III and `nasm.planes`), so each computed ray also represents its images.
 """
 
 import re
@@ -36,19 +36,19 @@ _MAX_QUOTIENTS = 32  # partial quotients of a rotation number
 
 
 def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barrier") -> Job:
-    """Return the Job of the cube `barrier`; ω is a result, exactly by its partial quotients.
+    """Return the Job of the cube `barrier`; it also holds ω, exactly, as partial quotients.
 
     Parameters
     ----------
     plane : Plane
         The plane of forcings.
     angles : array_like
-        Directions of rays, in degrees; the cube holds the rays that they fold to by the plane's
-        symmetries.
+        Directions of rays, in degrees; the cube holds the rays onto which the plane's symmetries
+        fold them.
     tol : float
         Relative width of the bracket.
     name : str
-        Of the cube; another one where a store holds those of several planes, see `cube_name`.
+        Name of the cube; in a store of several planes each needs its own, see `cube_name`.
 
     Examples
     --------
@@ -58,7 +58,9 @@ def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barri
     >>> job.cube.template.angle.values
     array([10., 30.])
     """
-    is_short = len(plane.origin) <= 2  # some rays of longer ones repeat after one or two kicks
+    is_short = (
+        len(plane.origin) <= 2
+    )  # with longer periods, some rays repeat after one or two kicks
     warm_up = partial(load_search, sum(plane.ray(30.0))) if is_short else load_searches
     seconds = 0.1 + 1.8e-5 / tol if is_short else 0.6 + 3e-4 / tol
     return job_of_barriers(name, plane, angles, seconds, {"tol": tol}, _compute, warm_up)
@@ -143,11 +145,11 @@ def boundary(angles: ArrayLike, tol: float = 1e-4, plane: Plane | None = None) -
     Returns
     -------
     xr.Dataset, dim (angle)
-        That of `unfolded`.
+        As returned by `unfolded`.
 
     Notes
     -----
-    A ray that is not the image of another one takes 0.3 s of CPU time at 1e-4, and 1 s at 2e-5.
+    A ray that is not the image of another one takes 0.3 s of CPU time at tol 1e-4, and 1 s at 2e-5.
 
     Examples
     --------
@@ -175,7 +177,7 @@ def unfolded(barrier: xr.Dataset, angles: ArrayLike) -> xr.Dataset:
     -------
     xr.Dataset, dim (angle)
         The coordinate `circle` is the exact text of the last circle's ω in [0, P/2], "" where none
-        is named (NaN once it is read from a store); the circle of P - ω is its mirror image.
+        is known (NaN once it is read from a store); the circle of P - ω is its mirror image.
         `tied` is the text of a circle that breaks at the same scale by symmetry, as on the axes of
         two kicks; "" elsewhere.
     """
@@ -196,12 +198,12 @@ def unfolded(barrier: xr.Dataset, angles: ArrayLike) -> xr.Dataset:
 def with_circles(
     cube: xr.Dataset, shifts: Iterable[int] | None = None, per: str = "period"
 ) -> xr.Dataset:
-    """Return the cube, read, with the coordinate `circle` in place of partial quotients.
+    """Load the cube, and return it with the coordinate `circle` in place of partial quotients.
 
     Parameters
     ----------
     cube : xr.Dataset
-        With the variables of `last_circles`, over one dimension.
+        A cube with the variables of `last_circles`, over one dimension.
     shifts : iterable of int, optional
         Where a shift is not 0, the text is that of shift - ω.
     per : str
@@ -210,7 +212,7 @@ def with_circles(
     Returns
     -------
     xr.Dataset
-        `circle` is the exact text of the last circle's ω, "" where none is named.
+        `circle` is the exact text of the last circle's ω, "" where none is known.
     """
     circles, (dim,) = [], cube.load().tail_length.dims
     shifts = [0] * cube.sizes[dim] if shifts is None else shifts
@@ -224,7 +226,7 @@ def with_circles(
 
 
 def degenerate_circle(plane: Plane, circle: str, angle: float, scale: float) -> str:
-    """Return the text of the ω that breaks at the same scale as `circle` by symmetry, else "".
+    """Return the text of the ω that, by symmetry, breaks at the same scale as `circle`, else "".
 
     Parameters
     ----------

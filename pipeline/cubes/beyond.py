@@ -1,7 +1,8 @@
 """Beyond a breakup, on rays: escape times, flux through the broken circle, diffusion.
 
-κ = origin + s_c·(1 + excess)·profile, with the scale s_c of the breakup; a tile is one forcing.
-Flux and diffusion are an outlook of arXiv:1606.04824, Sec. VII; up to the breakup both are 0.
+κ = origin + s_c·(1 + excess)·profile, where s_c is the scale of the breakup; a tile is one forcing.
+Flux and diffusion are part of the outlook of arXiv:1606.04824, Sec. VII; up to the breakup both
+are 0.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -74,7 +75,7 @@ def flux(
     circles : mapping of float to str
         The exact rotation number of the last circle at each angle, in degrees.
     q_max : int
-        Longest period.
+        Longest period of the orbits.
     plane, scales, excesses
         As for `escape_times`.
 
@@ -148,7 +149,7 @@ def diffusion(
 
 
 def steps_beyond(excess: FloatArray) -> FloatArray:
-    """Estimate the steps until the first escape of some hundred orbits, 200/excess³, a fit."""
+    """Estimate the steps until the first of some hundred orbits escapes: 200/excess³, a fit."""
     return 200 / excess**3
 
 
@@ -190,7 +191,7 @@ def _compute(method: _Method, coords: Coords, settings: Settings) -> Arrays:
 
 
 def _predict_escapes(coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds by the measured growth of escape times."""
+    """Predict CPU seconds from the measured growth of escape times."""
     steps = np.minimum(settings["n_max"], steps_beyond(coords["excess"]))
     return escape.seconds(coords, settings, steps.sum() * coords["angle"].size)
 
@@ -203,7 +204,7 @@ def _flux(kappas: FloatArray, coords: Coords, settings: Settings) -> Arrays:
 
 
 def _predict_flux(coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds by the period needed, which grows like 1/excess."""
+    """Predict CPU seconds from the period needed, which grows like 1/excess."""
     return 3e-4 * coords["angle"].size * np.sum(1 / coords["excess"])
 
 
@@ -217,7 +218,7 @@ def _diffusion(kappas: FloatArray, coords: Coords, settings: Settings) -> Arrays
 
 
 def _predict_diffusion(coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds by the steps that forcings so far beyond the breakup need, a fit."""
+    """Predict CPU seconds from a fit to the steps needed at this excess over the breakup."""
     steps = 1e4 / np.maximum(coords["excess"], 1e-3) ** 3
     n_steps = np.clip(steps, ensembles.MIN_PERIODS, settings["n_max"]).sum() * coords["angle"].size
     return 0.01 + 2 * escape.SECONDS_PER_KICK["double"] * settings["n_orbits"] * n_steps

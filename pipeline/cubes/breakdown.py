@@ -6,7 +6,7 @@ Angles are in degrees.
 
 Next to cusps, and for rotation numbers with large quotients, continuation runs out of modes before
 it reaches the tolerance. Residues of long orbits reach it there; the variable `method` names the
-one that has answered.
+one that gave the answer.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -47,8 +47,8 @@ _SCALES = {  # variable: field of CriticalScale, long_name
     "lower": ("lower", "scale at which the barrier was shown to exist"),
     "upper": ("upper", "scale at which the barrier was shown not to exist"),
 }
-_TILE_SECONDS = 3  # CPU time of a tile, which is a file for every variable
-_FLAG_OF = {  # CriticalScale.method: its meaning among the flags of the variable `method`
+_TILE_SECONDS = 3  # CPU time of a tile, which has one file per variable
+_FLAG_OF = {  # CriticalScale.method: its flag in the variable `method`
     continuation.METHOD: "continuation",
     periodic.METHOD: "residue",
     escape.METHOD: "direct_iteration",
@@ -60,9 +60,9 @@ def continued_or_by_residue(
 ) -> CriticalScale:
     """Compute the scale at which the circle of ω breaks on the ray κ = s·profile.
 
-    By continuation, if that reaches an error of tol; else by Greene's residue of periods up to
-    q_max, unless that has no answer either or a larger error. `lower` is that of continuation: the
-    scale of a certified circle.
+    It uses continuation, if that reaches an error of tol. Otherwise it uses Greene's residue for
+    periods up to q_max, unless that fails too or has a larger error. `lower` is always that of
+    continuation: the scale of a certified circle.
 
     Parameters
     ----------
@@ -71,9 +71,9 @@ def continued_or_by_residue(
     profile : array_like, shape (P,)
         Strengths of the kicks over s.
     tol : float
-        Absolute error of the scale to aim at.
+        Target absolute error of the scale.
     q_max : int
-        Longest period of orbits.
+        Longest period of the orbits.
     """
     continued = continuation.critical_scale(omega, profile, tol)
     if continued.error <= tol:
@@ -100,13 +100,13 @@ def by_continuation(
 ) -> Job:
     """Return the Job of the cube `breakdown`: circles continued to their breakdown.
 
-    Where continuation does not reach the error tol, residues of periods up to q_max may; see
+    Where continuation does not reach the error tol, residues for periods up to q_max are tried; see
     `continued_or_by_residue`.
 
     Raises
     ------
     ValueError
-        If the plane has an origin.
+        If the origin of the plane is not zero.
 
     Examples
     --------
@@ -126,10 +126,10 @@ def by_continuation(
 
 
 def _predict_continuation(seconds: float, coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds by the tail of ω, relative to the mean of the paper's six circles.
+    """Predict CPU seconds from the tail of ω, relative to the mean of the paper's six circles.
 
-    Golden circles take two thirds as long; those with a tail of fours, whose breakup is resolved
-    by more modes only, 2.6 times as long as these.
+    Golden circles take two thirds as long as the mean. Circles with a tail of fours, whose breakup
+    only more modes resolve, take 2.6 times as long as golden ones.
     """
     is_golden = [parse(circle).tail == (1,) for circle in coords["circle"]]
     return seconds * coords["angle"].size * np.where(is_golden, 0.65, 1.7).sum()
@@ -157,7 +157,7 @@ def by_residue(
 
 
 def by_escape(plane: Plane, angles: Sequence[float], n_max: int, n_orbits: int) -> Job:
-    """Return the Job of the cube `transport`: its onset by direct iteration of n_max steps.
+    """Return the Job of the cube `transport`: its onset by direct iteration over n_max steps.
 
     Examples
     --------
@@ -186,26 +186,26 @@ def job_on_rays(
     title: str,
     more: Mapping[str, xr.Variable] | None = None,
 ) -> Job:
-    """Return the Job of a cube of critical scales. A tile is some rays of one row.
+    """Return the Job of a cube of critical scales. A tile is a number of rays of one row.
 
     Parameters
     ----------
     name : str
-        Of the cube.
+        Name of the cube.
     axes : mapping of str to str
-        The long name of each coordinate in the plane; those of the breakup are coordinates here.
+        The long name of each coordinate of the plane; the cube has those of the breakup.
     rows : dict of str to xr.Variable
-        Coordinates of the rows, that of the dimension first; {} for a cube with dim (angle).
+        Coordinates of the rows, the dimension coordinate first; {} for a cube with dim (angle).
     angles : sequence of float
         Directions of the rays, in degrees.
     seconds : float
-        CPU seconds of a ray.
+        CPU seconds per ray.
     settings, compute, warm_up
         As for `cube.Cube` and `cube.Job`.
     title : str
-        Of the cube.
+        Title of the cube.
     more : mapping of str to xr.Variable, optional
-        Variables besides those of critical scales.
+        Variables other than those of critical scales.
     """
     known = {**rows, "angle": cube.angles_of_rays(angles)}
     variables = blank_scales(known) | dict(more or {})
@@ -225,7 +225,7 @@ def blank_scales(known: Mapping[str, xr.Variable]) -> Labels:
 
 
 def scale_fields(answers: Sequence[Any]) -> Arrays:
-    """Return the arrays of these variables; `answers` are nested lists of CriticalScale."""
+    """Return the arrays of `blank_scales`; `answers` are nested lists of CriticalScale."""
     return cube.field_arrays(answers, {key: field for key, (field, _) in _SCALES.items()})
 
 
@@ -263,7 +263,7 @@ def _job(
     seconds: float,
     settings: Settings,
 ) -> Job:
-    """Return the Job of critical scales by the method that is named in the settings."""
+    """Return the Job of critical scales by the method named in the settings."""
     first_ray = {key: row.values[:1] for key, row in rows.items()} | {"angle": np.array(angles[:1])}
     settings = plane.record | settings
     warm_up = partial(_load, first_ray, settings | _METHODS[settings["method"]][1])
@@ -277,14 +277,14 @@ def _job(
 
 
 def _load(coords: Coords, settings: Settings) -> None:
-    """Compile the kernels of a method, by a computation of least effort."""
+    """Compile the kernels of a method by running it with the least effort."""
     if settings["method"] != escape.METHOD:
         load_orbits()
     _compute(coords, settings)
 
 
 def _compute(coords: Coords, settings: Settings) -> Arrays:
-    """Compute a tile: some rays, of one row or of a cube without rows."""
+    """Compute a tile: a number of rays, of one row or of a cube without rows."""
     (method, effort), plane = _METHODS[settings["method"]], plane_of(settings)
     start, profiles = plane.ray(coords["angle"])
     more = [settings[name] for name in effort] + ([start] if start.any() else [])

@@ -1,10 +1,11 @@
-"""Cubes and jobs: what a labelled store of results will hold, and the functions that fill it.
+"""Cubes and jobs: the plan of a labelled store of results, and the functions that fill it.
 
 A cube is a lazy xarray template (variables, dims, coordinates, units), the length of a tile along
-each tiled dimension, and the settings that decide its values. Two cubes with one `config_hash` hold
-the same numbers, whoever computes them, in whatever order; see `nasm.arithmetic.reproducible`. Only
-bounds that are proved within a time limit depend on the machine. A cube without tiles, `untiled`,
-is identified by its settings alone, which are known before it is computed.
+each tiled dimension, and the settings that determine its values. Two cubes with the same
+`config_hash` hold the same numbers, whoever computes them, in whatever order; see
+`nasm.arithmetic.reproducible`. Only bounds that are proved within a time limit depend on the
+machine. A cube without tiles, `untiled`, is identified by its settings alone, which are known
+before it is computed.
 """
 
 import hashlib
@@ -34,7 +35,7 @@ _COMMON_ATTRIBUTES = {
     "map": "y' = y + κ_n/(2π) sin 2πx, x' = x + y' mod 1; κ_n has the period of the forcing",
 }
 _ANCILLARY = "error", "digits", "lower", "upper", "period", "level", "status", "method"
-"""Names of variables that say more of the main variable, the first one with another name."""
+"""Names of variables that describe the main variable, which is the first one not named here."""
 
 Coords: TypeAlias = dict[str, np.ndarray]
 """The values of each coordinate in one tile: numbers or texts."""
@@ -43,10 +44,10 @@ Settings: TypeAlias = dict[str, Any]
 """What JSON can hold: numbers, texts, lists and objects of these."""
 
 Arrays: TypeAlias = dict[str, Any]
-"""The array of each computed variable in one tile; `certificates`, if it has any, are bytes."""
+"""The array of each computed variable in one tile; `certificates`, if there are any, are bytes."""
 
 Labels: TypeAlias = dict[str, xr.Variable]
-"""Variables by their names: coordinates, or variables that are not computed yet."""
+"""Variables by name: coordinates, or variables that are not computed yet."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +57,13 @@ class Cube:
     Attributes
     ----------
     name : str
-        Of the cube in a store.
+        Name of the cube in a store.
     template : xr.Dataset
-        Variables with their dims, dtypes and attributes, values not computed; coordinates.
+        Variables with their dims, dtypes and attributes, but without values; coordinates.
     tile : dict of str to int
         Cells of a tile along each tiled dim. A tile is the unit of work and of storage.
     settings : dict
-        What decides the values, besides the coordinates. JSON must be able to hold it.
+        What determines the values, besides the coordinates. JSON must be able to hold it.
 
     Examples
     --------
@@ -115,7 +116,7 @@ class Cube:
 
     @cached_property
     def config_hash(self) -> str:
-        """SHA-256 of coordinates, variables, tiling and settings; of settings without tiles."""
+        """SHA-256 of coordinates, variables, tiling and settings; without tiles, settings alone."""
         digest = hashlib.sha256()
         known, variables = self.template.coords.keys() - {*self.computed}, {}
         for name, array in sorted(self.template.variables.items()) if self.tile else ():
@@ -154,7 +155,7 @@ class Job:
     warm_up : callable
         () → anything; compiles the kernels of `compute`, once in each worker.
     call : str
-        The call that made the job, see `pipeline.jobs`; "" where no maker made it.
+        The call that made the job, see `pipeline.jobs`; "" if no maker made it.
     """
 
     cube: Cube
@@ -170,7 +171,7 @@ class Job:
 
 
 def plain_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return attributes as every format keeps them: text, numbers, arrays or lists, else JSON.
+    """Return attributes in types that every format keeps: text, numbers, arrays, lists, else JSON.
 
     Examples
     --------
@@ -217,7 +218,7 @@ def cells_along(axes: Iterable["Axis"], long_names: Mapping[str, str]) -> dict[s
     axes : iterable of Axis
         Cells along each axis.
     long_names : mapping of str to str
-        Name of each axis, and what it is.
+        Name of each axis, and its description.
     """
     coords = {}
     for dim, axis in reversed([*zip(long_names, axes, strict=True)]):
@@ -230,8 +231,8 @@ def cells_along(axes: Iterable["Axis"], long_names: Mapping[str, str]) -> dict[s
 def text(dim: str, texts: Iterable[str], long_name: str) -> xr.Variable:
     """Return a variable of texts along a dimension, labelled.
 
-    "" stands for no text. A reader of the store gets NaN for it, as for all that a join of two
-    cubes leaves without a value: xarray cannot join zarr's own type of text.
+    "" stands for no text. A reader of the store gets NaN for it, as for any value that is missing
+    after a join of two cubes: xarray cannot join zarr's own type of text.
     """
     label = {"long_name": long_name, "missing_value": ""}
     return xr.Variable(dim, np.array(list(texts), dtype=str), label)
@@ -253,11 +254,11 @@ def blank(
     Parameters
     ----------
     coords : mapping of str to xr.Variable
-        Those with one dimension of their own name are its dimensions; others are ignored.
+        Coordinates with one dimension, of the same name, are its dimensions; others are ignored.
     long_name : str
         What the variable is; `attrs` are further attributes.
     fill : float or NumPy scalar
-        Its dtype is that of the variable.
+        Fill value; the variable has its dtype.
     """
     sizes = {name: c.size for name, c in coords.items() if c.dims == (name,)}
     values = dask.array.full(tuple(sizes.values()), fill, chunks=-1)
@@ -265,7 +266,7 @@ def blank(
 
 
 NOT_COMPUTED = -128
-"""Code of what is not computed, the least int8; a lost or missing chunk is read as this, too."""
+"""Code of a value not computed, the least int8; lost or missing chunks are read as this, too."""
 
 NO_MEAN = "not a quantity: do not interpolate or average it"
 _STATUSES = list(Status)
@@ -278,7 +279,7 @@ def flags(meanings: Iterable[str]) -> dict[str, Any]:
 
 
 def flag_attributes(meanings: Mapping[int, str]) -> dict[str, Any]:
-    """Return the CF attributes of codes, int8 like their variable, and of their meanings.
+    """Return the CF attributes that list codes, int8 like their variable, and their meanings.
 
     Examples
     --------
@@ -294,7 +295,7 @@ FLAGS = flags(status.name.lower() for status in _STATUSES)
 """Attributes of every variable `status`."""
 
 STATUS_SETTING = {"statuses": FLAGS["flag_meanings"].split()[1:]}
-"""The meanings of the codes: a setting, as they are part of what decides the numbers."""
+"""The meanings of the codes: a setting, as they are part of what determines the numbers."""
 
 
 def status_code(status: Status) -> int:
@@ -316,14 +317,14 @@ def field_arrays(answers: Sequence[Any] | np.ndarray, names: Mapping[str, str]) 
     Parameters
     ----------
     answers : nested lists
-        What a method returns for each place, e.g. CriticalScale, with a field `status`.
+        The result of a method for each place, e.g. CriticalScale, with a field `status`.
     names : mapping of str to str
         The field for each variable.
 
     Returns
     -------
     dict of str to ndarray
-        {variable: array of its field} and the codes of `status`, of the shape of `answers`.
+        {variable: array of its field} and the codes of `status`, in the shape of `answers`.
     """
     table = np.array(answers, dtype=object)
     arrays = {name: np.vectorize(attrgetter(f), "d")(table) for name, f in names.items()}
@@ -331,5 +332,5 @@ def field_arrays(answers: Sequence[Any] | np.ndarray, names: Mapping[str, str]) 
 
 
 def codes(answers: ArrayLike, code_of: Callable[[Any], int]) -> NDArray[np.int8]:
-    """Return the array of the code of each answer; `answers` are nested lists, or an array."""
+    """Return an array of the code of each answer; `answers` are nested lists, or an array."""
     return np.vectorize(code_of, "b")(np.array(answers, dtype=object))

@@ -1,12 +1,12 @@
-"""Lists of individually named forcings of arbitrary period: their last barriers, and whether any
-has a barrier at a larger rms strength than constant kicks have.
+"""Lists of named forcings of any period: their last barriers, and comparison with constant kicks.
 
+The comparison asks whether any forcing has a barrier at a larger rms strength than constant kicks have.
 κ = s·profile, one profile for each place along the dim `forcing`; see `nasm.barriers`.
 
-For the comparison with constant kicks, profiles are normalised to the rms 1, so that a scale is
-their rms strength. There is no barrier where one of 64 orbits escapes; escapes begin some percent
-above the last breakup. If none escapes at 1.001 times the scale of constant kicks, converse KAM is
-tried there: it eliminates all starts where there is no barrier, as far as its search can resolve.
+For the comparison, profiles are normalised to rms 1, so that a scale is their rms strength. There
+is no barrier if one of 64 orbits escapes; escapes begin a few percent above the last breakup. If no
+orbit escapes at 1.001 times the scale of constant kicks, converse KAM is tried there: if there is
+no barrier, it eliminates all starts, as far as its search can resolve.
 It excluded 225 of 229 such forcings within 100 periods. Of 45 circles, under ripples of 2 to 8
 kicks, 0.1% below the scale at which they are certified, it excluded none within 100 periods, one
 within 300 and three within 1000.
@@ -35,9 +35,9 @@ from pipeline.cubes.cube import (
 )
 from pipeline.cubes.warm_up import load_searches
 
-_MAX_KICKS = 4000  # in which an orbit may escape
+_MAX_KICKS = 4000  # within which an orbit may escape
 _MAX_PERIODS = 100, 300, 1_000, 10_000  # within which converse KAM may eliminate all starts
-_MIN_SCALE = 0.02  # of the scale of constant kicks, where the search begins
+_MIN_SCALE = 0.02  # relative to the scale of constant kicks; the search begins here
 
 
 def last_barriers(
@@ -51,11 +51,11 @@ def last_barriers(
     Parameters
     ----------
     name : str
-        Of the cube.
+        Name of the cube.
     forcings : iterable of (family, parameter, profile)
-        A text, a float, and P floats, with any P.
+        A text, a float, and P floats, for any P.
     parameter : str
-        What the parameter of a family is.
+        What the parameter of a family means.
     tol : float
         Relative width of the brackets.
 
@@ -101,7 +101,7 @@ def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
 
 
 def _predict_barriers(coords: Coords, settings: Settings) -> float:
-    """Predict by the period P: 0.1 s up to two kicks, else 0.2·P² s, as of 16 at most (medians)."""
+    """Predict from the period P: 0.1 s up to two kicks, else 0.2·min(P, 16)² s (medians)."""
     period = np.minimum(coords["period"], 16)
     return np.where(period <= 2, 0.1, 0.2 * period**2.0).sum()
 
@@ -121,9 +121,9 @@ def against_constant(
         As for `last_barriers`. Each forcing of the family "climb" is replaced by the end of a
         random climb from it, see `random_climb`; its parameter is the seed.
     golden : float
-        The critical strength of constant kicks; scales up to 1.001 of it are searched.
+        The critical strength of constant kicks; scales up to 1.001 times this are searched.
     tries : int
-        Random steps of a climb.
+        Number of random steps of a climb.
     """
     coords = labels(forcings, parameter)
     label = "rms strength without a barrier; inf if there is none up to 1.001 golden"
@@ -156,7 +156,7 @@ def scale_without_barrier(profile: FloatArray, golden: float) -> float:
     golden : float
         The critical strength of constant kicks.
     """
-    low, high = _MIN_SCALE * golden, 1.001 * golden  # a barrier at high would outlast theirs
+    low, high = _MIN_SCALE * golden, 1.001 * golden  # a barrier at high beats constant kicks
     if not any_orbit_escapes(profile, high):
         is_excluded = any(survivors.eliminates(high * profile, n) for n in _MAX_PERIODS)
         return high if is_excluded else np.inf
@@ -167,21 +167,21 @@ def scale_without_barrier(profile: FloatArray, golden: float) -> float:
 
 
 def random_climb(profile: FloatArray, golden: float, tries: int, seed: int) -> FloatArray:
-    """Search, by random steps, for a profile from which orbits escape at a higher scale only.
+    """Search, by random steps, for a profile under which orbits escape only at a higher scale.
 
     A step is accepted if no orbit escapes at a scale slightly above the last one. The step length
-    grows by a half after it is accepted, and shrinks by a seventh otherwise.
+    grows by a half after an accepted step, and shrinks by a seventh otherwise.
 
     Parameters
     ----------
     profile : ndarray, shape (P,)
         The profile to begin with.
     golden : float
-        The critical strength of constant kicks; the search begins at 0.02 of it.
+        The critical strength of constant kicks; the search begins at 0.02 times this.
     tries : int
-        Random steps.
+        Number of random steps.
     seed : int
-        Of the random numbers.
+        Seed of the random numbers.
 
     Returns
     -------
@@ -200,7 +200,7 @@ def random_climb(profile: FloatArray, golden: float, tries: int, seed: int) -> F
 
 
 def _normalised(profile: FloatArray) -> FloatArray:
-    """Return the profile scaled to the rms 1."""
+    """Return the profile scaled to rms 1."""
     return profile / np.sqrt(np.mean(profile**2))
 
 
@@ -215,6 +215,6 @@ def _against_constant(coords: Coords, settings: Settings) -> Arrays:
 
 
 def _predict_against(coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds by the random steps, and the periods of the forcings."""
+    """Predict CPU seconds from the random steps and the periods of the forcings."""
     tries = settings["tries"] * np.sum(coords["family"] == "climb")
     return 4e-4 * tries + np.sum(4e-3 + 3e-4 * coords["period"] ** 2.0)

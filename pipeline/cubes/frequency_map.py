@@ -32,7 +32,7 @@ def frequency_map(kappa: Sequence[float], axes: Sequence["Axis"], n_max: int, ti
     kappa : sequence of float
         Strengths of the kicks, first kick first.
     axes : sequence of two Axis
-        Cells along x and y; orbits start in their centres.
+        Cells along x and y; orbits start at their centres.
     n_max : int
         Steps (periods of the forcing) to average over.
     tile : int
@@ -74,7 +74,7 @@ def _compute(coords: Coords, settings: Settings) -> Arrays:
 
 
 def _predict(coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds by the number of kicks."""
+    """Predict CPU seconds from the number of kicks."""
     n_kicks = settings["n_max"] * len(settings["kappa"])
     return _SECONDS_PER_KICK * n_kicks * coords["x"].size * coords["y"].size
 

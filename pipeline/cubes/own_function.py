@@ -1,4 +1,4 @@
-"""A function of a user's own, of a forcing, over a plane of forcings."""
+"""A user's own function of a forcing, over a plane of forcings."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -28,7 +28,7 @@ def over_plane(
     Parameters
     ----------
     name : str
-        Of the cube.
+        Name of the cube.
     function : callable
         κ, shape (P,) → one number for each variable.
     variables : mapping of str to str
@@ -40,7 +40,7 @@ def over_plane(
     tile : int
         Cells along each side of a tile.
     seconds : float
-        CPU seconds of one forcing.
+        CPU seconds per forcing.
     """
     sent = ByValue(function)
     code = code_of(sent)
@@ -74,7 +74,7 @@ def _compute(
 
 
 def _predict(seconds: float, coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds by the number of cells."""
+    """Predict CPU seconds from the number of cells."""
     return seconds * float(np.prod([coords[name].size for name in plane_of(settings).axes]))
 
 

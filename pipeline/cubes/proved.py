@@ -1,8 +1,8 @@
-"""What is proved about forcings, and the certificates of the proofs, a file for each tile.
+"""Proved statements about forcings, and the certificates of the proofs, one file per tile.
 
-`proved_barrier` has proved bounds on rays, `proved_map` a quadtree of cells of the (κ1, κ2) plane
-where transport is global, `proved_triangles` a triangle from κ = 0 on for each tile, in which a
-barrier exists. See nasm/proofs/README.md.
+The cube `proved_barrier` holds proved bounds on rays. `proved_map` holds a quadtree of cells of the
+(κ1, κ2) plane in which transport is global. `proved_triangles` holds one triangle per tile, with a
+corner at κ = 0, in which a barrier exists. See nasm/proofs/README.md.
 """
 
 import json
@@ -38,10 +38,10 @@ Certificate: TypeAlias = dict[str, Any]
 """A JSON object, see nasm/proofs/README.md; `nasm.proofs.certificate_checker` checks it."""
 
 REACH = 1.125
-"""Largest strength of a map, of both kicks; CB_gt ends below."""
+"""Largest strength of either kick in `proved_map`; CB_gt ends below it."""
 
-_MAX_RATIO = 100  # of the bytes of certificates to their packed bytes; it is 27 at most
-_MAX_WINDOW = 2**26  # bytes that unpacking may need besides; those that are packed here need 2**19
+_MAX_RATIO = 100  # of the size of certificates to their packed size; it is 27 at most
+_MAX_WINDOW = 2**26  # bytes of memory for unpacking; certificates packed here need 2**19
 _BLOCKS = 36  # tiles along an axis of a map
 _CORNERS = "kappa1_low", "kappa2_low", "kappa1_high", "kappa2_high"  # of a triangle
 _STATES = {
@@ -57,7 +57,7 @@ _PROVED = {
 
 
 def proved_barrier(plane: Plane, angles: ArrayLike, seconds: float) -> Job:
-    """Return the Job of the cube `proved_barrier`: last barriers, and proved bounds of each ray.
+    """Return the Job of the cube `proved_barrier`: last barriers, and proved bounds on each ray.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ def proved_barrier(plane: Plane, angles: ArrayLike, seconds: float) -> Job:
     angles : array_like
         Directions of rays, in degrees, as for `barrier.last_barrier`.
     seconds : float
-        CPU time for each proof of each ray; see `nasm.proofs`. The bounds depend on the speed of
-        the machine; each of them holds.
+        CPU time for each proof on each ray; see `nasm.proofs`. The bounds depend on the speed of
+        the machine, but each of them is valid.
 
     Examples
     --------
@@ -126,7 +126,7 @@ def uncertified_rays(tile: xr.Dataset, certificates: Iterable[Certificate]) -> s
 def proved_map(rays: Sequence[Sequence[float]], cells: int, seconds: float) -> Job:
     """Return the Job of the cube `proved_map`: cells of forcings with global transport.
 
-    Tiles of κ2 > κ1 are not computed: they are images (arXiv:1606.04824, Sec. III).
+    Tiles in κ2 > κ1 are not computed: they are images of the others (arXiv:1606.04824, Sec. III).
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def proved_map(rays: Sequence[Sequence[float]], cells: int, seconds: float) -> J
         Angles in degrees, from 0 to 45, and the scale of the last breakup; proofs are tried near
         these points.
     cells : int
-        Finest cells per unit of κ, 16 times a power of two.
+        Number of the finest cells per unit of κ: 16 times a power of two.
     seconds : float
         CPU time for the proof of a cell.
 
@@ -176,9 +176,9 @@ def _compute_cells(coords: Coords, settings: Settings) -> Arrays:
 
 
 def uncertified_cells(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
-    """Count the proved cells of a tile that no certificate covers, in words; "" for none.
+    """Say how many proved cells of a tile no certificate covers; "" if all are covered.
 
-    A cell beyond the diagonal is proved by the certificate of its image, κ1 and κ2 exchanged.
+    A cell beyond the diagonal is proved by the certificate of its image, with κ1 and κ2 exchanged.
     """
     kappa1, kappa2 = np.meshgrid(tile.kappa1, tile.kappa2)
     certified, half = np.zeros(kappa1.shape, bool), 0.5 / tile.attrs["cells"]
@@ -212,7 +212,7 @@ def proved_triangles(
     circles : sequence of str
         Texts of the last circles' ω on the rays, "" where unknown.
     nearest : float
-        Distance of the proofs from the boundary to aim at, relative to its scale; at most 0.5.
+        Target distance of the proofs from the boundary, relative to its scale; at most 0.5.
     """
     angles, scales = map(np.array, zip(*rays, strict=True))
     triangles = proofs.triangles(angles, scales, circles, nearest / 4)
@@ -235,7 +235,7 @@ def _load_triangles() -> None:
 
 
 def _seconds(nearest: float) -> float:
-    """Estimate the CPU seconds of a triangle; those next to a cusp take longer."""
+    """Estimate the CPU seconds of a triangle; triangles next to a cusp take longer."""
     return 1 + 7 * (0.1 / nearest) ** 1.95
 
 
@@ -252,7 +252,7 @@ def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
         if least > value:
             circle, value = omega, least
     if value > 0:
-        distance = 0.68 * settings["nearest"]  # the last step may end a tenth before
+        distance = 0.68 * settings["nearest"]  # the last step may end a tenth short of it
         budget = 4 * _seconds(settings["nearest"])  # a busy machine takes twice as long
         scale, proved = proofs.proved_below(circle, middle, value, budget, tilt, distance)
     corners = dict(zip(_CORNERS, np.array([*low, *high])[:, None], strict=True))
@@ -260,7 +260,7 @@ def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
 
 
 def uncertified_triangle(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
-    """Say that a triangle has no certificates up to `proved_below`; "" if it has."""
+    """Report that the certificates of a triangle do not reach `proved_below`; "" if they do."""
     tile, intervals = tile.load().isel(triangle=0), []
     low, high = np.reshape([tile[name] for name in _CORNERS], (2, 2))
     for certificate in certificates:
@@ -275,8 +275,8 @@ def uncertified_triangle(tile: xr.Dataset, certificates: Iterable[Certificate]) 
 def pack_certificates(proofs: Iterable[Any]) -> dict[str, bytes]:
     """Return what a tile keeps besides its arrays: the certificates of its proofs, compressed.
 
-    Proofs that failed, or are None, are left out; {} if no proof is left. Certificates are
-    compressed one by one, as those of cells take much memory.
+    Failed proofs and None are omitted; the result is {} if no proof remains. Certificates are
+    compressed one by one, because those of cells take much memory.
     """
     proved, data = [proof for proof in proofs if proof and proof.proved], BytesIO()
     if not proved:
@@ -294,7 +294,7 @@ def unpack_certificates(data: bytes) -> list[Certificate]:
     Raises
     ------
     ValueError
-        If the bytes are damaged, or unpack to more than 100 times their number.
+        If the bytes are damaged, or unpack to more than 100 times their size.
 
     Examples
     --------
@@ -322,7 +322,7 @@ def unpack_certificates(data: bytes) -> list[Certificate]:
 
 
 def floats_of(certificate: Mapping[str, Any], field: str) -> tuple[float, ...]:
-    """Return a row of numbers in a certificate, hexadecimal texts, as floats."""
+    """Return the hexadecimal numbers in a field of a certificate as floats."""
     return tuple(map(float.fromhex, certificate[field]))
 
 
@@ -336,7 +336,7 @@ def seconds_to_check(certificate: Certificate) -> float:
     """
     if "lives" in certificate:
         lifetimes = certificate["lives"]
-        # Forwards and backwards of each box, or for both at once.
+        # Each box has two lifetimes, forwards and backwards, or one for both.
         numbers = [n for each in lifetimes for n in (each if isinstance(each, list) else [each])]
         if not all(type(n) is int and n > 0 for n in numbers):
             raise ValueError("a box has a lifetime that is not an integer of 1 or more")

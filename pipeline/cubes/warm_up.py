@@ -1,6 +1,6 @@
 """What a worker computes first, so that the kernels of a job are compiled before any tile.
 
-A tile that has to compile one would be charged for it, and its workers wait for each other.
+A tile that had to compile a kernel would be charged for it, and workers would wait for each other.
 """
 
 from numpy.typing import ArrayLike

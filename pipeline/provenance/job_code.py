@@ -19,7 +19,7 @@ class Code:
     modules : tuple of str
         Modules of `nasm` and `pipeline.cubes`.
     own : str
-        Digest of functions of a user's own; "" if there are none.
+        Digest of the user's own functions; "" if there are none.
     """
 
     modules: tuple[str, ...]
@@ -42,12 +42,12 @@ def code_of(function: Callable[..., Any]) -> Code:
     Parameters
     ----------
     function : callable
-        A function of these packages or of the user's own, or a `functools.partial` of them.
+        A function of these packages or of the user, or a `functools.partial` of such functions.
 
     Raises
     ------
     ValueError
-        If something that the user's function names cannot be identified.
+        If something that the user's function refers to cannot be identified.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def code_of(function: Callable[..., Any]) -> Code:
 
 
 def _functions(function: Any) -> list[Any]:
-    """Return the functions in partials of these packages, and those that are wrapped."""
+    """Return the functions inside partials of these packages, and inside wrappers."""
     if isinstance(function, partial) and not is_own(module_of(function)):
         parts = [function.func, *function.args, *function.keywords.values()]
         return [each for part in parts if callable(part) for each in _functions(part)]

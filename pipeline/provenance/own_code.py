@@ -1,9 +1,9 @@
-"""Functions of a user's own: what identifies them, and how they travel to workers.
+"""The user's own functions: what identifies them, and how they are sent to workers.
 
-A function is identified by its text and by what it names: functions and classes of the user's own
-by their texts, in turn; the user's own modules by all their text; constants by their values. Text
-is compared as Python parses it, so comments and layout do not count. Of Python and of installed
-packages only names count.
+A function is identified by its text and by what it refers to: the user's own functions and classes
+by their texts, in turn; the user's own modules by their whole text; constants by their values. Text
+is compared as Python parses it, so comments and layout do not matter. For Python itself and for
+installed packages, only names matter.
 """
 
 import ast
@@ -27,9 +27,9 @@ _CONSTANTS = bool, int, float, complex, str, bytes, type(None)
 
 
 class ByValue:
-    """A function that is sent to workers as code, with the user's own modules that it names.
+    """A function that is sent to workers as code, with the user's own modules that it uses.
 
-    Workers need not be able to import these.
+    Workers need not be able to import these modules.
 
     Examples
     --------
@@ -64,19 +64,19 @@ def _received(data: bytes) -> ByValue:
 
 
 def identify(function: Callable[..., Any]) -> tuple[str, set[str]]:
-    """Identify a function of the user's own.
+    """Identify one of the user's own functions.
 
     Returns
     -------
     text : str
-        The same as long as the function and what it names are the same.
+        It is the same as long as the function and what it refers to are the same.
     names : set of str
-        Full names of all that they use of other modules, e.g. "nasm.maps.kick".
+        Full names of all that they use from other modules, e.g. "nasm.maps.kick".
 
     Raises
     ------
     ValueError
-        If the text of a function, or the value of something that it names, cannot be had.
+        If the text of a function, or the value of something that it refers to, cannot be obtained.
 
     Examples
     --------
@@ -94,16 +94,16 @@ def identify(function: Callable[..., Any]) -> tuple[str, set[str]]:
 
 
 def _own_modules(function: Callable[..., Any]) -> list[ModuleType]:
-    """Return the user's own modules that a function is in, or names, or those do."""
+    """Return the user's own modules that a function is in or uses, directly or not."""
     items = [item for item, *_ in _parts(function)]
     named = {module_of(item) for item in items if _is_code(item)}
     return [sys.modules[name] for name in sorted(named) if is_own(name) and name in sys.modules]
 
 
 def _parts(function: Callable[..., Any]) -> Iterator[tuple[Any, str, set[str]]]:
-    """Yield what a function depends on: (item, its text, full names that it uses); itself first."""
+    """Yield a function, then what it depends on: (item, its text, full names that it uses)."""
     waiting: list[tuple[str, Any]] = [("the function", function)]
-    seen: dict[int, Any] = {}  # it keeps the items, so that no two have one id
+    seen: dict[int, Any] = {}  # it keeps the items alive, so that no two have the same id
     while waiting:
         label, item = waiting.pop(0)
         item = inspect.unwrap(item.py_func if _is_compiled(item) else item)
@@ -135,7 +135,7 @@ def _parts(function: Callable[..., Any]) -> Iterator[tuple[Any, str, set[str]]]:
 def _tree(label: str, item: Any) -> ast.Module:
     """Return the parsed text of a function, a class or a module, without comments."""
     try:
-        # Of what was made by eval or exec, Python 3.13 returns the text of another call of them.
+        # For code made by eval or exec, Python 3.13 returns the text of another such call.
         if inspect.isfunction(item) and item.__code__.co_filename == "<string>":
             raise OSError("it was made by eval, exec or python -c")
         return ast.parse(textwrap.dedent(inspect.getsource(item)))

@@ -1,8 +1,8 @@
 """The sources of `nasm` and `pipeline.cubes`: what a module imports, and digests of their files.
 
-The closure of a module are the modules that it imports, directly or not, by the import statements
-in their texts; nothing is executed. Where a name is imported from a package, its stub tells which
-module it comes from.
+The closure of a module is the set of modules that it imports, directly or not, according to the
+import statements in their texts; nothing is executed. If a name is imported from a package, the
+package's stub shows which module it comes from.
 """
 
 import ast
@@ -20,7 +20,7 @@ _LIBRARIES = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zar
 
 
 def _read(suffix: str) -> dict[str, bytes]:
-    """Return the files with a suffix, by the names of their modules; a package has its __init__."""
+    """Return the files with a suffix, by module name; the file of a package is its __init__."""
     paths = [*_ROOT.glob(f"nasm/**/*{suffix}"), *_ROOT.glob(f"pipeline/cubes/**/*{suffix}")]
     files = {}
     for path in sorted(paths):
@@ -29,14 +29,14 @@ def _read(suffix: str) -> dict[str, bytes]:
     return files
 
 
-# As they are at the import: a process that runs while files are edited uses the old ones.
+# As they are at import: a process that runs while files are edited uses the old ones.
 _SOURCES, _STUBS = _read(".py"), _read(".pyi")
 
 PROGRAM = f"{DISTRIBUTION} {__version__}"
 """This program and its version: the attribute `source` of cubes."""
 
 VERSIONS = ", ".join(f"{library} {version(library)}" for library in _LIBRARIES)
-"""Versions of the libraries that decide numbers, in one line."""
+"""Versions of the libraries that affect the numbers, in one line."""
 
 
 def modules() -> tuple[str, ...]:
@@ -69,7 +69,7 @@ def digest(modules: tuple[str, ...]) -> str:
 
 @cache
 def closure(modules: tuple[str, ...]) -> tuple[str, ...]:
-    """List these modules and all that they import, directly or not; with the packages around them.
+    """List these modules, all that they import, directly or not, and the packages that hold them.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def _imported(module: str) -> set[str]:
 
 
 def names_used(tree: ast.AST, known: Mapping[str, str]) -> set[str]:
-    """Return the full names of all that a piece of code imports, and of what it uses of these.
+    """Return the full names of all that a piece of code imports, and of what it uses from these.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def names_used(tree: ast.AST, known: Mapping[str, str]) -> set[str]:
     Returns
     -------
     set of str
-        Of a package that is used as a value, as in `getattr(nasm, …)`, also NAME.*.
+        For a package that is used as a value, as in `getattr(nasm, …)`, also NAME.*.
 
     Examples
     --------
@@ -168,7 +168,7 @@ def home(name: str) -> set[str]:
 
 @cache
 def _exports(package: str) -> dict[str, str]:
-    """Return the full names of what a package offers by its stub."""
+    """Return the full names of what a package exports, according to its stub."""
     return {
         alias.asname or alias.name: f"{package}.{node.module}.{alias.name}"
         for node in ast.parse(_STUBS.get(package, b"")).body

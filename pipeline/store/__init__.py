@@ -1,11 +1,11 @@
-"""The store: each cube is a zarr group of its own, PLACE/NAME.zarr, a chunk per tile.
+"""The store: each cube is a zarr group, PLACE/NAME.zarr, with one chunk per tile.
 
 The states of a tile: missing → data chunks written → commit record written last, with its CPU
-seconds and the checksum of its data. *A tile is done if its record and its data exist*; nothing
-else lists the done tiles. A copy that was made during a sweep may hold records without data: these
-tiles are missing. Each file appears completely or not at all. Workers and drivers need no order:
-what they write twice is the same each time, except for proofs, whose bounds depend on the time they
-take. The store knows neither mathematics nor dask.
+seconds and the checksum of its data. *A tile is done if its record and its data exist*; there
+is no other list of done tiles. A copy made during a sweep may hold records without data: these
+tiles are missing. Each file appears completely or not at all. Workers and drivers may write in any
+order: what they write twice is the same each time, except for proofs, whose bounds depend on the
+time they take. The store knows neither mathematics nor dask.
 """
 
 from pipeline.store.metadata import (

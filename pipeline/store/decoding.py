@@ -1,9 +1,9 @@
-"""What is decoded of a store, which may be a foreign one: metadata are checked before any chunk.
+"""Decoding of a store, which may be a foreign one: metadata are checked before any chunk.
 
-Metadata name the code that decodes chunks, and some of this code executes the bytes of a chunk;
-they also say how much memory decoding takes. Only arrays like those of cubes are opened: of zarr 3,
-of numbers and texts, with the codecs in `_CODECS`, and within the limits below. The size to which a
-chunk claims to unpack is compared with its array before it is unpacked.
+Metadata name the code that decodes chunks, and some such code executes the bytes of a chunk; they
+also determine how much memory decoding takes. Only arrays like those of cubes are opened: in zarr
+3, of numbers or texts, with the codecs in `_CODECS`, and within the limits below. The size to which
+a chunk claims to unpack is compared with its array before it is unpacked.
 """
 
 from contextlib import AbstractContextManager
@@ -22,19 +22,19 @@ if TYPE_CHECKING:
     from zarr.core.buffer import Buffer, BufferPrototype, NDBuffer
 
 MAX_METADATA = 2**24
-"""Most bytes of a cube's zarr.json."""
+"""Maximum size of a cube's zarr.json, in bytes."""
 
 MAX_TILE = 2**26
-"""Most bytes of a tile in memory: of one chunk of each array together."""
+"""Maximum size of a tile in memory, in bytes: one chunk of each array, together."""
 
 MAX_CHUNKS = 10**7
-"""Most chunks of an array, tiles of a cube, and labels along all dimensions together."""
+"""Maximum number of chunks per array, tiles per cube, and labels along all dims together."""
 
 MAX_TEXTS = 10**5
-"""Most texts of all arrays together."""
+"""Maximum number of texts in all arrays together."""
 
 MAX_TEXT = 2**17
-"""Most bytes of a text: a rotation number of 1000 quotients of 100 digits fits."""
+"""Maximum size of a text, in bytes: a rotation number of 1000 quotients of 100 digits fits."""
 
 _MAX_ARRAYS = 1000
 _MAX_FILL = 100  # characters of a fill value
@@ -56,14 +56,14 @@ def arrays_in(root: dict[str, Any], path: str) -> dict[str, Any]:
     root : dict
         The group's zarr.json, parsed.
     path : str
-        Of the group, for messages.
+        Path of the group, for messages.
 
     Raises
     ------
     Refused
         If an array is unlike those of cubes.
     tiles.DAMAGED
-        Metadata that are cut or changed may raise any error of this tuple.
+        Metadata that are truncated or changed may raise any error in this tuple.
     """
     nodes = root["consolidated_metadata"]["metadata"]
     arrays = {name: node for name, node in nodes.items() if node["node_type"] == "array"}
@@ -111,7 +111,7 @@ def _oddity(name: str, node: dict[str, Any]) -> str:
     if {"", ".", ".."} & {*name.split("/")}:
         return "a name that is not a path"
     if node["node_type"] == "group":
-        within = node.get("consolidated_metadata")  # of no use, as the cube has all of them
+        within = node.get("consolidated_metadata")  # unused: the cube has all of them
         return "metadata of its own" if within and within["metadata"] else ""
     names = tuple(codec["name"] for codec in node["codecs"])
     kind, fill = node["data_type"], node["fill_value"]
@@ -126,12 +126,12 @@ def _oddity(name: str, node: dict[str, Any]) -> str:
 
 
 def _shown(text: object) -> str:
-    """Return the text in ASCII, at most 80 characters of it."""
+    """Return the text in ASCII, truncated to 80 characters."""
     return f"{text!a:.80}"
 
 
 class Files(ObjectStore):
-    """The files of a store for zarr, which reads no file larger than those of cubes."""
+    """The files of a store, for zarr; files larger than those of cubes are not read."""
 
     async def get(
         self, key: str, prototype: "BufferPrototype", byte_range: "ByteRequest | None" = None
@@ -148,7 +148,7 @@ class Files(ObjectStore):
 
 
 class ZstdCodec(codecs.ZstdCodec):
-    """The codec of zarr, for frames that unpack to at most MAX_TILE bytes.
+    """Zarr's codec, for frames that unpack to at most MAX_TILE bytes.
 
     See RFC 8878, Sec. 3.1.1.1: a frame has a magic number, a descriptor, and the size of its
     content, in that order.
@@ -162,7 +162,7 @@ class ZstdCodec(codecs.ZstdCodec):
 
 
 def _content_size(frame: bytes) -> int:
-    """Return the number of bytes to which a frame says that it unpacks."""
+    """Return the unpacked size that a frame declares, in bytes."""
     descriptor = frame[4]
     is_single = descriptor >> 5 & 1  # it has no byte for the size of a window
     n_bytes = (is_single, 2, 4, 8)[descriptor >> 6]
@@ -172,8 +172,8 @@ def _content_size(frame: bytes) -> int:
     return int.from_bytes(frame[start : start + n_bytes], "little") + 256 * (n_bytes == 2)
 
 
-class VLenUTF8Codec(codecs.VLenUTF8Codec):  # by this name zarr knows the codec of texts
-    """The codec of zarr, for chunks with as many texts as the shape of a chunk says."""
+class VLenUTF8Codec(codecs.VLenUTF8Codec):  # zarr knows the codec of texts by this name
+    """Zarr's codec, for chunks that hold as many texts as their shape requires."""
 
     async def _decode_single(self, chunk_bytes: "Buffer", chunk_spec: "ArraySpec") -> "NDBuffer":
         data, n_texts = chunk_bytes.to_bytes(), prod(chunk_spec.shape)
@@ -190,8 +190,8 @@ for _name, _codec in _BOUNDED.items():
 def usual_codecs() -> AbstractContextManager[object]:
     """Return a context in which arrays are opened with zarr's own codecs, within the limits above.
 
-    Codecs, and pipelines of codecs, that the user's files or environment name are ignored in it:
-    they may not support every store.
+    It ignores codecs and codec pipelines that the user's files or environment name, because they
+    may not support every store.
     """
     usual = config.defaults[0]
     bounded = {name: f"{codec.__module__}.{codec.__name__}" for name, codec in _BOUNDED.items()}

@@ -1,9 +1,9 @@
-"""Metadata of cubes: a function of the cube and of who computes it, written before any tile.
+"""Metadata of cubes: determined by the cube and the code that computes it, written before any tile.
 
-The driver that writes the group's zarr.json first has made the cube; any other driver must agree
-with it. A file beside it, NAME.zarr/digests.json, holds the same attributes, and a digest of each
-file that is not written by a tile: these show whether metadata or coordinates were changed, and to
-which settings the cube belongs. If they are lost too, the checksums in the records of tiles show to
+The first driver to write the group's zarr.json creates the cube; any other driver must agree with
+it. A second file, NAME.zarr/digests.json, holds the same attributes, and a digest of each file that
+is not written by a tile. It shows whether metadata or coordinates were changed, and to which
+settings the cube belongs. If that file is lost too, the checksums in the commit records show to
 which settings the tiles belong.
 """
 
@@ -36,11 +36,11 @@ if TYPE_CHECKING:
 DIGESTS = "digests.json"
 """Name of the file of a cube with its digests."""
 
-_MAX_NAMED = 3  # files that are named where more have changed
+_MAX_NAMED = 3  # changed files that a message names
 _MAX_CHUNK = 1024  # along each dim, of cubes without tiles
 
 COMPUTED_BY = EVERYTHING.computed_by
-"""Who computes a cube without a job, in one line; otherwise it is `job.code.computed_by`."""
+"""What computes a cube without a job, in one line; with a job it is `job.code.computed_by`."""
 
 
 def names(place: Place) -> list[str]:
@@ -54,7 +54,7 @@ def names(place: Place) -> list[str]:
 
 
 def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
-    """Check that a cube may be continued; write nothing.
+    """Check that a cube may be resumed; write nothing.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
     Raises
     ------
     Refused
-        If that cube has other settings, or was begun by other code and is not complete.
+        If the cube in the store has other settings, or was begun by other code and is incomplete.
     """
     attributes = _check_settings(place, cube)
     if not attributes:
@@ -85,15 +85,15 @@ def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
 
 
 def create(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None:
-    """Make the cube, all tiles missing, or check that the one in the place is the same.
+    """Create the cube with all tiles missing, or check that the one in the place is the same.
 
-    Metadata and coordinates that are damaged or missing are written again. Further parameters, and
-    errors, are those of `check`.
+    Metadata and coordinates that are damaged or missing are written again. Further parameters and
+    errors are as for `check`.
 
     Parameters
     ----------
     call : str
-        The command or call that makes the cube. The `history` of a cube that exists stays.
+        The command or call that creates the cube. An existing cube keeps its `history`.
     """
     tiles.forget()
     attributes, root = check(place, cube, computed_by), _key(cube.name)
@@ -106,14 +106,14 @@ def create(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None
 
 
 def replace(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None:
-    """Write a complete cube, compressed, in place of an earlier state of itself.
+    """Write a complete cube, compressed, in place of its earlier state.
 
-    Nothing is written if that state is the same, and by the same code. The group's zarr.json is
-    deleted first and written last: until then, also after a crash, the cube does not exist.
-    Parameters are those of `create`, and so is the error for other settings.
+    Nothing is written if that state is identical and was computed by the same code. The group's
+    zarr.json is deleted first and written last: in between, and after a crash, the cube does not
+    exist. The parameters, and the error for other settings, are as for `create`.
     """
     template, by = cube.template.compute(), _provenance(computed_by, call)
-    # Of a cube that the template was made from; this one is made here and now.
+    # Drop the provenance of a cube that the template was made from: this cube is new.
     template.attrs = {key: value for key, value in template.attrs.items() if key not in by}
     cube = dataclasses.replace(cube, template=template)
     attributes = _check_settings(place, cube)
@@ -128,7 +128,7 @@ def replace(place: Place, cube: "Cube", computed_by: str, call: str = "") -> Non
 
 def is_visible(place: Place, name: str, config_hash: str) -> bool:
     """Return True if this process can read that cube; workers call it before each batch."""
-    tiles.forget()  # the cube may have been deleted and made anew
+    tiles.forget()  # the cube may have been deleted and recreated
     return _attributes(place, name).get("config_hash") == config_hash
 
 
@@ -168,7 +168,7 @@ def _check_settings(place: Place, cube: "Cube") -> dict[str, Any]:
 
 
 def _brief(setting: Any) -> Any:
-    """Return the name of a plane that is a setting; any other setting itself."""
+    """Return a setting for messages: the name of a plane, any other setting unchanged."""
     with suppress(KeyError, RecursionError, TypeError, ValueError):
         return json.loads(setting)["name"]  # of a plane
     return setting
@@ -184,7 +184,7 @@ def _attributes(place: Place, name: str) -> dict[str, Any]:
 def _parsed(data: bytes) -> dict[str, Any]:
     """Parse the cube's attributes in a zarr.json, or in digests.json; errors are in DAMAGED."""
     attributes = json.loads(data)["attributes"]
-    attributes.pop("coordinates", None)  # xarray has added it
+    attributes.pop("coordinates", None)  # xarray adds it
     if not isinstance(attributes["config_hash"], str):
         raise TypeError
     return attributes
@@ -202,15 +202,15 @@ def _noted(place: Place, name: str) -> tuple[dict[str, Any], dict[str, str]]:
 
 
 def has_digests(place: Place, name: str) -> bool:
-    """Return True if the cube has digests of its metadata; those of earlier versions have none."""
+    """Return True if the cube has digests of its metadata; cubes of earlier versions have none."""
     return place.size(f"{name}.zarr/{DIGESTS}") > 0
 
 
 def changes(place: Place, name: str) -> str:
     """Name the files of a cube that were changed or lost since they were written, and the cure.
 
-    Files of metadata and coordinates are compared with their digests, and all files of a cube
-    without tiles.
+    Files of metadata and coordinates are compared with their digests; in a cube without tiles, all
+    files are.
 
     Returns
     -------
@@ -238,10 +238,10 @@ def _digest(data: bytes) -> str:
 
 
 def _check_tiles(place: Place, cube: "Cube", computed_by: str) -> None:
-    """Check tiles without metadata, which workers write after the cube was deleted during a sweep.
+    """Check tiles without metadata, which workers write if the cube is deleted during a sweep.
 
-    Refused unless all tiles with data belong to this cube and were computed by the same code, by
-    the checksums in their records.
+    Refused unless the checksums in their records show that all tiles with data belong to this cube
+    and were computed by the same code.
     """
     if any(place.files(f"{cube.name}.zarr/{COMMIT}")):
         arrays = _planned(place, cube, {"computed_by": computed_by})
@@ -256,7 +256,7 @@ def _is_complete(place: Place, cube: "Cube") -> bool:
 
 
 def _planned(place: Place, cube: "Cube", by: Mapping[str, Any]) -> dict[str, Array]:
-    """Return the zarr arrays of the cube by its plan, whatever its metadata in the store say."""
+    """Return the zarr arrays by the cube's plan, regardless of its metadata in the store."""
     return tiles.opened(place, cube.name, json.loads(_files(cube, by)[_key(cube.name)]))
 
 
@@ -273,20 +273,21 @@ def _key(name: str) -> str:
 
 
 def _differing(place: Place, files: Mapping[str, bytes]) -> dict[str, bytes]:
-    """Return those of the files that are not like this in the store."""
+    """Return the files whose contents differ from those in the store."""
     return {key: data for key, data in files.items() if place.read(key) != data}
 
 
 def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
     """Return the files {key: bytes} of the cube before any tile is written.
 
-    If its template has all values, they are in the files, compressed. by : attributes that name who
-    computed it.
+    If its template has all values, the files contain them, compressed.
+
+    by : attributes that state what computed it.
     """
     ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
     labels = cube.template.attrs  # first, so that the order is the same when they are read again
     identity = {**labels, **by, **labels, **cube.attributes, **ours}
-    # NumPy's type of text has no standard in zarr 3.
+    # Zarr 3 has no standard for NumPy's text type.
     variables = cube.template.variables
     texts = {k: v.astype(object) for k, v in variables.items() if v.dtype.kind == "U"}
     groups = {"/": cube.template.assign(texts).assign_attrs(identity)}
@@ -297,7 +298,7 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
             tile = {} if array.dims == (key,) else cube.tile  # readers need all of an index
             chunks = [tile.get(str(dim), n) for dim, n in array.sizes.items()]
             encoding["/"][key] = _encoding(array.dtype, chunks)
-        else:  # one length for each dim, in all of them
+        else:  # the same length along a dim in all variables
             chunks = [min(n, _MAX_CHUNK) for n in array.shape]
             encoding["/"][key] = _encoding(array.dtype, chunks, ZstdCodec())
     if computed:
@@ -323,7 +324,7 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
     }
     buffers: dict[str, Any] = {}
     with warnings.catch_warnings(), usual_codecs():
-        # Zarr 3 has no standard for consolidated metadata yet; without them readers are warned.
+        # Zarr 3 has no standard for consolidated metadata yet, but readers are warned without them.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         xr.DataTree.from_dict(groups).to_zarr(MemoryStore(buffers), **options)
     files = {key: buffer.to_bytes() for key, buffer in buffers.items()}

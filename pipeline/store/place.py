@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from obstore.store import ObjectStore
 
 MAX_FILE = 2**27
-"""Most bytes of a file that is read."""
+"""Size of the largest file that is read, in bytes."""
 
 PATIENCE = 30
 """Seconds for which a request is repeated while an object store does not answer."""
@@ -34,16 +34,18 @@ _URL = re.compile(r"(s3|gs|az)://[a-z0-9][a-z0-9._-]+(/[\w.=+-]+)+", re.ASCII)
 
 
 class Refused(Exception):
-    """The store cannot take this sweep; nothing was done. The message gives the reason and the
-    cure."""
+    """The store cannot take this sweep; nothing was done.
+
+    The message gives the reason and the cure.
+    """
 
 
 class StoreFailed(OSError):
-    """The disk or the object store failed during a sweep. Committed tiles stay."""
+    """The disk or the object store failed during a sweep. Committed tiles are kept."""
 
 
 def printable(text: str) -> str:
-    """Return the text in one line, without control characters, which a foreign store may contain.
+    """Return the text on one line, without control characters, which a foreign store may contain.
 
     Examples
     --------
@@ -88,7 +90,7 @@ class Place:
         """
         path = self.cube(name) if name else self.root
         exists = os.path.isfile(f"{path}/zarr.json") if name else os.path.isdir(path)
-        if self.is_directory and not exists:  # obstore would make it anew
+        if self.is_directory and not exists:  # obstore would recreate it
             raise FileNotFoundError(f"{path} does not exist, was moved, or its disk is gone")
         return _opened(path)
 
@@ -173,16 +175,16 @@ def _opened(path: str) -> "ObjectStore":
     """Return the obstore store of a directory or a URL."""
     if "://" not in path:
         return LocalStore(path)
-    # Only the time limits retries: ten, obstore's default, are over after two to eight seconds.
+    # Only the time limits retries: obstore's default, ten, is used up in two to eight seconds.
     timeout = timedelta(seconds=PATIENCE)
     return from_url(path, retry_config={"max_retries": 10**6, "retry_timeout": timeout})
 
 
 @contextmanager
 def driver_lock(place: Place) -> Iterator[None]:
-    """Hold the lock of a directory, which is made if needed, so that no second driver writes to it.
+    """Hold the lock of a directory, created if needed, so that no second driver writes to it.
 
-    Object stores, and file systems without locks, have none: two drivers then write the same bytes
+    Object stores and file systems without locks have none: two drivers then write the same bytes
     twice.
 
     Raises
@@ -216,14 +218,14 @@ def driver_lock(place: Place) -> Iterator[None]:
 
 @contextmanager
 def store_errors(place: Place) -> Iterator[None]:
-    """Convert the errors of obstore and zarr that mean that the store failed into StoreFailed."""
+    """Convert errors of obstore and zarr that mean a failure of the store into StoreFailed."""
     try:
         yield
     except BaseException as error:
         if isinstance(error, ValueError) and "computed checksum" in str(error):
             reason = "some chunks are damaged; run `python -m workflows.verify --repair` on it"
-        # Errors of this machine's files have a number. A setting that obstore cannot parse, e.g. an
-        # endpoint that is not a URL, is a PanicException.
+        # Errors of files on this machine have an errno. A setting that obstore cannot parse, e.g.
+        # an endpoint that is not a URL, raises a PanicException.
         elif (
             isinstance(error, BaseError)
             or type(error).__name__ == "PanicException"

@@ -1,9 +1,9 @@
 """Tiles: list the missing ones, commit one, read them all.
 
-Every tiled variable has one chunk for each tile: numbers, not compressed, followed by their
-CRC-32C. So has the commit record, in a group of its own where readers of the cube do not see it.
-Its checksum covers the tile's data, its place and who computed it: a chunk of another tile or cube
-does not match.
+Every tiled variable has one chunk for each tile: uncompressed numbers, followed by their CRC-32C.
+The commit record is stored likewise, in a separate group that readers of the cube do not see. The
+checksum in the record covers the tile's data, its place and the code that computed it, so that a
+chunk of another tile or cube does not match.
 """
 
 import json
@@ -40,27 +40,27 @@ ENTRIES = "cpu_seconds", "crc32"
 """Entries of a commit record."""
 
 ENTRY = "commit_entry"
-"""Their dimension, the first."""
+"""Name of the first dimension of `COMMIT`, along the entries."""
 
 FORMAT = 2
-"""Format of cubes; 1 had no checksum of a tile's data."""
+"""Version of the format of cubes; version 1 had no checksum of a tile's data."""
 
-_CRC_BYTES = 4  # the checksum behind the numbers of a chunk
-_MAX_REASON = 500  # characters of the reason of a failure that are kept
+_CRC_BYTES = 4  # of the checksum after the numbers of a chunk
+_MAX_REASON = 500  # characters that are kept of the reason for a failure
 
 DAMAGED = ArithmeticError, AttributeError, FileNotFoundError, LookupError, RecursionError
 DAMAGED += TypeError, ValueError  # type: ignore[assignment]
-"""Errors that reading metadata raises if they are lost, cut or changed."""
+"""Errors raised by reading metadata that are lost, truncated or changed."""
 
 
 @lru_cache
 def arrays_of(place: Place, name: str) -> dict[str, Array]:
-    """Return the zarr arrays of the cube by their names; they are kept open.
+    """Return the zarr arrays of the cube by name; they are kept open.
 
     Raises
     ------
     Refused
-        If its metadata are lost, or another program's.
+        If its metadata are lost, or were written by another program.
     """
     with suppress(*DAMAGED):
         root = json.loads(place.read(f"{name}.zarr/zarr.json", MAX_METADATA))
@@ -78,11 +78,11 @@ def _damaged(place: Place, name: str) -> Refused:
 
 
 forget = arrays_of.cache_clear
-"""Close the arrays of all cubes; they are opened anew when they are needed next."""
+"""Close the arrays of all cubes; they are reopened when they are next needed."""
 
 
 def opened(place: Place, name: str, root: dict[str, Any]) -> dict[str, Array]:
-    """Return the zarr arrays of a cube whose group has the zarr.json `root`, parsed."""
+    """Return the zarr arrays of a cube, given the parsed zarr.json of its group, `root`."""
     store, arrays = Files(place.objects()), {}
     for key, metadata in arrays_in(root, place.cube(name)).items():
         path = StorePath(store, f"{name}.zarr/{key}")
@@ -94,7 +94,7 @@ def opened(place: Place, name: str, root: dict[str, Any]) -> dict[str, Array]:
 
 
 def _check_tiles(arrays: dict[str, Array]) -> None:
-    """Raise an error in DAMAGED unless a tile has one record, and one chunk of each variable."""
+    """Raise an error in DAMAGED unless each tile has one record and one chunk of each variable."""
     n_entries, *counts = arrays[COMMIT].shape
     last = tuple(n - 1 for n in counts)
     places = blocks(arrays, last)
@@ -131,7 +131,7 @@ def blocks(
 ) -> dict[str, tuple[Array, tuple[int, ...]]]:
     """Return the chunks of a tile: {name: (zarr array, index of the chunk in its grid)}.
 
-    They are those of its data and its commit record.
+    These are the chunks of its data and of its commit record.
     """
     tile, n_tiles = tile_at(arrays, index), prod(arrays[COMMIT].cdata_shape)
     chunks = {}
@@ -151,12 +151,12 @@ def chunk_key(array: Array, block: tuple[int, ...]) -> str:
 
 
 def commit_times(place: Place, arrays: dict[str, Array]) -> tuple[BoolArray, FloatArray]:
-    """List the chunks of all tiles.
+    """Find which tiles are complete, and when they were committed, by listing their chunks.
 
     Returns
     -------
     done : ndarray of bool, over the tiles
-        True if the record and all data of the tile exist, in full length.
+        True if the record and all data of the tile exist at full length.
     times : ndarray, over the tiles
         Time of the record, in seconds since 1970; NaN if there is none.
     """
@@ -164,8 +164,8 @@ def commit_times(place: Place, arrays: dict[str, Array]) -> tuple[BoolArray, Flo
     chunked = {key: array for key, (array, _) in blocks(arrays, (0,) * len(counts)).items()}
     records = chunked.pop(COMMIT)
     times = np.full(records.cdata_shape, np.nan)
-    # The records come first: the data of each are older, so that a tile that is committed during
-    # the listing does not seem to lack them.
+    # The records are listed first: data are written before their record, so that a tile that is
+    # committed during the listing does not seem to lack data.
     done = _listed(place, records, times)
     for array in chunked.values():
         done &= _listed(place, array).reshape(done.shape)
@@ -173,7 +173,7 @@ def commit_times(place: Place, arrays: dict[str, Array]) -> tuple[BoolArray, Flo
 
 
 def _listed(place: Place, array: Array, times: FloatArray | None = None) -> BoolArray:
-    """List the array's chunks; return an array over its grid, True where one is in full length.
+    """List the array's chunks; return an array over its grid, True where a chunk has full length.
 
     times : array over the grid, to be filled with the times of existing chunks, in seconds.
     """
@@ -193,7 +193,7 @@ def _listed(place: Place, array: Array, times: FloatArray | None = None) -> Bool
 
 
 def _index(texts: Sequence[str], shape: Sequence[int]) -> tuple[int, ...] | None:
-    """Parse an index of an array of this shape; None if it is not one, as in a foreign file."""
+    """Parse an index into an array of this shape; None if it is invalid, as for a foreign file."""
     if len(texts) == len(shape) and all(map(str.isdecimal, texts)):
         index = tuple(map(int, texts))
         return index if all(i < n for i, n in zip(index, shape, strict=True)) else None
@@ -201,7 +201,7 @@ def _index(texts: Sequence[str], shape: Sequence[int]) -> tuple[int, ...] | None
 
 
 def _bytes_of_chunk(array: Array) -> int:
-    """Return the length of the file of each chunk, also where the array ends within a chunk."""
+    """Return the size of a chunk's file, the same for chunks that the array fills only partly."""
     return prod(array.chunks) * array.dtype.itemsize + _CRC_BYTES
 
 
@@ -219,9 +219,9 @@ def missing(place: Place, cube: "Cube") -> IntArray:
 
 
 def is_committed(place: Place, name: str, index: Sequence[int]) -> bool:
-    """Return True if the tile's commit record and all its data exist, in full length."""
+    """Return True if the tile's commit record and all its data exist at full length."""
     chunks = blocks(arrays_of(place, name), index)
-    record = chunks.pop(COMMIT)  # it comes first: usually it does not exist
+    record = chunks.pop(COMMIT)  # checked first: usually it does not exist
     return all(
         place.size(chunk_key(array, block)) == _bytes_of_chunk(array)
         for array, block in (record, *chunks.values())
@@ -246,7 +246,7 @@ def commit(
     Raises
     ------
     ValueError
-        If a variable is missing, or an array differs from the cube in shape or kind of numbers.
+        If a variable is missing, or an array differs from the cube in shape or type of numbers.
     StoreFailed
         If the store fails.
     """
@@ -269,7 +269,7 @@ def commit(
 
 
 def _fitting(key: str, array: Array, block: tuple[int, ...], values: ArrayLike) -> np.ndarray:
-    """Return the values in the array's kind of numbers; zarr would cast and broadcast silently."""
+    """Return the values in the array's dtype; zarr would cast and broadcast silently."""
     values = np.asarray(values)
     grid = zip(block, array.chunks, array.shape, strict=True)
     shape = tuple(min(n, size - i * n) for i, n, size in grid)
@@ -293,8 +293,11 @@ def _checksum(
     values: Mapping[str, np.ndarray],
     certificates: bytes = b"",
 ) -> int:
-    """Compute the CRC-32 of the cube's settings, who computed it, the tile's place, its values and
-    its certificates."""
+    """Compute the CRC-32 of a tile.
+
+    It covers the cube's settings, the code that computed it, and the tile's place, values and
+    certificates.
+    """
     cube = _attributes(arrays[COMMIT])["cube"]
     decisive = cube.get("config_hash"), cube.get("computed_by"), tile_at(arrays, index)
     checksum = crc32(json.dumps(decisive).encode())
@@ -335,7 +338,7 @@ def damage(place: Place, arrays: dict[str, Array], index: Sequence[int]) -> str:
 
 
 def tiles_of(place: Place, name: str) -> Iterator[tuple[tuple[int, ...], xr.Dataset]]:
-    """Yield the index of each committed tile of a cube, and the tile as a Dataset, not yet read."""
+    """Yield the index of each committed tile of a cube, and the tile as a lazy Dataset."""
     cube, arrays = read(place, name), arrays_of(place, name)
     if COMMIT not in arrays:  # a cube without tiles
         return
@@ -356,21 +359,21 @@ def record_failure(place: Place, name: str, index: Sequence[int], reason: str) -
 
 
 def wanted_key(name: str) -> str:
-    """Return the key of the number of tiles that are wanted, if these are not all."""
+    """Return the key of the number of wanted tiles, which is kept if not all are wanted."""
     return f"{name}.zarr/.wanted"
 
 
 def failure_key(name: str, index: Sequence[int]) -> str:
-    """Return the key of the reason why the tile has failed."""
+    """Return the key of the reason why the tile failed."""
     return f"{name}.zarr/.failed/{'.'.join(map(str, index))}"
 
 
 def read(place: Place, name: str) -> xr.Dataset:
     """Return the cube as a Dataset.
 
-    Numbers are read lazily; texts at once, "" where there is none. `flag_values` are of the type of
-    their variable, as the CF conventions ask, and so they are in a file that `to_netcdf` writes;
-    the JSON of a zarr store, and plain `xr.open_zarr`, know only integers.
+    Numbers are read lazily, texts at once; a missing text is "". `flag_values` have the dtype of
+    their variable, as the CF conventions require, also in a file that `to_netcdf` writes. In the
+    JSON of a zarr store, and from plain `xr.open_zarr`, they are plain integers.
 
     Raises
     ------
@@ -382,8 +385,8 @@ def read(place: Place, name: str) -> xr.Dataset:
     Warns
     -----
     UserWarning
-        When a chunk is read that was written and is lost: its values are like those of a tile that
-        is not yet computed.
+        When a chunk is read that was written but has been lost: its values look like those of a
+        tile that is not yet computed.
 
     Examples
     --------
@@ -406,7 +409,7 @@ def read(place: Place, name: str) -> xr.Dataset:
         try:
             root = json.loads(place.read(f"{name}.zarr/zarr.json", MAX_METADATA))
             arrays_in(root, place.cube(name))
-            # Of zarr 3 alone, and only of arrays that were checked.
+            # Read zarr 3 only, and only arrays that were checked.
             cube = xr.open_zarr(store, chunks=None, zarr_format=3, consolidated=True)
             for variable in cube.variables.values():
                 if (codes := variable.attrs.get("flag_values")) is not None:
@@ -420,13 +423,13 @@ def read(place: Place, name: str) -> xr.Dataset:
 
 
 class _Watched(Files):
-    """The files of one cube for zarr; warns of chunks that were written and are lost."""
+    """The files of one cube, for zarr; warns of chunks that were written but have been lost."""
 
     def __init__(self, place: Place, name: str) -> None:
         super().__init__(place.objects(name), read_only=True)
         self.cube = place.cube(name)
         self.tile_axes: dict[str, list[int]] = {}
-        with suppress(Refused):  # of an earlier format: not watched
+        with suppress(Refused):  # cubes in an earlier format are not watched
             self.tile_axes = _tile_axes(arrays_of(place, name))
 
     async def get(
@@ -450,7 +453,7 @@ class _Watched(Files):
 
 
 def _tile_axes(arrays: dict[str, Array]) -> dict[str, list[int]]:
-    """Return the axes of each variable along which there are tiles, in the order of the tiles."""
+    """Return the tiled axes of each variable, in the order of a tile's index."""
     axes: dict[str, list[int]] = {key: [] for key in arrays}
     if COMMIT in arrays:
         first = (0,) * (arrays[COMMIT].ndim - 1)

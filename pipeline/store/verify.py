@@ -1,9 +1,9 @@
-"""The state of the cubes in a store: how far sweeps are (`status`), and damaged tiles (`verify`).
+"""The state of the cubes in a store: progress of sweeps (`status`), damaged tiles (`verify`).
 
 A tile is done if its commit record and all its data exist. If only the record exists, the tile has
-lost its data. A tile without a record failed when it was last tried, if the store has the reason;
-otherwise it was not tried yet, or not wanted. A tile is damaged if it has a record, and a chunk is
-lost or does not match its own checksum, or that of the record.
+lost its data. A tile without a record failed when it was last tried, if the store holds a reason;
+otherwise it has not been tried yet, or is not wanted. A tile is damaged if it has a record, but a
+chunk is lost, or does not match its own checksum or that of the record.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,11 +22,11 @@ from pipeline.store.place import Place, Refused, printable
 from pipeline.store.tiles import COMMIT, chunk_key
 
 RECENT = 300
-"""Seconds before the last commit over which the rate is taken."""
+"""Seconds before the last commit over which the rate is measured."""
 
 _MAX_REASONS = 10  # failures whose reasons are read
 _MAX_SUBMITTED = 1024  # tiles that are submitted together
-_MAX_THREADS = 8  # fewer where the tiles that they read would take more than MAX_TILE together
+_MAX_THREADS = 8  # fewer if the tiles that they read would together take more than MAX_TILE
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class State:
     done : int
         Tiles that are committed, with all their data.
     lost : int
-        Tiles that were committed, and have lost data since.
+        Tiles that were committed, but have lost data since.
     failed : int
         Tiles that failed when they were last tried.
     reasons : dict
-        The reasons of the first few failures, by the index of the tile.
+        The reasons for the first few failures, by the index of the tile.
     rate : float
-        Tiles per second in the last minutes before the last commit.
+        Tiles per second in the minutes before the last commit.
     damage : str
         Why the state is not known, "" if it is.
     """
@@ -103,17 +103,17 @@ def verify(place: Place, name: str, repair: bool = False) -> Iterator[tuple[tupl
     """Yield (index, fault) for each damaged tile of the cube, in tile order.
 
     The index () stands for metadata, coordinates, and a cube without tiles: the next run of its
-    command writes these anew, and only then are its tiles verified.
+    command rewrites these, and only then are its tiles verified.
 
     Parameters
     ----------
     place : Place
         Where the cube is kept.
     name : str
-        Of the cube.
+        Name of the cube.
     repair : bool
         If True, damaged tiles become missing, provided that digests show that the metadata are as
-        they were written: sound tiles look damaged by wrong metadata. See `has_digests`.
+        they were written: with wrong metadata, sound tiles look damaged. See `has_digests`.
     """
     tiles.forget()
     try:

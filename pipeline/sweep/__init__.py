@@ -1,1 +1,1 @@
-"""How a cube is computed: its missing tiles, on a dask cluster, whatever is in them."""
+"""How a cube is computed: its missing tiles, on a dask cluster, whatever they contain."""

@@ -1,6 +1,6 @@
 """Clusters: worker processes on this machine by default, or a running dask scheduler.
 
-A scheduler elsewhere is named by its address, or by the scheduler file with its address.
+A scheduler elsewhere is given by its address, or by the scheduler file that contains the address.
 """
 
 import json
@@ -30,8 +30,8 @@ from pipeline.sweep.progress import plural
 
 NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
 _QUIET = {
-    # A task that was with a worker when it died is suspect at once, not after it killed three
-    # more; the sweep reruns suspects alone. (A scheduler elsewhere has its own setting, 3 deaths.)
+    # A task is suspect as soon as its worker dies, not after it has killed three more; the
+    # sweep reruns suspects alone. (A scheduler elsewhere has its own setting, 3 deaths.)
     "distributed.scheduler.allowed-failures": 0,
     # By default dask's measurements for its dashboard take 4% of the CPU.
     "distributed.worker.profile.enabled": False,
@@ -39,13 +39,13 @@ _QUIET = {
     "distributed.admin.system-monitor.interval": "10s",
 }
 _LOCAL = {
-    # Dask would give up a worker that takes 15 s to restart, as happens at load 20.
+    # Dask would give up on a worker that takes 15 s to restart, as happens at load 20.
     "distributed.deploy.lost-worker-timeout": "300s",
-    # Nothing is served to browsers: any page or user of this machine could read it.
+    # Nothing is served to browsers: any web page or user on this machine could read it.
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.worker.preload": [
-        # It applies to threads that start later: it must run before the worker starts its own.
+        # It affects only threads that start later: it must run before the worker starts its own.
         "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()",
     ],
 }
@@ -83,10 +83,10 @@ def connect(
     Raises
     ------
     ClusterError
-        If the arguments do not go together, at once; if the scheduler does not answer or has no
-        workers, when the function is called.
+        At once if the arguments contradict each other; when the function is called, if the
+        scheduler does not answer or has no workers.
     ConnectionError
-        If workers cannot be started, when the function is called.
+        When the function is called, if workers cannot be started.
 
     Examples
     --------
@@ -102,13 +102,13 @@ def connect(
     address = None if scheduler is None else _address(scheduler)
     if (tls is not None) != (address or "").startswith("tls://"):
         raise ClusterError("a tls:// address needs TLS files: CA, CERT and KEY; others take none")
-    # They would log tracebacks of processes that have ended; the sweep reports these in a sentence.
+    # These would log tracebacks of ended processes, which the sweep reports in one sentence.
     for name in ("asyncio", "distributed.batched", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = _QUIET
     if address is None:
-        # The user's files and environment may set workers by fork, or timeouts, for other clusters;
-        # these may hang this one: it has dask's own defaults.
+        # The user's files and environment may set forked workers, or timeouts, for other clusters;
+        # these could hang this one, so it uses dask's own defaults.
         settings = dask.config.merge(*dask.config.defaults) | _LOCAL | _QUIET
     with dask.config.set(settings), ExitStack() as stack:
         connection = _local(n_workers or CPU_COUNT) if address is None else _remote(address, tls)
@@ -117,17 +117,17 @@ def connect(
 
 @contextmanager
 def _local(n_workers: int) -> Iterator[Client]:
-    """Start workers on this machine; yield the Client, and end them."""
+    """Start workers on this machine, yield the Client, and stop the workers at the end."""
     _check_machine(n_workers)
-    # A Ctrl-C in the terminal reaches all its processes, and is for the driver. Workers, also those
-    # that are restarted, inherit the signal mask of the thread that dask starts here.
-    resource_tracker.ensure_running()  # it would unblock the signal as it starts with a worker
+    # A Ctrl-C in the terminal reaches all its processes, but is meant for the driver. Workers,
+    # including restarted ones, inherit the signal mask of the thread that dask starts here.
+    resource_tracker.ensure_running()  # it would unblock the signal if it started with a worker
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         cluster = LocalCluster(
             n_workers=n_workers,
             threads_per_worker=1,
-            # Tiles are small: to watch the memory costs more than they use.
+            # Tiles are small: watching the memory costs more than they use.
             memory_limit=0,
             host="127.0.0.1",
             # Dask executes what it is sent, and any user of this machine can send to loopback: a
@@ -177,7 +177,7 @@ def _check_machine(n_workers: int) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """Return the reason, as dask reports it, why no worker started, and how to mend a script."""
+    """Return the reason that dask reports why no worker started, and how to fix a script."""
     while (cause := error.__cause__ or error.__context__) is not None:
         error = cause
     reason = "".join(format_exception_only(error)).strip()
@@ -187,7 +187,7 @@ def _reason(error: BaseException) -> str:
 
 
 def write_credentials(client: Client, folder: str | Path) -> list[str]:
-    """Write the TLS files by which other processes can use the client's workers.
+    """Write the TLS files with which other processes can use the client's workers.
 
     Returns
     -------
@@ -204,13 +204,13 @@ def write_credentials(client: Client, folder: str | Path) -> list[str]:
 def are_on_this_machine(client: Client) -> bool:
     """Return True if the client's workers are those of a LocalCluster of this process.
 
-    Those of any other cluster start when its queue lets them.
+    Workers of any other cluster start when its queue lets them.
     """
     return isinstance(client.cluster, LocalCluster)
 
 
 def are_starting(client: Client) -> bool:
-    """Return True if workers of this process are being started; a busy machine takes minutes."""
+    """Return True if workers of this process are starting, which takes minutes on a busy machine."""
     nannies = client.cluster.workers.values() if are_on_this_machine(client) else ()
     processes = [getattr(n, "process", None) for n in nannies if n.status == Status.running]
     return any(process and process.status != Status.running for process in processes)
@@ -235,7 +235,7 @@ def _remote(address: str, tls: Sequence[str] | None) -> Iterator[Client]:
 
 
 def _address(scheduler: str) -> str:
-    """Return `scheduler`, if it is an address, or the address in its file once that exists."""
+    """Return `scheduler` if it is an address, else the address in that file once it exists."""
     address: Any = scheduler
     if "://" not in scheduler:
         file, end = Path(scheduler).expanduser(), time.monotonic() + _FILE_PATIENCE

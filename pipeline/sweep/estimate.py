@@ -1,4 +1,4 @@
-"""How much of a cube remains to be computed, before anything is computed."""
+"""Estimates of how much of a cube remains to be computed, before a run."""
 
 import time
 from contextlib import suppress
@@ -23,9 +23,9 @@ class Estimate(NamedTuple):
     Attributes
     ----------
     tiles, files : float
-        Missing tiles, and the files that they will be.
+        Number of missing tiles, and of the files in which they will be stored.
     megabytes, cpu_seconds : float
-        Predicted size and CPU time of them.
+        Their predicted size and CPU time.
     """
 
     tiles: float

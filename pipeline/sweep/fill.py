@@ -1,7 +1,7 @@
-"""Fill a cube: compute the tiles that it misses, and return it as a Dataset.
+"""Fill a cube: compute its missing tiles, and return it as a Dataset.
 
 `fill` is for scripts, notebooks and programs; commands share `compute_missing` with it. Whatever
-happens, tiles that are committed stay, and the same call resumes the sweep.
+happens, committed tiles are kept, and the same call resumes the sweep.
 """
 
 import sys
@@ -29,7 +29,7 @@ class TilesFailed(RuntimeError):
     Attributes
     ----------
     failed : dict
-        The reason of each failed tile, by its index.
+        The reason for each failure, by the index of the tile.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class Interrupted(KeyboardInterrupt):
     remaining : int
         Tiles that are still missing.
     failed : dict
-        The reason of each tile that failed before, by its index.
+        The reason for each failure before that, by the index of the tile.
 
     Examples
     --------
@@ -77,11 +77,11 @@ def fill(
     workers: int | None = None,
     progress: bool = True,
 ) -> xr.Dataset:
-    """Compute what the job's cube misses in `out`, and return the cube.
+    """Compute what is missing from the job's cube in `out`, and return the cube.
 
     If nothing is missing, the cube is read and no worker is started. It may be called in a script,
-    a notebook or a thread, also beside a running event loop. Ctrl-C waits for the tiles in flight
-    (a second one abandons them); outside the main thread nothing receives it.
+    a notebook or a thread, also while an event loop is running. Ctrl-C waits for the tiles in
+    flight (a second one abandons them); a call outside the main thread does not receive it.
 
     Parameters
     ----------
@@ -91,17 +91,17 @@ def fill(
         Directory of the cube, or URL of an object store, s3://BUCKET/PREFIX (or gs://, az://). The
         cube is OUT/NAME.zarr; other cubes in the directory are left alone.
     client : distributed.Client, optional
-        Of any cluster whose workers see `out` and have this package. By default workers are
-        started on this machine, and ended with the call.
+        Client of any cluster whose workers see `out` and have this package. By default workers are
+        started on this machine, and stopped at the end of the call.
     workers : int, optional
         Worker processes to start here, at least 1; by default one per core.
     progress : bool
-        Write a line of progress to stderr.
+        If True, write a progress line to stderr.
 
     Returns
     -------
     xr.Dataset
-        Numbers are read when they are used.
+        The cube; numbers are read when they are used.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def fill(
     Interrupted
         On Ctrl-C; it is a KeyboardInterrupt.
     store.Refused
-        If `out` holds that cube with other settings, or of other code and incomplete, or if another
+        If `out` holds that cube with other settings, or incomplete and by other code, or if another
         run is writing to it. Nothing was changed.
     store.StoreFailed
         If the disk or the object store fails.
@@ -158,7 +158,7 @@ def compute_missing(
     Raises
     ------
     TilesFailed, Interrupted
-        As `fill`.
+        As for `fill`.
     """
     name = job.cube.name
     outcome = sweep(client, place, job, progress, wanted, call)
@@ -179,7 +179,7 @@ def connected(connection: Callable[[], Client], line: Progress, is_local: bool) 
 
 
 def _using(client: Client, workers: int | None) -> nullcontext[Callable[[], Client]]:
-    """Return what `connect` returns, for a client of the user's, which stays open."""
+    """Return what `connect` returns, for the user's own client, which stays open."""
     if workers is not None:
         raise ClusterError(f"the client has its own workers; leave workers={workers} out")
     if client.asynchronous:

@@ -1,6 +1,6 @@
 """Planes of cells, and tiles that cover them exactly once.
 
-A tile is the unit of work, of storage and of record: one task, a file for every variable, and one
+A tile is the unit of work, of storage and of record: one task, a file for each variable, and one
 for its record. An axis LO:HI:N is N cells of equal width; a cell is represented by its centre.
 Halving the cells of an axis keeps its edges, so that levels of refinement nest.
 """
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from pipeline.cubes.cube import Coords, Cube, Job
 
 MAX_CELLS = 2**20
-"""Most cells of an axis."""
+"""Maximum number of cells of an axis."""
 
-_MIN_TILES = 4096  # with fewer, a thousand workers would not end together
+_MIN_TILES = 4096  # with fewer, a thousand workers would not finish together
 _MAX_TILE_SECONDS = 3  # predicted CPU time of a tile that is joined from smaller ones
 _N_SAMPLED = 32  # tiles whose costs are predicted
 
@@ -112,7 +112,7 @@ def tile_slices(index: Iterable[int], tile: Mapping[str, int]) -> dict[str, slic
     Parameters
     ----------
     index : iterable of int
-        Of the tile, along each of its dims.
+        Index of the tile along each of its dims.
     tile : mapping of str to int
         Cells of a tile along each dim.
 
@@ -127,7 +127,7 @@ def tile_slices(index: Iterable[int], tile: Mapping[str, int]) -> dict[str, slic
 
 
 def tile_coords(cube: "Cube", indices: IntArray) -> Iterator[tuple[tuple[int, ...], "Coords"]]:
-    """Yield the index of tiles, and the values of the cube's coordinates in each of them.
+    """Yield the index of each tile, and the values of the cube's coordinates in it.
 
     Parameters
     ----------
@@ -148,10 +148,10 @@ def tile_coords(cube: "Cube", indices: IntArray) -> Iterator[tuple[tuple[int, ..
 
 
 def join_tiles(job: "Job") -> "Job":
-    """Return the job with tiles doubled along all dims, as often as 4096 tiles or more remain.
+    """Return the job with tiles doubled along all dims, as long as 4096 tiles or more remain.
 
-    Doubling ends when a tile, of a sample, is predicted to take more than 3 s of CPU time. The
-    choice depends on the job alone, so that the command that began a cube resumes it.
+    Doubling ends when a tile in a sample is predicted to take more than 3 s of CPU time. The result
+    depends on the job alone, so that the command that began a cube can resume it.
     """
     while True:
         sizes, tile = job.cube.template.sizes, job.cube.tile

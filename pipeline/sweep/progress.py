@@ -1,12 +1,12 @@
-"""How far a run is, and when it will end: one line, in predicted CPU seconds over all its sweeps.
+"""The progress line of a run: the fraction done, in predicted CPU seconds, and the time remaining.
 
-The remaining time of the sweeps is what is left of their prediction, times the pace so far:
+The remaining time of its sweeps is the remaining part of their prediction times the pace so far:
 
-    pace = seconds in which workers had work / predicted CPU seconds of the tiles that came in
+    pace = seconds in which workers had work / predicted CPU seconds of the completed tiles
 
 Predictions need only be right relative to each other: a slow processor, other programs on it, and
-what workers wait for between tiles, raise the pace alike. The time until a first worker has its
-kernels is not counted. What the driver does after the sweeps is added in seconds of its own.
+waiting between tiles all raise the pace alike. The time until a first worker has its kernels is not
+counted. The driver's own work after the sweeps is added separately, in seconds.
 """
 
 import shutil
@@ -21,21 +21,21 @@ _BAR_LENGTH = 20  # characters
 
 
 class Progress(AbstractContextManager):
-    """The line of a run; on a terminal with a bar, which never goes back.
+    """The progress line of a run; on a terminal it has a bar, which never moves back.
 
-    On a terminal it is rewritten; in a log there is a new one every ten seconds, and at the end of
+    On a terminal the line is rewritten; a log gets a new line every ten seconds, and at the end of
     each sweep.
 
     Parameters
     ----------
     name : str
-        What is under way at first.
+        What is under way at the start.
     stream : file or None
         Where to write; None for silence.
     predicted : mapping of str to float
         Predicted CPU seconds of each sweep, by its name.
     after : float
-        CPU seconds of what the driver does after the sweeps.
+        CPU seconds of the driver's own work after the sweeps.
     clock : callable
         () → seconds.
 
@@ -65,13 +65,13 @@ class Progress(AbstractContextManager):
         self.sweep: str | None = None
         self.workers = 1
         self.begun = 0.0  # predicted CPU seconds of all tiles of the sweeps that have begun
-        self.done = 0.0  # predicted CPU seconds of the tiles that have come in
-        self.n_batches = 0  # in which they came
+        self.done = 0.0  # predicted CPU seconds of the completed tiles
+        self.n_batches = 0  # of the completed tiles
         self.used = self.wall = 0.0  # CPU seconds and seconds that these batches took
         self.working = 0.0  # seconds in which workers had work
-        self.warming: float | None = None  # since when the kernels of a sweep are waited for
+        self.warming: float | None = None  # when the wait for the kernels of a sweep began
         self.start = self.latest = clock()
-        self.drawn = 0.0  # part of the bar
+        self.drawn = 0.0  # fraction of the bar that is filled
         self.is_terminal = stream is not None and stream.isatty()
         self.lock, self.over = threading.RLock(), threading.Event()
 
@@ -103,20 +103,20 @@ class Progress(AbstractContextManager):
         self.hide()
 
     def begin_sweep(self, name: str, sweep: str) -> None:
-        """Count tiles as those of this sweep from now on, and show `name`; it may be repeated."""
+        """Count tiles towards this sweep from now on, and show `name`; calls may be repeated."""
         if sweep != self.sweep:
             self.predicted.pop(self.sweep, None)  # it has ended
             self.sweep = sweep
         self.show(name)
 
     def end_sweep(self) -> None:
-        """Write a line for the sweep in a log; show that the driver computes."""
+        """Write a line for the sweep in a log; show that the driver is computing."""
         if self.begun and not self.is_terminal:
             self.write("\n")
         self.show("computing")
 
     def add_work(self, seconds: float, workers: int = 1) -> None:
-        """Add tiles of the current sweep, which workers begin without kernels.
+        """Add tiles of the current sweep, whose workers start without kernels.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class Progress(AbstractContextManager):
         seconds, used : float
             CPU seconds, predicted and measured.
         wall : float
-            Seconds that it took.
+            Seconds that the batch took.
         """
         self.warmed_up()
         self.n_batches += 1
@@ -162,25 +162,25 @@ class Progress(AbstractContextManager):
         self.latest = self.clock()
 
     def fraction(self) -> float:
-        """Return the part of the run that is done, of predicted CPU seconds; it never decreases."""
+        """Return the fraction of the predicted CPU seconds that is done; it never decreases."""
         done = self.done + self.studied
         total = done + self._sweeps_left() + self.after
         self.drawn = max(self.drawn, done / total if total else 0.0)
         return self.drawn
 
     def _sweeps_left(self) -> float:
-        """Return the predicted CPU seconds of the tiles that have not come in."""
+        """Return the predicted CPU seconds of the tiles that are not completed."""
         return self.begun - self.done + sum(self.predicted.values())
 
     def remaining(self) -> float | None:
-        """Estimate the seconds until the run has ended; None until a first batch has come in."""
+        """Estimate the seconds until the run ends; None until a first batch is completed."""
         if not (self.done and self.used):
             return None
-        # When a batch comes in, the other workers are halfway through theirs.
+        # When a batch is completed, the other workers are halfway through theirs.
         in_flight = (self.workers - 1) / (2 * self.n_batches)
         pace = self.working / (self.done * (1 + in_flight))
-        # Workers share the processors with each other and with other programs, the driver after
-        # them with these programs only.
+        # Workers share the processors with each other and with other programs; the driver, which
+        # runs after them, shares them only with these programs.
         driver_pace = max(1.0, self.wall / self.used - 1 + 1 / self.workers)
         seconds = pace * self._sweeps_left() + driver_pace * self.after
         since = self.clock() - self.latest
@@ -209,7 +209,7 @@ class Progress(AbstractContextManager):
         """Write the line, if one is shown."""
         with self.lock:
             if self.name is not None and self.stream is not None:
-                with suppress(OSError, ValueError):  # a full disk, or a closed log, ends no run
+                with suppress(OSError, ValueError):  # a full disk, or a closed log, must end no run
                     print(self.line(), end=end, file=self.stream, flush=True)
 
     def _keep_writing(self) -> None:
@@ -234,7 +234,7 @@ def clock_time(seconds: float) -> str:
 
 
 def plural(n: float, word: str, form: str = "") -> str:
-    """Return a number of things in words; `form` is the format of the number.
+    """Return a number with its noun; `form` is the format of the number.
 
     Examples
     --------
@@ -246,7 +246,7 @@ def plural(n: float, word: str, form: str = "") -> str:
 
 
 def duration(seconds: float) -> str:
-    """Return a time in words.
+    """Return a time with its unit.
 
     Examples
     --------

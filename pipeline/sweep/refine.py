@@ -49,13 +49,13 @@ def refine(
     Returns
     -------
     field, level : ndarray
-        As of `compose`.
+        As returned by `compose`.
     """
     fields = [compute(0, None)]
     for number in range(1, levels):
         tiles = tiles_at(subdivided(boundary_cells(ask(compose(fields)[0]))), tile)
         fields.append(compute(number, tiles))
-        # Finer cells may show that the boundary runs on in a neighbouring tile: follow it there.
+        # Finer cells may show that the boundary continues in a neighbouring tile: follow it there.
         while more := tiles_at(boundary_cells(ask(compose(fields)[0])), tile) - tiles:
             tiles |= more
             fields[-1] = compute(number, tiles)
@@ -97,7 +97,7 @@ def compose(levels: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.int8]]
 
 
 def boundary_cells(answers: BoolArray) -> BoolArray:
-    """Mark the cells (rows, columns) with a neighbour, of eight, that answers differently.
+    """Mark the cells (rows, columns) with a different answer in one of their eight neighbours.
 
     Parameters
     ----------

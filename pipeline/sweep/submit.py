@@ -1,6 +1,7 @@
-"""Calls on dask workers, a few at a time for each, and their results as they end.
+"""Calls on dask workers, a few at a time for each worker, and their results as the calls end.
 
-All computations on workers go through here: sweeps, and the explorer. Workers may join and leave.
+All computations on workers, for sweeps and the explorer, go through here. Workers may join and
+leave.
 """
 
 import sys
@@ -18,7 +19,7 @@ from pipeline.sweep.cluster import NO_SCHEDULER, are_on_this_machine, are_starti
 
 _ROLL_CALL = 1  # seconds after which the workers are counted again
 _PATIENCE = 30  # seconds without any worker, after which to give up
-_STARTING = 300  # seconds instead, while workers are being started: at load 20 that takes a minute
+_STARTING = 300  # seconds instead, while workers are starting, which takes a minute at load 20
 _FETCHING = 5  # seconds to fetch the result of a call that has ended
 
 
@@ -32,7 +33,7 @@ def as_completed(
 ) -> Iterator[tuple[Any, Any] | None]:
     """Yield (key, result or exception) as calls end; None when none has ended for `look` seconds.
 
-    To close this generator cancels the calls in flight.
+    Closing this generator cancels the calls in flight.
 
     Parameters
     ----------
@@ -42,17 +43,17 @@ def as_completed(
         () → (key, function, *args), or None while there is no call to make. The iteration stops
         when it returns None and all calls have ended.
     each, most : int
-        Calls in flight, for each worker and in all.
+        Maximum number of calls in flight, for each worker and in total.
     look : float
         Seconds to wait for the end of a call.
     priority : int
-        Of the calls; higher ones go first.
+        Priority of the calls; higher ones run first.
 
     Raises
     ------
     ConnectionError
-        If the scheduler is gone, or all workers of this machine for half a minute. Workers of a
-        scheduler elsewhere are waited for, as their queue decides when they start.
+        If the scheduler is gone, or all workers of this machine have been gone for half a minute.
+        Workers of a scheduler elsewhere are waited for, as their queue decides when they start.
     """
     in_flight: dict[Future, Any] = {}
     done: SimpleQueue[Future] = SimpleQueue()
@@ -71,7 +72,7 @@ def as_completed(
                     if are_on_this_machine(client):
                         raise ConnectionError("no workers are left; run again to resume")
                     print("no workers are left; waiting until some join", file=sys.stderr)
-                    alive = inf  # to be printed once
+                    alive = inf  # print this only once
             window = min(most, each * max(1, workers))
             while len(in_flight) < window and (call := next_call()) is not None:
                 key, function, *args = call

@@ -1,18 +1,18 @@
-"""The sweep: compute what a cube misses, tile by tile, on a dask cluster.
+"""The sweep: compute the missing tiles of a cube on a dask cluster.
 
-1. List the missing tiles. If there are any, connect to the workers and predict the cost of each.
-   The first batches are empty: with these workers load or compile their kernels.
-2. Pack cheap tiles into batches, the longer the more workers there are; submit batches, the most
-   expensive first, never more than a few at a time for each worker.
-3. A worker with other versions than the driver's, or that cannot see the cube, reports this instead
-   of computing. It is retired, and its batch goes to another.
-4. Tiles that were with a worker that died are suspects: they are rerun alone at the end. A tile
-   that fails alone, or raises an error, has failed: it stays missing, the store keeps the reason,
-   and the sweep continues with the others.
-5. At the end list the missing tiles once more: tiles that were written to an unmounted file system
+1. List the missing tiles. If there are any, connect to the workers and predict the cost of each
+   tile. The first batches are empty: they make the workers load or compile their kernels.
+2. Pack cheap tiles into batches, which are longer if there are more workers. Submit the most
+   expensive batches first, never more than a few at a time for each worker.
+3. A worker whose versions differ from the driver's, or that cannot see the cube, reports this
+   instead of computing. It is retired, and its batch goes to another worker.
+4. Tiles whose worker died are suspects: they are rerun alone at the end. A tile that fails alone,
+   or raises an error, has failed: it stays missing, the store keeps the reason, and the sweep
+   continues with the others.
+5. At the end, list the missing tiles once more: tiles that were written to an unmounted file system
    are lost.
-6. On Ctrl-C submit no more, wait for the tiles in flight, and report what remains. If the store
-   fails, end at once: a full disk would fail all tiles in turn.
+6. On Ctrl-C, submit no more batches, wait for the tiles in flight, and report what remains. If the
+   store fails, stop at once: on a full disk all tiles would fail in turn.
 
 Results do not depend on the number of workers, on batches, or on interruptions.
 """
@@ -48,11 +48,11 @@ from pipeline.sweep.submit import as_completed
 COMMIT_SECONDS = 0.003
 """CPU seconds to commit a tile, however cheap."""
 
-_MIN_BATCH_SECONDS = 0.5  # predicted CPU time of a batch: long against 2 ms of scheduling,
-_BATCH_SECONDS_PER_WORKER = 0.005  # so that the driver schedules for less than half its time
-_MAX_PREDICTED = 10_000  # tiles, a millisecond each: workers wait meanwhile
-_SIGHT = 2  # seconds that a file system of several machines may take to show a file
-_ATTEMPTS_ALONE = 2  # worker deaths that condemn a tile: one may have another cause
+_MIN_BATCH_SECONDS = 0.5  # predicted CPU time of a batch: long compared with 2 ms of scheduling
+_BATCH_SECONDS_PER_WORKER = 0.005  # so that the driver spends less than half its time scheduling
+_MAX_PREDICTED = 10_000  # tiles; each takes a millisecond, while the workers wait
+_SIGHT = 2  # seconds that a file system shared by several machines may take to show a file
+_ATTEMPTS_ALONE = 2  # worker deaths after which a tile has failed: one may have another cause
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Outcome:
     committed : int
         Tiles that were committed.
     failed : dict
-        The reason of each failed tile, by its index.
+        The reason for each failure, by the index of the tile.
     interrupted : bool
         True if Ctrl-C ended the sweep.
     remaining : int
@@ -105,7 +105,7 @@ def sweep(
     job : Job
         The cube and the functions that compute it.
     progress : Progress
-        The line of the run.
+        The progress line of the run.
     wanted : set of tuple of int, optional
         Indices of the tiles to compute; by default all.
     call : str
@@ -120,7 +120,7 @@ def sweep(
     ClusterError
         If no worker is fit to compute.
     ConnectionError
-        If the scheduler or all workers are gone. Committed tiles stay in each case.
+        If the scheduler or all workers are gone. Committed tiles are kept in each case.
     """
     name = job.cube.name
     store.create(place, job.cube, job.code.computed_by, call)
@@ -154,8 +154,8 @@ def sweep(
 class _Run:
     """The tiles of a sweep, their costs, and the numbers of those that were committed or failed.
 
-    A tile is a place in `tiles`, the array of their indices, and a batch is an array of places.
-    With a million tiles little else may be kept of each.
+    A tile is represented by its position in `tiles`, the array of their indices, and a batch by an
+    array of positions. With a million tiles, little else can be kept for each.
     """
 
     def __init__(self, client: Client, place: Place, job: Job, tiles: IntArray) -> None:
@@ -188,7 +188,7 @@ class _Run:
         work = cloudpickle.dumps(function)
 
         def run(work: bytes, parcel: bytes) -> Any:
-            # The code of a nested function is sent: the package may be missing at the worker.
+            # Dask sends the code of a nested function: the worker may lack the package.
             try:
                 compute_batch = pickle.loads(work)
             except Exception as error:
@@ -199,7 +199,7 @@ class _Run:
             batch = None if interrupt.is_set() else next(queue, None)
             if batch is None:
                 return None
-            # As bytes: dask would send each array alone.
+            # As bytes: dask would send each array separately.
             tiles = list(tile_coords(cube, self.tiles[batch]))
             return batch, run, work, pickle.dumps(tiles, protocol=5)
 
@@ -286,7 +286,7 @@ def _call_once(warm_up: bytes) -> None:
 def _complaint(place: Place, name: str, config_hash: str, code: Code, computed_by: str) -> str:
     """Return why this worker must not compute the cube; "" if it may.
 
-    computed_by : that of the code at the driver, whose files and libraries may be others.
+    computed_by : that of the driver, whose files and libraries may differ.
     """
     ours, theirs = code.computed_by.split(", "), computed_by.split(", ")
     if ours != theirs:
@@ -301,9 +301,9 @@ def _complaint(place: Place, name: str, config_hash: str, code: Code, computed_b
 
 
 def _pack(costs: FloatArray, n_workers: int) -> Iterator[IntArray]:
-    """Yield batches of tiles, the most expensive first; cheap ones together.
+    """Yield batches of tiles, the most expensive first; cheap tiles share a batch.
 
-    Tiles of the same predicted cost come in random order: the first are like the others.
+    Tiles of equal predicted cost come in random order, so that the first are representative.
     """
     shuffled = np.random.default_rng(0).permutation(costs.size)
     order = shuffled[np.argsort(-costs[shuffled], kind="stable")]
@@ -321,7 +321,7 @@ def _pack(costs: FloatArray, n_workers: int) -> Iterator[IntArray]:
 def _draining_on_interrupt() -> Iterator[threading.Event]:
     """Yield an Event that the first Ctrl-C sets; the second interrupts at once.
 
-    Outside the main thread, or under a handler that was not set by Python, nothing sets it.
+    Outside the main thread, or if the handler was not set by Python, nothing sets it.
     """
     interrupt, previous = threading.Event(), signal.getsignal(signal.SIGINT)
     if previous is None or threading.current_thread() is not threading.main_thread():
@@ -335,7 +335,7 @@ def _draining_on_interrupt() -> Iterator[threading.Event]:
         message = "stopping: waiting for the tiles in flight (Ctrl-C again to abandon them)"
         print(f"\n{message}", file=sys.stderr)
 
-    # A program that was started with Ctrl-C ignored, in the background of a script, ignores it.
+    # A program that a script started in the background, with Ctrl-C ignored, still ignores it.
     signal.signal(signal.SIGINT, signal.SIG_IGN if previous is signal.SIG_IGN else drain)
     try:
         yield interrupt
