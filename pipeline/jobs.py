@@ -130,8 +130,8 @@ def over_plane(
         κ, an array of the P strengths of a forcing → a number, or a sequence of one number for each
         variable. It is sent to the workers together with your own code that it refers to; the
         packages that it imports must be installed there. The cube holds a digest of its text, and
-        of the functions, modules and constants of your own that it refers to; it is refused if one of
-        these has changed.
+        of the functions, modules and constants of your own that it refers to; if one of these has
+        changed, the cube is refused.
     plane : Plane or str
         The plane of forcings.
     first, second : Axis or str

@@ -1,6 +1,6 @@
 """Lists of named forcings of any period: their last barriers, and comparison with constant kicks.
 
-The comparison asks whether any forcing has a barrier at a larger rms strength than constant kicks have.
+The comparison asks whether any has a barrier at a larger rms strength than constant kicks have.
 κ = s·profile, one profile for each place along the dim `forcing`; see `nasm.barriers`.
 
 For the comparison, profiles are normalised to rms 1, so that a scale is their rms strength. There

@@ -256,7 +256,7 @@ def _is_complete(place: Place, cube: "Cube") -> bool:
 
 
 def _planned(place: Place, cube: "Cube", by: Mapping[str, Any]) -> dict[str, Array]:
-    """Return the zarr arrays by the cube's plan, regardless of its metadata in the store."""
+    """Return the cube's zarr arrays according to its plan, not to its metadata in the store."""
     return tiles.opened(place, cube.name, json.loads(_files(cube, by)[_key(cube.name)]))
 
 

@@ -210,7 +210,7 @@ def are_on_this_machine(client: Client) -> bool:
 
 
 def are_starting(client: Client) -> bool:
-    """Return True if workers of this process are starting, which takes minutes on a busy machine."""
+    """Return True if workers of this process are starting; it takes minutes on a busy machine."""
     nannies = client.cluster.workers.values() if are_on_this_machine(client) else ()
     processes = [getattr(n, "process", None) for n in nannies if n.status == Status.running]
     return any(process and process.status != Status.running for process in processes)

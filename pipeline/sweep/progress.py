@@ -179,8 +179,8 @@ class Progress(AbstractContextManager):
         # When a batch is completed, the other workers are halfway through theirs.
         in_flight = (self.workers - 1) / (2 * self.n_batches)
         pace = self.working / (self.done * (1 + in_flight))
-        # Workers share the processors with each other and with other programs; the driver, which
-        # runs after them, shares them only with these programs.
+        # Workers share the processors with each other and with other programs; later the driver
+        # shares them only with these programs.
         driver_pace = max(1.0, self.wall / self.used - 1 + 1 / self.workers)
         seconds = pace * self._sweeps_left() + driver_pace * self.after
         since = self.clock() - self.latest
