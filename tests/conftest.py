@@ -20,6 +20,14 @@ settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
 
 
+LONGEST = ["test_every_command.py", "test_documents.py", "test_first_calls.py"]
+
+
+def pytest_collection_modifyitems(items):
+    """Run the files that take longest first: with -n, no other test is left beside the last one."""
+    items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def drawn_as_sketches():
     """Draw sketches; `test_every_command` draws in full, and `test_figures` inspects figures."""

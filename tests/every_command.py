@@ -91,7 +91,7 @@ def compute_nothing(patch, but_look):
             patch.setattr(import_module(module), name, refuse)
 
 
-def look_at_figures():
+def look_at_figures(patch):
     """Draw each figure in a column too, and return the list that collects its faults."""
     from figure_faults import faults
     from sketches import sketches
@@ -111,13 +111,13 @@ def look_at_figures():
             drawn(draw, out, name, caption, not column)
         return drawn(draw, out, name, caption, column)
 
-    style.save, style.drawn = looked_at, twice
+    patch.setattr(style, "save", looked_at)
+    patch.setattr(style, "drawn", twice)
     return found
 
 
 def main(out, commands, runs, *hidden):
     sys.meta_path.insert(0, finder := Hidden(hidden))
-    faults = look_at_figures()
     from commands import invoke
     from sketches import sketches
     from toy import workers_here
@@ -136,11 +136,12 @@ def main(out, commands, runs, *hidden):
             with pytest.MonkeyPatch.context() as patch, sketches() if run else nullcontext():
                 if run:
                     compute_nothing(patch, name in LOOKING)
+                else:
+                    faults = look_at_figures(patch)
                 result = invoke(name, there, *shlex.split(SMALLEST[name]), *workers * sweeps)
             said = f"{result.output}{result.exception or ''}"
-            asked = told[name][2] if run else "flint" in finder.asked
-            told[name] = result.exit_code, said, asked, faults.copy()
-            faults.clear()
+            asked, faults = told[name][2:] if run else ("flint" in finder.asked, faults)
+            told[name] = result.exit_code, said, asked, faults
             print(name, result.exit_code, file=sys.stderr, flush=True)
     print(json.dumps(told))
 
