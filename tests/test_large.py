@@ -41,9 +41,12 @@ def main(out, n_tiles):
     print(json.dumps(done | needed))
 
 
-@pytest.mark.slow
-def test_many_tiles_take_little_of_the_driver_s_time_and_memory(tmp_path):
-    n_tiles, out = 100_000, tmp_path / "out"
+@pytest.mark.parametrize("n_tiles", [
+    pytest.param(10_000, marks=pytest.mark.slow),
+    pytest.param(100_000, marks=pytest.mark.release),
+])  # fmt: skip
+def test_many_tiles_take_little_of_the_driver_s_time_and_memory(tmp_path, n_tiles):
+    out = tmp_path / "out"
     command = [sys.executable, __file__, str(out), str(n_tiles)]
     report = json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout)
     assert (report["committed"], report["remaining"]) == (n_tiles, 0)
