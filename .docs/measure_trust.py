@@ -10,7 +10,6 @@ run reaches, are a fair sample. The other samples are those of `workflows.stabil
 import argparse
 import csv
 import random
-import re
 import subprocess
 import sys
 import time
@@ -117,8 +116,9 @@ def is_ray(row: Row) -> bool:
 
 def has_circle(row: Row) -> bool:
     """Whether the circle that breaks last is known, and breaks once: it does not come back."""
-    if image := re.match(r"image of (\d+)", row.method):
-        return bool(row.omega) and has_circle(ROWS[int(image[1])])
+    if row.image_of is not None:
+        number, _ = row.image_of
+        return bool(row.omega) and has_circle(ROWS[number])
     return bool(row.omega) and "bracket" not in row.method
 
 

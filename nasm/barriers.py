@@ -301,9 +301,9 @@ class _Tree:
         """Return True if the tree names a circle."""
         return self.ask(scale)[0] is not None
 
-    def shows(self, omega, scale):
+    def shows(self, omega, scale, longest=LONGEST_PERIOD):
         """Return True if residues show the circle of ω."""
-        return circle_exists(omega, self.segment.at(scale), settings=self.effort.tree)
+        return circle_exists(omega, self.segment.at(scale), longest, settings=self.effort.tree)
 
     def lowest_excluded(self, above):
         """Return the lowest scale above another one at which no circle was named.
@@ -356,7 +356,7 @@ class _Bracket:
 def _last_breakup(segment, tol, seconds, effort):
     """Return the CriticalScale, omega per period of the segment's profile."""
     tree = _Tree(segment, seconds, effort)
-    bracket = _search_by_survivors(segment, tol, effort)
+    bracket = _search_by_survivors(tree, tol)
     if bracket is None:
         ends = _outermost(tree)
         if isinstance(ends, Status):
@@ -511,9 +511,9 @@ def _with_rivals(tree, tol, breakup, inside, outside, nobles):
     return _Bracket(around[0], outside, breakup.omega, breakup)
 
 
-def _search_by_survivors(segment, tol, effort):
+def _search_by_survivors(tree, tol):
     """Return the _Bracket of the last breakup under one or two kicks; None if it is not found."""
-    profile = segment.profile
+    segment, effort, profile = tree.segment, tree.effort, tree.segment.profile
     if segment.start.any() or profile.size > 2:
         return None
     n_steps = effort.locating_steps
@@ -527,19 +527,17 @@ def _search_by_survivors(segment, tol, effort):
     while new := [omega for omega in names if omega not in seen]:
         seen.update(new)
         for omega in new:
-            below = segment.at((1 - effort.breakup_distance) * located.upper)
-            if circle_exists(omega, below, settings=effort.tree):
+            if tree.shows(omega, (1 - effort.breakup_distance) * located.upper):
                 last = _later(last, _breakup_of_two_kicks(omega, profile, tol, effort))
         if last is None:
             return None
         near = effort.share_above * tol * last.value
         outside = last.value + near
-        n_steps = _steps_to_eliminate(segment, near, last.value, effort)
+        n_steps = _steps_to_eliminate(tree, near, last.value)
         longest = longest_lived(segment.at(outside), n_steps)
         if longest.kicks < inf:
             inside, period = last.value - near, effort.cusp_period
-            kappa = segment.at(inside)
-            is_there = circle_exists(last.omega, kappa, period, settings=effort.tree)
+            is_there = tree.shows(last.omega, inside, period)
             return _Bracket(inside, outside, last.omega, last, period, True) if is_there else None
         names = candidates(segment.at(outside), longest, n_steps)
     return None
@@ -564,11 +562,11 @@ def _later(one, other):
     return one
 
 
-def _steps_to_eliminate(segment, distance, scale, effort):
+def _steps_to_eliminate(tree, distance, scale):
     """Return the steps in which converse KAM eliminates all starts beyond the breakup."""
-    relative = distance / segment.length(scale, 1)
+    relative = distance / tree.segment.length(scale, 1)
     n_steps = LONGEST_LIFETIME / relative
-    return int(np.clip(n_steps, effort.locating_steps, transversal.MAX_STEPS))
+    return int(np.clip(n_steps, tree.effort.locating_steps, transversal.MAX_STEPS))
 
 
 def _eliminated_above(tree, tol, bracket):
@@ -581,7 +579,7 @@ def _eliminated_above(tree, tol, bracket):
     segment, effort = tree.segment, tree.effort
     value, error = _value(tree, tol, bracket)
     near = segment.length(value, effort.share_above * tol)
-    n_steps = _steps_to_eliminate(segment, near, value, effort)
+    n_steps = _steps_to_eliminate(tree, near, value)
     scale = max(bracket.outside, min(value + error, tree.eliminated_scale))
     until = tree.end(effort.witness_share)
     while scale < tree.eliminated_scale and not (

@@ -109,17 +109,6 @@ class TreeSettings:
     vanishing_residue: float = 1e-3
     longest_ratio: int = 4
 
-    def allow_circle(self, left: "_Node", right: "_Node") -> bool:
-        """Return True if a circle may exist between two neighbours, by their residues.
-
-        A short orbit that is lost excludes nothing.
-        """
-        residues, longer = (left.residue, right.residue), max(left.q, right.q)
-        largest = next(most for period, most in self.max_products if longer < period)
-        is_near = longer < self.any_residue_period or max(residues) < self.max_residue
-        is_lost = left.orbit is None or right.orbit is None
-        return is_near and (is_lost or residues[0] * residues[1] < largest)
-
 
 DEFAULT_SETTINGS = TreeSettings()
 
@@ -175,7 +164,7 @@ def find_existing_circle(
     heap: list[tuple[float, int, _Node, _Node]] = []
 
     def push(left, right):
-        if settings.allow_circle(left, right):
+        if _may_enclose_circle(left, right, settings):
             product = left.residue * right.residue
             heappush(heap, (log(product), next(order), left, right))
 
@@ -206,6 +195,18 @@ def find_existing_circle(
     existing = (omega for omega, pair in left_over if _exists(omega, kappa, pair, settings))
     omega = next(existing, None)
     return omega, [omega for omega, _ in left_over] or _nobles(kappa, *last)[:1], period
+
+
+def _may_enclose_circle(left, right, settings):
+    """Return True if a circle may exist between two neighbours, by their residues.
+
+    A short orbit that is lost excludes nothing.
+    """
+    residues, longer = (left.residue, right.residue), max(left.q, right.q)
+    largest = next(most for period, most in settings.max_products if longer < period)
+    is_near = longer < settings.any_residue_period or max(residues) < settings.max_residue
+    is_lost = left.orbit is None or right.orbit is None
+    return is_near and (is_lost or residues[0] * residues[1] < largest)
 
 
 def _exists(omega, kappa, nodes, settings):

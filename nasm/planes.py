@@ -46,7 +46,7 @@ ROTATING_AXES = {
 }
 PAIRS_AXES = {
     "kappa_whole": "strength K of the kicks at whole times",
-    "kappa_delayed": "strength K_α of the kicks a time τ later",
+    "kappa_delayed": "strength Kα of those a time τ later",
 }
 
 

@@ -17,6 +17,7 @@ from itertools import product
 from pathlib import Path
 
 import pytest
+from sketches import sketches
 
 PLANE = "--first 0:1.1:8 --second 0:1.1:8 --n-max 100 --n-orbits 4"
 RAYS = "--n-rays 2 --n-cusp-rays 0"
@@ -94,7 +95,6 @@ def compute_nothing(patch, but_look):
 def look_at_figures(patch):
     """Draw each figure in a column too, and return the list that collects its faults."""
     from figure_faults import faults
-    from sketches import sketches
 
     from workflows.figures import style
 
@@ -119,7 +119,6 @@ def look_at_figures(patch):
 def main(out, commands, runs, *hidden):
     sys.meta_path.insert(0, finder := Hidden(hidden))
     from commands import invoke
-    from sketches import sketches
     from toy import workers_here
 
     from workflows.shared.cli import main_of

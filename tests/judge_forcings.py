@@ -304,9 +304,9 @@ def doubts(row):
     """List, in sentences, what the methods do not confirm about a row."""
     start = np.zeros(len(row.profile)) if row.start is None else np.array(row.start)
     profile, found = np.array(row.profile), []
-    if row.method.startswith("image of "):
-        number, operations = row.method.removeprefix("image of ").split(": ")
-        expected = image_row(row.number, row.kind, table()[int(number)], operations)
+    if row.image_of is not None:
+        number, operations = row.image_of
+        expected = image_row(row.number, row.kind, table()[number], operations)
         return [] if expected == row else [f"the image is {expected.text()}"]
     if row.method == "literature":
         return []

@@ -31,6 +31,14 @@ class Row:
         residues = self.value - self.error if "bracket" not in self.method else -inf
         return max(self.lower, residues)
 
+    @property
+    def image_of(self):
+        """(number, operations) of the row of which this is an exact image, see `image`; or None."""
+        if not self.method.startswith("image of "):
+            return None
+        number, operations = self.method.removeprefix("image of ").split(": ")
+        return int(number), operations
+
     def text(self):
         """Return the row as a line of the table."""
         numbers = (self.value, self.error, self.lower, self.upper)

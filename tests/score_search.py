@@ -19,7 +19,6 @@ there is a contradiction. Rows not reached within the minutes of CPU time are li
 """
 
 import argparse
-import re
 import sys
 import time
 from collections import Counter
@@ -106,11 +105,12 @@ def with_images(rows, n_images):
     """Return the rows that were judged directly, and the first n_images exact images of each."""
     kept, seen = [], Counter()
     for row in rows:
-        judged = re.match(r"image of (\d+)", row.method)
-        if judged:
-            seen[judged[1]] += 1
-        if not judged or seen[judged[1]] <= n_images:
-            kept.append(row)
+        if row.image_of is not None:
+            number, _ = row.image_of
+            seen[number] += 1
+            if seen[number] > n_images:
+                continue
+        kept.append(row)
     return kept
 
 

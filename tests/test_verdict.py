@@ -310,3 +310,10 @@ def test_the_circle_is_drawn_over_the_whole_period():
 def test_starts_that_survive_longer_beyond_bands_of_breakup_are_eliminated_by_more_steps():
     answer = verdict(0.62708 * np.array((1, 0.63, 1)))
     assert (answer.answer, answer.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
+
+
+def test_a_table_says_when_no_scale_was_proved():
+    found = verdict((0.3, 0.2))
+    assert "barrier proved up to" not in found._repr_html_()
+    assert "0.5 times the forcing" in replace(found, proved_below=0.5)._repr_html_()
+    assert "no scale, in the time given" in replace(found, proved_below=0.0)._repr_html_()
