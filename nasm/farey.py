@@ -232,7 +232,8 @@ def circle_exists(
     longest : int
         Residues of shorter orbits need not decrease yet. From this period on the answer is False as
         soon as the last residue is not below the two before it. It is True as soon as the last
-        three are below 0.1 and the last is the smallest, or vanishes.
+        three are below 0.1 and the last is the smallest, or vanishes. All periods are less than
+        `settings.longest_ratio` times this one.
     known : sequence of Orbit
         Minimax orbits of convergents of ω that are known already.
     settings : TreeSettings

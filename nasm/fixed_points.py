@@ -96,14 +96,13 @@ def secondary(
     kappa1, kappa2 : array_like
         Finite strengths. Their shapes broadcast.
     n_samples : int
-        Number of equal parts of (0, π), 2 to 10⁶; the points that separate them are the samples,
-        between which a change of sign is sought.
+        Number of equal parts of (0, π), 2 to 10⁶, in each of which a change of sign is sought.
 
     Returns
     -------
     z : ndarray, at least one-dimensional
-        The smallest solution of Eq. (38b) in (0, π), with z = 2πx - π. NaN if the sign does
-        not change between any two consecutive samples.
+        The smallest solution of Eq. (38b) in (0, π), with z = 2πx - π. NaN if the sign changes
+        in none of the parts.
     x, y : ndarray
         The point, in turns.
 
@@ -116,16 +115,19 @@ def secondary(
     """
     kappa1, kappa2 = np.atleast_1d(*_strengths(kappa1, kappa2))
     n_samples = count("n_samples", n_samples, 2, 10**6)
-    grid = np.pi * np.arange(1, n_samples) / n_samples
-    left, right = np.full((2, *kappa1.shape), np.nan)
-    before = secondary_equation(kappa1, kappa2, grid[0])
+    grid = np.linspace(0.0, np.pi, n_samples + 1)
+    left, right, sign = np.full((3, *kappa1.shape), np.nan)
+    # Both ends are solutions too (primary fixed points): the slope there gives the sign next to them.
+    before = kappa1 + kappa2 * (1 - kappa1 / 2)
     for low, high in pairwise(grid):
-        after = secondary_equation(kappa1, kappa2, high)
+        if high < np.pi:
+            after = secondary_equation(kappa1, kappa2, high)
+        else:
+            after = kappa1 + kappa2 * (1 + kappa1 / 2)
         first = np.isnan(left) & (before * after < 0)
-        left[first], right[first] = low, high
+        left[first], right[first], sign[first] = low, high, np.sign(before)[first]
         before = after
-    sign = np.sign(secondary_equation(kappa1, kappa2, left))
-    # z exceeds the first interval: after so many bisections the ends are neighbouring floats.
+    # So many bisections leave an interval of the size of a rounding error.
     for _ in range(np.finfo(float).nmant + 2):
         z = (left + right) / 2
         on_the_left = np.sign(secondary_equation(kappa1, kappa2, z)) == sign

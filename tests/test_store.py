@@ -551,7 +551,7 @@ def test_a_directory_may_have_any_name(tmp_path, monkeypatch, name):
     toy.assert_complete(place, plan)
 
 
-def test_status_tells_tiles_failures_rate_and_time_left(place):
+def test_status_counts_tiles_and_failures_with_their_reasons(place):
     assert list(store.status(place)) == []
     plan = toy.cube()
     store.create(place, plan, US)

@@ -85,7 +85,7 @@ class AperiodicSettings:
     max_lines : int
         Maximum number of lines that `last_survivor` searches.
     middle_kicks : int
-        Kicks on either side of the middle from which these lines are chosen.
+        They are chosen from the kicks less than this number of kicks from the middle.
     lower_ratios : tuple of float
         Ratios to a scale without survivors at which `critical_scale` looks for a lower one, in
         this order.
@@ -245,8 +245,8 @@ def last_survivor(
 ) -> LongestLived:
     """Find the longest-lived start of the first line on which all starts are eliminated.
 
-    Up to eight lines are searched: before the strongest kick, and before the strongest of the 64 in
-    the middle.
+    Up to `settings.max_lines` lines are searched: before the strongest kick, and before the
+    strongest of those in the middle.
 
     Parameters
     ----------

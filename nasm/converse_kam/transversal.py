@@ -166,8 +166,10 @@ def longest_lived(
     Returns
     -------
     LongestLived
-        On the transversal before the kick of the largest |κ|; if a start survives there, on that of
-        the next largest, and so on. Its kicks are inf if a start survives on each one.
+        On the transversal before the kick of the largest |κ|. If a start survives there, or none
+        survives `settings.short_lifetime` kicks, that of the next largest is tried as well, and so
+        on; the shortest of their longest lifetimes counts. Its kicks are inf if a start survives on
+        each one.
 
     Notes
     -----

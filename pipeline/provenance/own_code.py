@@ -191,6 +191,8 @@ def module_of(item: Any) -> str:
 def is_own(module: str) -> bool:
     """Return True for a module that is neither of Python's nor of an installed package or nasm.
 
+    Modules of `workflows` count as the user's own, installed or not: workers need not have them.
+
     Examples
     --------
     >>> from pipeline.provenance.own_code import is_own

@@ -131,7 +131,7 @@ def _shown(text: object) -> str:
 
 
 class Files(ObjectStore):
-    """The files of a store, for zarr; files larger than those of cubes are not read."""
+    """The files of a store, for zarr; files larger than those of cubes are not read as a whole."""
 
     async def get(
         self, key: str, prototype: "BufferPrototype", byte_range: "ByteRequest | None" = None

@@ -336,7 +336,10 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
 
 
 def _encoding(dtype: np.dtype, chunks: Sequence[int], *codecs: ZstdCodec) -> dict[str, Any]:
-    """Return zarr's settings of an array. The fill value of a missing chunk is never computed."""
+    """Return zarr's settings of an array, whose fill value stands for chunks that are missing.
+
+    It is the largest or least integer, which is never computed, or NaN, which may be.
+    """
     encoding: dict[str, Any] = {
         "chunks": tuple(chunks),
         "compressors": (*codecs, Crc32cCodec()),

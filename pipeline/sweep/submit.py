@@ -52,8 +52,9 @@ def as_completed(
     Raises
     ------
     ConnectionError
-        If the scheduler is gone, or all workers of this machine have been gone for half a minute.
-        Workers of a scheduler elsewhere are waited for, as their queue decides when they start.
+        If the scheduler is gone, or this machine has had no worker for half a minute (for five
+        minutes while they start). Workers of a scheduler elsewhere are waited for, as their queue
+        decides when they start.
     """
     in_flight: dict[Future, Any] = {}
     done: SimpleQueue[Future] = SimpleQueue()
