@@ -117,7 +117,7 @@ def secondary(
     n_samples = count("n_samples", n_samples, 2, 10**6)
     grid = np.linspace(0.0, np.pi, n_samples + 1)
     left, right, sign = np.full((3, *kappa1.shape), np.nan)
-    # Both ends are solutions too (primary fixed points): the slope there gives the sign next to them.
+    # Both ends are solutions too, primary fixed points: the slope there gives the sign nearby.
     before = kappa1 + kappa2 * (1 - kappa1 / 2)
     for low, high in pairwise(grid):
         if high < np.pi:

@@ -7,7 +7,7 @@ float cuts off. A RotationNumber keeps the prefix a₀, …, a_k and the period 
 convergents are exact to any order. A *noble* number has the period (1); its circles are the most
 robust.
 
-Texts may use γ = [0;(1)], the golden mean (√5 - 1)/2, as in the paper: "gamma", "2gamma+1",
+Strings may use γ = [0;(1)], the golden mean (√5 - 1)/2, as in the paper: "gamma", "2gamma+1",
 "(5gamma+6)/(4gamma+5)".
 """
 
@@ -32,7 +32,7 @@ MAX_CHARACTERS = 10_000
 """Length of the longest text that `parse` reads."""
 
 MAX_QUOTIENTS = 1000
-"""Maximum number of partial quotients, prefix and one period, that are read or computed."""
+"""Maximum number of partial quotients read or computed, in prefix and period together."""
 
 _INTEGERS = r"\d+(?:,\d+)*"
 _CONTINUED_FRACTION = rf"\[(-?\d+)(?:;({_INTEGERS})(?:,\(({_INTEGERS})\))?|;\(({_INTEGERS})\))?\]"
@@ -58,8 +58,8 @@ class RotationNumber:
     Raises
     ------
     ValueError
-        If a partial quotient is not a whole number or too small, or prefix is empty. NumPy's
-        integers are converted to ints, whose arithmetic does not overflow.
+        If a partial quotient is too small or not a whole number, or prefix is empty. NumPy
+        integers are accepted, and converted to ints, whose arithmetic does not overflow.
 
     Examples
     --------
@@ -108,7 +108,7 @@ class RotationNumber:
 
     @property
     def is_rational(self) -> bool:
-        """True if the number is rational: no circle has it, and its convergents end."""
+        """True if ω is rational: no circle has this ω, and it has finitely many convergents."""
         return not self.tail
 
 
@@ -193,8 +193,9 @@ def as_rotation_number(omega: RotationNumber | str) -> RotationNumber:
     Raises
     ------
     ValueError
-        If it is not a RotationNumber or the text of one. A decimal is refused, because the digits
-        that it cuts off matter; the message names the simplest noble number with its digits.
+        If it is neither a RotationNumber nor a string that `parse` reads. A decimal is refused,
+        because the digits that it cuts off matter; the message suggests the simplest noble number
+        that rounds to it.
 
     Examples
     --------
@@ -235,7 +236,7 @@ def convergents(omega: RotationNumber | str) -> Iterator[Fraction]:
 
 
 def distinct_convergents(omega: RotationNumber | str, q_max: int) -> list[Fraction]:
-    """List the convergents p/q of ω with increasing q ≤ q_max; if two have q = 1, the second."""
+    """List the convergents p/q of ω with increasing q ≤ q_max; of two with q = 1 the second."""
     known = takewhile(lambda f: f.denominator <= q_max, convergents(omega))
     return list({fraction.denominator: fraction for fraction in known}.values())
 
@@ -274,7 +275,7 @@ def moebius(omega: RotationNumber | str, a: int, b: int, c: int = 0, d: int = 1)
         if c * value + d == 0:
             raise ValueError(f"({a}ω + {b})/({c}ω + {d}) is infinite at ω = {value}")
         return rational((a * value + b) / (c * value + d))
-    # ω = (p·x + p_last)/(q·x + q_last), where x = (r + √n)/t > 1 solves the equation of the period,
+    # ω = (p·x + p_last)/(q·x + q_last), where x = (r + √n)/t > 1 is the periodic tail, a root of
     # q·x² + (q_last - p)·x - p_last = 0.
     (p, p_last), (q, q_last) = _product(omega.tail)
     n, r, t = (q_last - p) ** 2 + 4 * q * p_last, p - q_last, 2 * q

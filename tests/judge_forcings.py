@@ -1,7 +1,7 @@
 """Judge rows of `judged_forcings.csv`: `python tests/judge_forcings.py ROW ROW ...`.
 
-Of each row that is neither an image of another nor from the literature, the script shows by methods that know nothing of the search
-for the last barrier
+Of each row that is neither an image of another nor from the literature, the script shows by methods
+that know nothing of the search for the last barrier
 
 1. a circle at `lower`: Newton's method in Fourier space converges on a finer grid (`nasm.circles`),
    starting from circles continued along the ray or from the sites of a long periodic orbit;

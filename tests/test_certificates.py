@@ -101,7 +101,7 @@ def in_hex(*numbers):
 
 
 def of_another(omega, *kappa):
-    """Return changes to another circle and forcing, with nothing shortened."""
+    """Return changes that replace the circle and the forcing, without shortening them."""
     given = {"omega": omega, "kappa": in_hex(*kappa)}
     return given | {"shortened_from": given}
 
@@ -132,8 +132,8 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("fan", {"tilt": in_hex(9.9, 9.9)}, "claimed"),
     ("fan", {"kappa": in_hex(9.9, 9.9)}, "shortened"),
     ("fan", {"constants": {}}, "unknown"),
-    # (0.5, 0) equals (0.5, -0), for which ω + 1 is the same circle moved by half a turn; the
-    # forcings beside it have no such symmetry.
+    # (0.5, 0) equals (0.5, -0), for which the circle of ω + 1 is that of ω shifted by half a
+    # turn; the forcings next to it have no such symmetry.
     ("fan", {"shortened_from": {"omega": "[1;(1)]", "kappa": in_hex(0.5, 0)}}, "omega"),
     ("fan", of_another("[0;3,(1)]", 0.5, 0), "inequality"),
     ("fan", of_another("[0;(1)]", 0.51, 0), "inequality"),
@@ -174,7 +174,7 @@ def test_what_a_certificate_says_is_bound_to_what_it_proves(name, changes, reaso
 
 
 @pytest.mark.parametrize(("name", "bit"), [("barrier", -22), ("ray", -10), ("fan", -10)])
-def test_a_changed_function_of_a_circle_is_refused(name, bit, made):
+def test_a_circle_with_changed_functions_is_refused(name, bit, made):
     moves = made[name]["moves"]
     narrow = [functions[:1] for functions in moves["numbers"]]  # which do not depend on t
     if name == "fan":
@@ -252,7 +252,7 @@ def test_a_certificate_with_one_digit_changed_is_refused(name, made):
 @pytest.mark.parametrize(
     "kappa", [(1.1, 1.1), (1.1, -1.1), (1.1, 0, -1.1, 0), (0, 1.1, 0, -1.1), (0.5, 1.2) * 3]
 )
-def test_the_checker_follows_a_forcing_to_its_shorter_form(kappa):
+def test_the_checker_accepts_the_shorter_form_of_a_forcing(kappa):
     check(proofs.transport.prove(kappa).certificate())
     check(proofs.barrier.prove(parse("gamma"), np.array(kappa) / 10).certificate())
 
@@ -261,7 +261,7 @@ def test_the_checker_follows_a_forcing_to_its_shorter_form(kappa):
 
 
 def polygon_at_one_height():
-    """Certify a curve out and back; halfway to the breakup, all of its starts are eliminated."""
+    """Certify a curve that runs out and back; halfway to breakup all its starts are eliminated."""
     points = np.array([[0.5, 0.0], [0.5, 2.0**-6], [0.5, 0.0]])
     kappa = tuple((0.5 * np.array(SEVERAL)).tolist())
     proof, _ = proofs.transport._covered(kappa, kappa, 0, points, 10.0)
@@ -270,7 +270,7 @@ def polygon_at_one_height():
 
 
 def box_across_a_corner():
-    """Certify a box of two pieces halfway to the breakup; the second piece crosses all circles."""
+    """Certify, halfway to breakup, a box that spans two pieces; the second crosses all circles."""
     kappa, slopes = 0.5 * np.array(SEVERAL), np.array([0.25])
     straight, whole = np.array([[0.5, 0.0], [0.5, 2.0**-8]]), np.array([[0.25, 0.25]])
     cycle = np.tile(kappa, 3)
@@ -309,7 +309,7 @@ def test_a_false_certificate_is_refused(reason, forge):
 
 
 @pytest.mark.parametrize(("line", "wrong", "reason", "forge"), ALONE)
-def test_a_changed_line_would_accept_the_false_certificate(line, wrong, reason, forge):
+def test_the_false_certificate_passes_if_that_line_is_changed(line, wrong, reason, forge):
     forged = json.loads(json.dumps(forge()))
     assert mutant(certificate_checker, (line, wrong)).check(forged) == forged["claim"]
 

@@ -1,4 +1,4 @@
-"""The plans of cubes, and their tiles against the results of the methods."""
+"""Plans of cubes, and their tiles compared with the results of the methods."""
 
 import dataclasses
 from fractions import Fraction
@@ -68,7 +68,7 @@ def test_a_tile_has_the_variables_of_its_cube_with_names_and_units(name):
         assert variable.attrs["long_name"]
         assert variable.dtype.kind == "U" or variable.attrs["units"] in ("1", "degree")
     assert {"title", "Conventions", "references", "map"} <= cube.template.attrs.keys()
-    assert "source" not in cube.template.attrs  # the program, which the store adds
+    assert "source" not in cube.template.attrs  # the store adds it, with the name of the program
     job.warm_up()
     ((_, coords),) = tile_coords(cube, np.zeros((1, len(cube.tile)), dtype=int))
     arrays = job.compute(coords, cube.settings)
@@ -80,7 +80,7 @@ def test_a_tile_has_the_variables_of_its_cube_with_names_and_units(name):
     assert 0 < job.predict(coords, cube.settings) < 60
 
 
-def test_a_tile_of_a_rotating_map_has_its_last_barrier_per_kick():
+def test_last_barriers_of_rotating_maps_have_rotation_numbers_per_kick():
     coords = {"forcing": ["1/2,0", "1/2,0.25"], "angle": np.array([45.0])}  # (√2 s, 0), (s, s)/√2
     found = rotating_maps._last_barriers(coords, {"kicks": 400, "tol": 1e-3})
     scales = found["critical_scale"][:, 0]
@@ -141,7 +141,7 @@ def test_levels_are_linked_to_the_escape_times_that_they_describe():
     assert "ancillary_variables" not in plan().template.escape_time.attrs
 
 
-def test_the_hash_depends_only_on_settings_that_decide_the_numbers():
+def test_the_hash_depends_only_on_settings_that_affect_the_results():
     changes = {"plane": Plane("other", TWO.axes, (0, 0.1), TWO.first, TWO.second)}
     changes |= {"axes": (Axis(-1, 1.1, 6), AXES[1]), "sizes": [8, 41], "n_max": 301, "tile": 5}
     hashes = {plan(**{name: value}).config_hash for name, value in changes.items()}
@@ -162,7 +162,7 @@ def test_the_hash_depends_only_on_settings_that_decide_the_numbers():
         barrier.last_barrier(TWO, np.arange(361) / 8, 1e-4),
     ],
 )
-def test_tiles_of_rays_take_seconds_so_that_files_are_few(job):
+def test_tiles_of_rays_take_seconds_which_limits_the_number_of_files(job):
     axes = {dim: job.cube.template[dim].values[:n] for dim, n in job.cube.tile.items()}
     assert 1 < job.predict(axes, job.cube.settings) <= 3
 
@@ -184,7 +184,7 @@ def test_the_boundary_at_any_angle_is_that_at_its_image_in_the_fundamental_domai
     assert found.attrs["tol"] == 1e-2
 
 
-def test_the_cost_of_a_tile_is_predicted_within_its_order_of_magnitude():
+def test_the_cost_of_a_tile_is_predicted_to_within_an_order_of_magnitude():
     # Nothing escapes near the origin: every orbit of every cell takes n_max steps.
     costs = []
     for lo, hi in ((-0.1, 0.1), (2, 2.2)):

@@ -23,7 +23,7 @@ ROOT = "toy.zarr/zarr.json"
 DIGESTS = "toy.zarr/digests.json"
 
 
-def test_a_tile_with_a_record_but_lost_or_truncated_data_is_missing(place):
+def test_a_tile_with_a_record_but_lost_or_truncated_data_counts_as_missing(place):
     plan = toy.cube()
     fill(place, plan)
     store.record_failure(place, "toy", (0, 0), "before it was computed")
@@ -100,7 +100,7 @@ def test_data_lost_during_a_sweep_are_reported_at_its_end(here, tmp_path):
     toy.assert_complete(tmp_path, plan)
 
 
-def test_reading_warns_of_lost_data_and_not_of_tiles_yet_to_compute(place):
+def test_reading_warns_of_lost_data_but_not_of_tiles_yet_to_be_computed(place):
     fill(place, toy.cube(), [(0, 0), (1, 2), (2, 2)])
     cube = store.read(place, "toy").load()  # warnings are errors
     assert np.isnan(cube.wave).any()
@@ -135,7 +135,7 @@ def test_a_tile_whose_certificates_are_lost_or_changed_is_damaged(on_disk):
     for data in (b"another", None):
         put(on_disk, key, data)
         assert [index for index, _ in store.verify(on_disk, "toy")] == [(0, 0)]
-    # Earlier versions kept certificates that no record counts.
+    # In earlier versions the checksum in the record did not cover the certificates.
     store.commit(on_disk, "toy", (0, 0), arrays(plan, (0, 0)), 1.0)
     put(on_disk, key, b"a proof")
     assert list(store.verify(on_disk, "toy")) == []
@@ -191,7 +191,7 @@ def test_the_same_command_restores_edited_metadata_and_computes_no_tile(on_disk,
     plan = toy.cube(10, 15, 5, plane='{"name": "a plane"}', n_max=10, precision="double")
     fill(on_disk, plan)
     before = {key: get(on_disk, key) for key in contents(on_disk)}
-    for by in (US, "mathematics 2"):  # also a later version, as the cube is complete
+    for by in (US, "mathematics 2"):  # a later version may do so too, as the cube is complete
         EDITS[edit](on_disk)
         ((index, what),) = store.verify(on_disk, "toy", repair=True)
         assert index == ()
@@ -249,7 +249,7 @@ def test_a_store_without_digests_is_read_but_not_repaired(on_disk):
     toy.assert_complete(on_disk, plan)
 
 
-def test_repair_of_edited_metadata_ends_with_code_1_and_changes_nothing(on_disk):
+def test_repair_of_edited_metadata_exits_with_code_1_and_changes_nothing(on_disk):
     fill(on_disk, toy.cube())
     EDITS["byte order"](on_disk)
     before = contents(on_disk)
@@ -269,7 +269,7 @@ def test_control_characters_in_a_store_are_not_printed(on_disk, tmp_path):
     words = "\x1b]0;title\x07\nother: sound\u202e"
     fill(on_disk, toy.cube(), [(1, 1)])
     put(on_disk, "toy.zarr/.failed/0.0", words.encode())
-    shutil.copytree(on_disk.cube("toy"), on_disk.cube("named"))  # with a variable of that name
+    shutil.copytree(on_disk.cube("toy"), on_disk.cube("named"))  # gets a variable named `words`
     os.rename(f"{on_disk}/named.zarr/sign", f"{on_disk}/named.zarr/lost")
     metadata = get(on_disk, ROOT).replace(b'"sign"', json.dumps(words).encode())
     put(on_disk, "named.zarr/zarr.json", metadata)

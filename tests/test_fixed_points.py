@@ -1,4 +1,4 @@
-"""Tests of `nasm.fixed_points` against the map itself and the expansion of Eq. (38b) at the birth."""
+"""Secondary fixed points against the map itself, and Eq. (38b) expanded where they branch off."""
 
 import numpy as np
 import pytest

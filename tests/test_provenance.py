@@ -26,7 +26,7 @@ SCALE = 2.0
 
 @pytest.fixture
 def edited(monkeypatch):
-    """Return a function that edits the file of a module, as processes started later find it."""
+    """Return a function that edits a module's file as seen by processes started later."""
 
     def edit(module, text=b"x = 1"):
         monkeypatch.setitem(sources._SOURCES, module, text)
@@ -42,7 +42,7 @@ def edited(monkeypatch):
 
 
 def strength(kappa):
-    """Strength of the first kick; none beyond 1/2."""
+    """Return the strength of the first kick; raise an error if it exceeds 1/2."""
     if kappa[0] > 0.5:
         raise ArithmeticError("too strong")
     return SCALE * maps.forcing(kappa)[0]
@@ -59,10 +59,10 @@ def attempt(here, out):
     return error.value
 
 
-def test_a_new_module_of_nasm_leaves_old_cubes_as_they_are(here, tmp_path, edited):
+def test_a_new_module_of_nasm_does_not_invalidate_existing_cubes(here, tmp_path, edited):
     assert len(attempt(here, tmp_path).failed) == 2
     for module in "nasm.new", "nasm.circles.new", "pipeline.cubes.new", "nasm.barriers":
-        edited(module)  # the last one exists, and the function does not use it
+        edited(module)  # the last one exists, but the function does not use it
         assert len(attempt(here, tmp_path).failed) == 2
 
 
@@ -74,7 +74,7 @@ def test_a_cube_is_refused_when_a_module_that_its_job_imports_has_changed(here, 
     assert "was computed by mathematics" in str(refused)
 
 
-def test_a_worker_with_other_files_is_unfit_only_if_the_job_imports_them(tmp_path, edited):
+def test_a_worker_whose_files_differ_is_rejected_only_if_the_job_imports_them(tmp_path, edited):
     place, plan = store.place_of(tmp_path), job()
     store.create(place, plan.cube, driver := plan.code.computed_by)
     ask = partial(_complaint, place, "strength", plan.cube.config_hash, plan.code)
@@ -153,7 +153,7 @@ CHANGES = {
 
 @pytest.fixture
 def modules(tmp_path, monkeypatch):
-    """A user's own modules in a folder, imported afresh."""
+    """Return a function that writes a user's own modules to a folder and imports them afresh."""
     monkeypatch.syspath_prepend(tmp_path)
     texts = {"own": OWN, "helper": "weight = 1\n"}
 
@@ -181,7 +181,7 @@ def test_a_function_is_identified_by_what_it_computes(modules, change):
     assert (code_of(modules(**{name: text.replace(old, new)}).outer).own != before) == matters
 
 
-def test_a_user_s_own_function_travels_with_its_modules(modules, tmp_path):
+def test_a_user_defined_function_is_pickled_with_its_modules(modules, tmp_path):
     sent = tmp_path / "sent"
     sent.write_bytes(cloudpickle.dumps(ByValue(modules(helper="weight = 4\n").outer)))
     asks = f"import pickle, numpy; print(pickle.load(open({str(sent)!r}, 'rb'))(numpy.ones(2)))"
@@ -216,7 +216,7 @@ def with_default(scale):
     return inside
 
 
-def test_what_a_function_is_made_with_is_part_of_its_identity():
+def test_values_bound_to_a_function_are_part_of_its_identity():
     by_partial, by_method = (lambda s: partial(scaled, s)), (lambda s: Scaling(s).apply)
     for make in closed_over, by_partial, by_method, with_default:
         one, same, other = (code_of(make(scale)) for scale in (1, 1, 2))
@@ -249,7 +249,7 @@ def tuple_of(kappa):
     return kappa[0], np.float32(kappa[1])
 
 
-def test_several_numbers_of_a_forcing_are_several_variables(here, tmp_path):
+def test_a_function_that_returns_several_numbers_fills_several_variables(here, tmp_path):
     names = {"kick": "first", "kick_too": "second"}
     plan = pipeline.over_plane(tuple_of, "three-kicks:0.2", "0:1:3", "0:1:2", names)
     cube = pipeline.fill(plan, tmp_path, here(), progress=False)

@@ -1,4 +1,4 @@
-"""One question each: a command is a module or a package with a `__main__`."""
+"""Commands, one for each question: modules, and packages with a `__main__`."""
 
 import sys
 from importlib.util import find_spec
@@ -6,5 +6,5 @@ from importlib.util import find_spec
 if find_spec("resource") is None:
     try:
         import nasm
-    except ImportError as error:  # on Windows: the sentence alone
+    except ImportError as error:  # on Windows: print the reason without a traceback
         sys.exit(str(error))

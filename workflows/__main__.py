@@ -7,7 +7,7 @@ from workflows.shared.streams import Prepared
 
 
 class _Commands(Prepared, click.Group):
-    """The commands by their names; each is imported when it is asked for."""
+    """The commands by name; each is imported only when it is needed."""
 
     def list_commands(self, context):
         return commands()

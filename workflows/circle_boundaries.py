@@ -1,9 +1,10 @@
 """At which forcings does the circle of rotation number ω break? The boundaries CB_ω.
 
-Along rays of a plane of forcings, for the paper's six rotation numbers (arXiv:1606.04824, Sec. VI,
-Figs. 8 and 9) or any others. Two independent methods: continuation of circles from zero to their
-breakup, as in the paper, and Greene's residue, which is sharper and does not need to start at zero.
-Where continuation does not reach the tolerance, the residue is used; such points are not compared.
+They are computed along rays of a plane of forcings, for the paper's six rotation numbers
+(arXiv:1606.04824, Sec. VI, Figs. 8 and 9) or any others, by two independent methods: continuation
+of circles from zero to their breakup, as in the paper, and Greene's residue, which is more accurate
+and does not need to start at zero. Where continuation does not reach the tolerance, the residue is
+used; such points are not compared.
 
 Three cubes, two tables and two figures in OUT. The defaults take about three CPU minutes.
 """
@@ -26,7 +27,7 @@ def parse_omega(text):
     return omega
 
 
-_OMEGA = "Irrational rotation number, 2gamma+1 or [1;4,(1)]; by default the paper's six."
+_OMEGA = "Irrational rotation number, e.g. 2gamma+1 or [1;4,(1)]; by default the paper's six."
 _TOL = "Target error; where continuation does not reach it, residues are used."
 
 
@@ -46,7 +47,7 @@ def main(run, omega, plane, n_rays, n_cusp_rays, tol, q_max):
 
     angles = rays.ray_angles(plane, n_rays, n_cusp_rays)
     omega = list(omega.values()) or rays.PAPER_CIRCLES
-    # The first sweep loads the kernels of all.
+    # The first sweep loads the kernels for all of them.
     wanted = [last_barrier(plane, angles, 1e-3), breakdown.by_residue(plane, omega, angles, q_max)]
     if not any(plane.origin):
         wanted.append(breakdown.by_continuation(plane, omega, angles, tol, q_max))

@@ -1,14 +1,14 @@
 """The main job: where in the (κ1, κ2) plane does global transport begin, and what breaks there?
 
-Three methods in one picture (arXiv:1606.04824, Secs. V and VI): first escape times over the plane,
-whose boundary converges from outside like N^(-1/3); the boundaries CB_ω of the paper's six circles
-by continuation, and by Greene's residue where continuation does not reach the tolerance or rays do
-not start at zero; and CB_gt itself, bracketed by a certified circle (below) and converse KAM
-(above), with the last circle to break.
+The figure combines three methods (arXiv:1606.04824, Secs. V and VI): first escape times over the
+plane, whose boundary converges from outside like N^(-1/3); the boundaries CB_ω of the paper's six
+circles by continuation, and by Greene's residue where continuation does not reach the tolerance or
+rays do not start at zero; and CB_gt itself, bracketed by a certified circle (below) and converse
+KAM (above), with the last circle to break.
 
-Its cubes, three tables and a figure in OUT. The defaults take about 80 CPU seconds. The paper's
-size of direct iteration is --first -1.1:1.1:1024 --second 0:1.1:512 --levels 5 --n-max
-1000000 --n-orbits 10000.
+Its cubes, three tables and a figure in OUT. The defaults take about 80 CPU seconds. Direct
+iteration of the paper's size is --first -1.1:1.1:1024 --second 0:1.1:512 --levels 5 --n-max 1000000
+--n-orbits 10000.
 """
 
 import click
@@ -18,7 +18,7 @@ from workflows.shared.cli import command, plane_option, plane_options, ray_optio
 
 @command()
 @plane_option
-# Cells of the last level are as wide as one ray's boundary scatters, 1.2% of the scale.
+# Cells of the last level are as wide as the scatter of a ray's boundary, 1.2% of the scale.
 @plane_options(n_max=100_000, tile=4, levels=3, precision="single")
 @ray_options(181)
 @real(

@@ -1,13 +1,14 @@
 """How far outside the true boundary does direct iteration put it? Figs. 5 and 6 of the paper.
 
-On each ray the smallest scale s_N above which at least one orbit of the ensemble leaves the window
-within N steps (periods of the forcing; arXiv:1606.04824, Sec. V.B), against the breakup s_c of
-`last_barrier`. First escape times are computed from s = 2·s_c inwards, at thirty scales per decade
-of s/s_c - 1, down to the first scale without escape: only that one costs the full M·N orbit steps.
-The insets of Fig. 6 show how often one long orbit visits each part of the unit cell.
+On each ray, s_N is the smallest scale above which at least one orbit of the ensemble leaves the
+window within N steps (periods of the forcing; arXiv:1606.04824, Sec. V.B). It is compared with the
+breakup s_c of `last_barrier`. First escape times are computed from s = 2·s_c inwards, at thirty
+scales per decade of s/s_c - 1, down to the first scale without escape: only that one costs all N
+steps of all M orbits. The insets of Fig. 6 show how often one long orbit visits each part of the
+unit cell.
 
-Three cubes, a table and two figures in OUT. The defaults take about three CPU minutes,
-which grow like the steps and the orbits.
+Three cubes, a table and two figures in OUT. The defaults take about three CPU minutes; the time is
+proportional to the numbers of steps and orbits.
 """
 
 from workflows.shared import cli
@@ -35,7 +36,7 @@ def main(run, n_max, n_orbits, plane, n_rays, n_cusp_rays):
     from workflows.shared import direct_iteration, rays
 
     all_rays = rays.ray_angles(plane, n_rays, n_cusp_rays)
-    spread = linspace(0, all_rays[-1], n_rays).round(9)  # it is too coarse for the cusps
+    spread = linspace(0, all_rays[-1], n_rays).round(9)  # too coarse to resolve the cusps
     last = last_barrier(plane, all_rays, 1e-4)
     foreseen = direct_iteration.estimate_tiles(plane, spread.tolist(), n_max[-1], n_orbits)
     insets = untiled("direct_insets")

@@ -1,8 +1,8 @@
 """How does the last barrier of a rotating map depend on its frequency Ω?
 
-On a ray of (κ̄, Δκ) (arXiv:1606.04824, Sec. VII): the scale at which the last circle breaks for
-fractions Ω = p/q and several phases φ0, or the last torus for irrational Ω; Ω and -Ω are
-equivalent. For a convergent of an irrational Ω take the smallest scale over the phases: does it
+On a ray of the (κ̄, Δκ) plane (arXiv:1606.04824, Sec. VII), computes the scale at which the last
+circle breaks for fractions Ω = p/q and several phases φ0, or the last torus for irrational Ω; Ω and
+-Ω are equivalent. Does the smallest scale over the phases, for the convergents of an irrational Ω,
 tend to the scale of Ω?
 
 The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(1)], √5 - 2, √2 - 1,
@@ -24,7 +24,7 @@ ALSO = "3/19", "7/17", "8/21"
 
 
 def parse_frequency(text):
-    """Return a Fraction with a denominator up to 64, or a float that is not next to one."""
+    """Return a Fraction with a denominator up to 64, or a float that is not too close to one."""
     from nasm.checks import fraction
     from nasm.texts import parse_float, short_repr
 
@@ -61,8 +61,8 @@ def parse_frequency(text):
     ),
     shown=f"{', '.join(ALSO)} and the irrational numbers above",
 )
-@whole("--n-phases", 3, 2, 1000, "Phases from 0 to 1/2q of each fraction.")
-@real("--angle", 45.0, 0, 180, "Ray (κ̄, Δκ) = s·(cos, sin), in degrees.")
+@whole("--n-phases", 3, 2, 1000, "Number of phases from 0 to 1/(2q) for each fraction p/q.")
+@real("--angle", 45.0, 0, 180, "Angle of the ray (κ̄, Δκ) = s·(cos, sin), in degrees.")
 @preset("--quick", "A preview", max_denominator=5, frequency=IRRATIONAL[-2:-1])
 @sweeps
 def main(run, max_denominator, frequency, n_phases, angle):

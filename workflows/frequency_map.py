@@ -1,12 +1,12 @@
 """Which orbits of this forcing are regular, and at which rotation number? Its frequency map.
 
 Each start in a part of phase space is iterated, and ω is averaged over the whole orbit and over its
-halves (arXiv:1606.04824, Eq. (23)). The digits that these share tell regular orbits, on circles and
-in islands, from chaotic ones; islands show as areas of one ω. `nasm.orbits.rotation_number_of` does
-the same for a series of your own.
+halves (arXiv:1606.04824, Eq. (23)). The number of digits that these averages share distinguishes
+regular orbits, on circles and in islands, from chaotic ones; islands appear as areas of constant ω.
+`nasm.orbits.rotation_number_of` does the same for a time series of your own.
 
-KAPPA ... is one period of the forcing, first kick first: 0.3 0.2, or a text file of them. The cube
-`frequency_map` and a figure in OUT, in a few CPU seconds.
+KAPPA ... is one period of the forcing, first kick first: 0.3 0.2, or a text file of such strengths.
+The cube `frequency_map` and a figure in OUT, in a few CPU seconds.
 """
 
 import click
@@ -17,7 +17,7 @@ from workflows.shared.cli import StrengthOrFile, axis, command, sweeps, whole
 @command(ignore_unknown_options=True)
 @click.argument("kappa", type=StrengthOrFile(), nargs=-1)
 @axis("--position", "0:1:256", "Starts along x, in turns: lower end, upper end, cells.")
-@axis("--momentum", "-0.25:0.75:256", "Starts along y, in turns a kick: the same.")
+@axis("--momentum", "-0.25:0.75:256", "Starts along y, in turns per kick: as for --position.")
 @whole("--n-max", 3000, 4, 10**9, "Steps (periods of the forcing) of each orbit.")
 @sweeps
 def main(run, kappa, position, momentum, n_max):
@@ -30,7 +30,7 @@ def main(run, kappa, position, momentum, n_max):
     try:
         (strengths, *others), _ = read_forcings(kappa)
         if others:
-            raise ValueError(f"{kappa[0]} has {1 + len(others)} forcings; one is needed")
+            raise ValueError(f"{kappa[0]} has {1 + len(others)} forcings; exactly one is needed")
         job = jobs.frequency_map(strengths, position, momentum, n_max)
     except ValueError as error:
         raise click.UsageError(str(error)) from None

@@ -1,7 +1,8 @@
 """Where are the period-one orbits stable, and where do the secondary ones exist? Figs. 3 and 4.
 
-Residues of the primary points, and the secondary points near (1/2, 0) with the error of the paper's
-cubic estimate (arXiv:1606.04824, Sec. IV). Exact formulas and one equation to solve.
+Computes residues of the primary points, and the secondary points near (1/2, 0) with the error of
+the paper's cubic estimate (arXiv:1606.04824, Sec. IV), by exact formulas and one equation that is
+solved numerically.
 
 Two cubes and two figures in OUT, in a few CPU seconds.
 """

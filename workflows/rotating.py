@@ -1,12 +1,12 @@
 """How do barriers break in the rotating standard map, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ)?
 
-In the (κ̄, Δκ) plane (arXiv:1606.04824, Sec. VII, Figs. 10 and 11), where T_{κ1κ2} is Ω = 1/2: its
-circles, CB_gt, and the onset of transport by direct iteration. The breakup of two-dimensional tori
-is estimated by residues of long orbits whose rotation vectors approximate theirs; `tori` certifies
-tori, and shows where converse KAM excludes all others, whatever their ω.
+In the (κ̄, Δκ) plane (arXiv:1606.04824, Sec. VII, Figs. 10 and 11), where T_{κ1κ2} is the case
+Ω = 1/2: its circles, CB_gt, and the onset of transport by direct iteration. The breakup of
+two-dimensional tori is estimated by residues of long orbits whose rotation vectors approximate
+theirs; `tori` certifies tori, and shows where converse KAM excludes all others, whatever their ω.
 
 The first of the three vectors is the paper's, (1705/3136, 2631/3136). The other two are convergents
-of 1/τ = 0.543689… and 1/τ + 1/τ² = 0.839286…, τ the tribonacci constant; 2631 may be a misprint of
+of 1/τ = 0.543689… and 1/τ + 1/τ² = 0.839286…, τ the tribonacci constant; 2631 may be a misprint for
 2632.
 
 Four cubes, a table and two figures in OUT. The defaults take about two CPU minutes.

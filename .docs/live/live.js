@@ -77,7 +77,7 @@ function verdict(kappa) {
 const WORDS = {
   BARRIER: "A barrier exists: an invariant circle keeps orbits below it from those above.",
   TRANSPORT: "Transport is global: no circle is left.",
-  UNDECIDED: "Too close to the boundary to be read off here; use nasm.verdict.",
+  UNDECIDED: "Too close to the boundary for an answer on this page; use nasm.verdict.",
 };
 
 const RANGE = 1.2; // of κ1 and κ2
@@ -103,7 +103,7 @@ function drawProved(pen, place) {
     for (const shape of shapes) {
       for (const [right, up] of [[1, 1], [1, -1], [-1, 1], [-1, -1]]) {
         for (const [first, second] of [[0, 1], [1, 0]]) {
-          // Mirror images are run through the other way, so that their areas add up.
+          // Mirror images are traversed in the opposite direction, so that their areas add up.
           const image = shape.map((point) => [right * point[first], up * point[second]]);
           if (right * up * (first ? -1 : 1) < 0) image.reverse();
           pen.moveTo(...place(image[0]));

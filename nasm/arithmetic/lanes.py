@@ -1,13 +1,13 @@
 """Lanes: 64 orbits in one value, for kernels that advance many orbits in lockstep.
 
 A `Lanes` is LLVM's vector <64 x double>, or <64 x float> for an array of float32. The compiler
-splits it over the registers that the machine has (8 of AVX-512, 16 of AVX2), and that many
-independent chains hide the latency of the arithmetic. Scalars would be at the mercy of the
-auto-vectoriser. `load_few` makes narrower lanes, for a kernel of many variables.
+splits it across the machine's registers (8 with AVX-512, 16 with AVX2), which gives as many
+independent chains of operations and so hides the latency of the arithmetic. Scalars would be at the
+mercy of the auto-vectoriser. `load_few` loads fewer lanes, for kernels with many variables.
 
-`+ - * /` work on lanes, and between lanes and a float, which fills all lanes. `fma`, `rint`,
-`fabs`, `copysign`, `maximum` and `minimum` take lanes or floats, so that one source of a formula
-compiles to both: a lane and the scalar code agree to the last bit, on every machine (a processor
+`+ - * /` work on lanes, and between lanes and a float, which is broadcast to all lanes. `fma`,
+`rint`, `fabs`, `copysign`, `maximum` and `minimum` take lanes or floats, so that a formula written
+once compiles to both: lanes and scalar code agree to the last bit, on every machine (a processor
 without fma falls back on a slow library call with the same result).
 
 These names work only inside `numba.njit` functions. Without the compiler, under NUMBA_DISABLE_JIT,
@@ -52,7 +52,7 @@ def _filled(builder, value, vector):
     """Return `value` itself if it is a vector, else a vector with the float in every lane."""
     if value.type == vector:
         return value
-    if value.type != vector.element:  # a constant in a kernel of float32
+    if value.type != vector.element:  # a constant in a float32 kernel
         value = builder.fptrunc(value, vector.element)
     undefined = ir.Constant(vector, ir.Undefined)
     single = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
@@ -61,9 +61,9 @@ def _filled(builder, value, vector):
 
 
 def _result(arguments):
-    """Return the type of a result: lanes if any argument is lanes, or the float type of all.
+    """Return the type of a result: lanes if any argument is lanes, else the common float type.
 
-    None (no match) for any other types.
+    Return None (no match) for any other combination of types.
     """
     kinds = {a for a in arguments if a not in _ELEMENTS} or set(arguments)
     kind = kinds.pop()
@@ -82,7 +82,7 @@ def _elementwise(emit):
 
 
 def _llvm(name):
-    """Return the `emit` of the LLVM intrinsic of that name, overloaded on the operands' type."""
+    """Return a function that emits calls of an LLVM intrinsic for the type of its operands."""
 
     def emit(builder, *operands):
         kind = operands[0].type
@@ -181,7 +181,7 @@ load, load_few = _load(LANES), _load(FEW)
 
 @intrinsic
 def store(typing_context, array, index, lanes):
-    """Set array[index : index + width] = lanes: contiguous floats of one type, not checked."""
+    """Set array[index : index + width] = lanes; contiguity and equal types are not checked."""
 
     def generate(context, builder, signature, arguments):
         array_type, _, kind = signature.args
@@ -194,10 +194,10 @@ def store(typing_context, array, index, lanes):
 
 @intrinsic(prefer_literal=True)
 def load_state(typing_context, array, column, n_rows, width):
-    """Return the first n_rows rows of an array (rows, FEW), in `width` columns from `column`.
+    """Load `width` columns, from `column` on, of the first n_rows rows of an array (rows, FEW).
 
-    n_rows and width : constants. The result is a tuple; each entry is `width` lanes, or a float if
-    that is 1.
+    n_rows and width : compile-time constants. The result is a tuple with an entry for each row:
+    `width` lanes, or a float if width is 1.
     """
     n, size = n_rows.literal_value, width.literal_value
     kind = _LanesType(size, types.float64) if size > 1 else types.float64
@@ -215,7 +215,7 @@ def load_state(typing_context, array, column, n_rows, width):
 
 @intrinsic
 def store_state(typing_context, array, state):
-    """Set the first rows of an array (rows, FEW) to a tuple of FEW lanes each."""
+    """Store a tuple whose entries are FEW lanes each in the first rows of an array (rows, FEW)."""
 
     def generate(context, builder, signature, arguments):
         for row in range(state.count):
@@ -231,8 +231,8 @@ def store_state(typing_context, array, state):
 def own_frame(typing_context):
     """Give the calling function a stack frame of its own, aligned to a cache line.
 
-    Some lanes always spill to the stack. In a frame that is aligned by chance alone a spill may
-    straddle two cache lines, which costs 10-30% in some runs of a program and nothing in others.
+    Some lanes always spill to the stack. If the frame is aligned only by chance, a spill may
+    straddle two cache lines, which slows some runs of a program by 10-30% and others not at all.
     """
 
     def generate(context, builder, signature, arguments):

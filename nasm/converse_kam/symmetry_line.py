@@ -4,24 +4,24 @@ Along an orbit of the chain (see `nasm.action`) a tangent vector obeys the linea
 
     v_{n+1} = (2 + κ_n cos 2πx_n) v_n - v_{n-1}.
 
-Through the start x_c = a on a symmetry centre (site c, a = 0 or 1/2) take the even solution,
+For the start x_c = a on a symmetry centre (site c, a = 0 or 1/2), take the even solution
 
     v_0 = 1,   v_1 = v_{-1} = 1 + (κ_c/2) cos 2πa,   n counted from c.
 
 If v_n ≤ 0 for some n, no rotational invariant circle passes through that start:
 
 1. A rotational circle and its images under the kicks are graphs of Lipschitz functions, by
-   Birkhoff's theorem for products of twist maps. (`proofs/README.md` derives it from that for one
-   twist map, if the kicks are weak enough.) On a graph the kicks preserve the order of neighbours.
-   Their distances, normalised, tend to a solution ξ_n > 0 of the linearised chain, for all n from
-   -∞ to ∞.
+   Birkhoff's theorem for products of twist maps. (`proofs/README.md` derives it from the
+   theorem for one twist map, if the kicks are weak enough.) On a graph the kicks preserve the order
+   of neighbouring points. As two such points approach each other, their normalised distances tend
+   to a solution ξ_n > 0 of the linearised chain, for all n from -∞ to ∞.
 2. Given one such ξ > 0, the second variation of the action of every finite piece of the orbit is
    positive: Σ_k η_k (Hη)_k = Σ_k ξ_k ξ_{k+1} (η_{k+1}/ξ_{k+1} - η_k/ξ_k)² > 0 for every η ≠ 0
    that vanishes outside the piece.
 3. The orbit is its own mirror image about the centre, so v_{-n} = v_n. If v_n ≤ 0 for the first
    time at n, then η = v on |k| < n, and 0 elsewhere, has Σ_k η_k (Hη)_k = 2 v_{n-1} v_n ≤ 0.
 
-A circle is a graph, so it meets the line x_c = a in one point: if all y of the line are eliminated,
+A circle is a graph, so it meets the line x_c = a at one point: if all y on the line are eliminated,
 no rotational circle exists. The interval 0 ≤ y ≤ 1/2 suffices, by the symmetries y → y + 1 and
 (x, y) → (-x, -y). The criterion is MacKay and Percival's, Commun. Math. Phys. 98 (1985) 469.
 
@@ -30,13 +30,13 @@ The minimax orbits are on it, and v becomes negative soonest there. With three o
 minimax orbits of different ω may be on different lines: `converse_kam.transversal` constructs a
 curve through them all.
 
-Beyond the last circle's breakup, at the scale s_c of a ray, the longest lifetime T on the line
-obeys
+On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the line obeys,
+beyond breakup,
 
     s/s_c - 1 ≈ C/T,
 
-up to a log-periodic ripple of a few per cent; on the paper's plane C is 0.6 to 0.7 in steps, and
-half of that on |κ1| = |κ2|.
+up to a log-periodic ripple of a few per cent; on the paper's plane C is 0.6 to 0.7 if T is in
+steps, and half of that on |κ1| = |κ2|.
 
 These results rest on sampled starts and floating point: strong evidence, not a proof. A search may
 miss a survivor; see `longest_lived`. For proofs, see `nasm.proofs.transport`.
@@ -45,7 +45,8 @@ The kernel advances 64 starts in lockstep, with the kick of `nasm.escape` and it
 
     cos 2πx = -sign(r) Σ_k (2k + 1) c_k u²ᵏ,    w' = w + κ cos 2πx · v,   v' = v + w',
 
-w being the last difference of v. Times are exact: a block of kicks with v ≤ 0 is replayed.
+where w is the last difference of v. Times are exact: a block in which v ≤ 0 occurs is replayed kick
+by kick.
 """
 
 from collections.abc import Callable
@@ -94,19 +95,19 @@ _LIFETIME_RATIO = 2 + 5**0.5
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """A beam search for the longest-lived start: more starts miss fewer, but take longer.
+    """Settings of the beam search for the longest-lived start; wider is slower but more reliable.
 
     Attributes
     ----------
     grids : tuple of (int, float)
-        Number of starts, and position of a start in its cell, for grids without a common start.
+        For each grid: number of starts, and position of a start in its cell; no start is shared.
     width : int
         Number of starts from which the search continues at each level. See `longest_lived` for how
         often each width misses the longest lifetime.
     final_width : int
         The same for cells smaller than 100·resolution/T², with T the longest lifetime.
     children : int
-        New starts around each of these.
+        New starts around each start from which the search continues.
     cell_ratio : float
         Ratio of the cell size to that of the previous level.
     resolution : float
@@ -131,21 +132,21 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class LineSettings:
-    """How the dominant line is searched, and when the law of lifetimes is accepted.
+    """Settings of the search on the dominant line, and bounds for accepting the lifetime law.
 
     Attributes
     ----------
     search : SearchSettings
         The search for the longest-lived start.
     block_kicks : int
-        Kicks between two tests for v ≤ 0; even, so that each block begins a period. It affects
+        Kicks between tests for v ≤ 0; even, so that each block starts a new period. It affects
         only the computing time.
     max_scales : int
-        Maximum number of scales that `critical_scale` tries; it needs 10.
+        Maximum number of scales that `critical_scale` tries; it usually needs 10.
     min_slope, max_slope : float
-        Bounds of slope/s_c of the law, in kicks; the upper one is per kick of the period. On 63
-        random rays of 2 to 4 kicks and 88 next to the diagonal it was 0.68 or more, and 1.01 or
-        less per kick of the period.
+        Bounds on slope/s_c in the law, in kicks; the upper one is multiplied by the period P. On
+        63 random rays of 2 to 4 kicks and 88 next to the diagonal, slope/s_c was at least 0.68,
+        and at most 1.01 P.
 
     Examples
     --------
@@ -253,10 +254,11 @@ def longest_lived(
 
     Notes
     -----
-    A beam search, on two unrelated grids: among 2048 and 1597 starts, the longest-lived get 8
-    children each, 0.15 cells apart, and so on until a cell is too small to separate its starts. It
-    may miss the longest lifetime, and with it a survivor. Of 992 searches, 2% to 0.002% beyond the
-    breakup and a third of them within a degree of the diagonals, none missed it by more than 1%.
+    The beam search begins with two unrelated grids, of 2048 and 1597 starts. The longest-lived
+    starts get 8 children each, 0.15 cells apart, and so on until cells are too small to separate
+    their starts. The search may miss the longest lifetime, and with it a survivor. Of 992 searches,
+    2% to 0.002% beyond the breakup and a third of them within a degree of the diagonals, none
+    missed it by more than 1%.
     Nor did any with a width of 16, but 4% did with 8, 20% with 4, and 77% with 1. Dense scans of
     2²⁴ starts did not find longer lifetimes.
 
@@ -277,12 +279,12 @@ def longest_lived(
 def critical_scale(
     profile: ArrayLike, n_max: int, settings: LineSettings = DEFAULT_SETTINGS
 ) -> CriticalScale:
-    """Compute the scale at which the last circle breaks on κ = s·profile, and one without circles.
+    """Compute where the last circle breaks on κ = s·profile, and a scale at which none exists.
 
     1. Start where the largest strength is 2, and the first kick eliminates all starts.
-    2. Lower the scale, by the law s - s_c = slope/T through the last two scales, so that the
-       longest lifetime T grows by a factor of 4.2 each time, until it is near n_max. This is
-       `upper`.
+    2. Lower the scale, by the law s - s_c = slope/T fitted to the last two scales, so that the
+       longest lifetime T grows by a factor of 4.2 each time, until it is near n_max. The last
+       scale is `upper`.
     3. `value` is the limit of the law for T → ∞.
 
     Parameters
@@ -310,8 +312,9 @@ def critical_scale(
 
     Notes
     -----
-    The factor is (1/γ)³: the ripple has the period 1/γ in T if the last circle has a golden tail.
-    True errors were 3% of upper - value, at most 15%; next to a cusp at most 80%.
+    The factor 4.2 is (1/γ)³: the ripple repeats when T grows by a factor of 1/γ, if the last circle
+    has a golden tail. True errors were typically 3% of upper - value, and at most 15%; next to a
+    cusp, at most 80%.
 
     Examples
     --------
@@ -335,7 +338,7 @@ def critical_scale(
     if np.isnan(gap):
         return no_answer(None, Status.NOT_CONVERGED, _METHOD)
     # Lifetimes follow the law of a similar forcing of shorter period until orbits resolve the
-    # difference: six times this power was measured, on 150 rays.
+    # difference. On 150 rays this took 6 distance**-CUSP_EXPONENT steps.
     distances = distances_to_shorter(profile)
     nearest = distances.min(where=distances > 0, initial=np.inf)
     near_cusp = time < profile.size * 6 * nearest**-CUSP_EXPONENT
@@ -398,8 +401,8 @@ def has_dominant_line(kappa: ArrayLike) -> bool:
 def _line_coefficients(strengths, settings=DEFAULT_SETTINGS):
     """Return the kernel's arguments for the dominant line.
 
-    They are the coefficients of kick n of a block in row n, as in `nasm.escape`; a - 1/4; and v_0 -
-    v_{-1} = |κ_c|/2.
+    They are the coefficients of the kicks of a block, one kick per row, as in `nasm.escape`;
+    a - 1/4; and v_0 - v_{-1} = |κ_c|/2.
     """
     strengths = primitive(strengths)
     if strengths.size > 2:
@@ -443,7 +446,7 @@ def beam_search(
     Parameters
     ----------
     lifetimes : callable
-        A vector of y → their lifetimes in kicks, inf for a survivor.
+        Maps an array of y to their lifetimes in kicks; inf for a survivor.
     starts, offset
         One of the grids of the settings.
     settings : SearchSettings
@@ -463,8 +466,8 @@ def beam_search(
         if times[longest] > best_time:
             best_y, best_time = float(y[longest]), float(times[longest])
         # The map shears: starts a cell apart are T cells apart after T kicks. Their lifetimes are
-        # nearly equal if that is less than 1/T, the distance of neighbours on an orbit of T kicks.
-        # Then a few parents are enough.
+        # nearly equal if that is less than 1/T, the distance between neighbours on an orbit of T
+        # kicks. Then a few parents are enough.
         if np.isinf(best_time) or cell * best_time**2 < resolution or cell < np.spacing(0.5):
             return best_y, best_time
         if cell * best_time**2 < 100 * resolution:
@@ -490,7 +493,10 @@ def tangent_kick(c, n, x, y, v, w):
 
 @njit(nogil=True)
 def _advance(c, state):
-    """Advance 64 starts by a block, in place: rows x, y, v, w, and the smallest v in the block."""
+    """Advance 64 starts by a block, in place.
+
+    The rows of `state` are x, y, v, w, and the smallest v in the block.
+    """
     own_frame()
     x = load(state, 0)
     y = load(state, LANES)
@@ -522,12 +528,12 @@ def _replay(c, state, lane):
 
 @kernel
 def _elimination_times(c, x, w, y, n_max, times):
-    """Write the kick after which v ≤ 0 for every start into `times`, inf if later than n_max.
+    """Write into `times`, for every start, the kick after which v ≤ 0; inf if later than n_max.
 
-    A lane whose start is done takes the next one.
+    A lane whose start is finished takes the next start.
     """
-    # An idle lane has v = NaN, which raises no alarm. So does, by overflow, an orbit that stays
-    # hyperbolic forever, if its x and y are exact: it counts as a survivor, as it should.
+    # An idle lane has v = NaN, which raises no alarm. An orbit that stays hyperbolic forever, with
+    # exact x and y, also reaches NaN, by overflow: it counts as a survivor, as it should.
     state, before = np.full((5, LANES), np.nan), np.empty((5, LANES))
     start, age = np.full(LANES, -1), np.zeros(LANES, np.int64)
     next_start, n_active = 0, 0

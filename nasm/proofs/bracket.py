@@ -1,8 +1,8 @@
-"""Proved lower and upper bounds of the boundary on a ray κ = s·profile.
+"""Proved lower and upper bounds on the boundary along a ray κ = s·profile.
 
-The lower bound is that of `nasm.proofs.barrier`, at one scale; `nasm.proofs.patches` proves a
-barrier at every scale from 0 up to a somewhat smaller one. The upper bound is that of
-`nasm.proofs.transport`. `nasm.barriers` only chooses where to try proofs.
+`nasm.proofs.barrier` proves the lower bound: a barrier exists at one scale. `nasm.proofs.patches`
+proves that one exists at every scale from 0 up to a slightly smaller scale. The upper bound is
+proved by `nasm.proofs.transport`. `nasm.barriers` only chooses the scales at which to try proofs.
 """
 
 import time
@@ -26,7 +26,7 @@ __all__ = ["ProvedBracket", "critical_scale"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ProvedBracket(Result):
-    """Proved bounds of the scale at which the last barrier breaks on a ray.
+    """Proved bounds on the scale at which the last barrier breaks on a ray.
 
     Between `lower` and `upper` nothing is proved.
 
@@ -39,13 +39,13 @@ class ProvedBracket(Result):
     upper : float
         Transport is proved to be global at upper·profile, rounded to floats; NaN if it was not.
     barrier : BarrierProof or None
-        Proof at `lower`, or the last that failed; None if none was tried.
+        Proof at `lower`, or the last failed attempt; None without an attempt.
     transport : TransportProof or None
-        Proof at `upper`, or the last that failed; None if none was tried.
+        Proof at `upper`, or the last failed attempt; None without an attempt.
     below : float
         A barrier is proved to exist at s·profile for all 0 ≤ s ≤ below; NaN if this was not tried.
     below_proofs : list of BarrierProof
-        Proofs for intervals of s, which together give `below`.
+        Proofs for intervals of s that together cover 0 ≤ s ≤ below.
 
     Examples
     --------
@@ -88,16 +88,16 @@ class ProvedBracket(Result):
 
 
 def critical_scale(profile: ArrayLike, seconds: float = 8.0) -> ProvedBracket:
-    """Enclose the scale at which the last barrier breaks between two proved bounds.
+    """Compute proved bounds on the scale at which the last barrier breaks.
 
     Parameters
     ----------
     profile : array_like, shape (P,)
         Direction of the ray, not zero.
     seconds : float
-        CPU time for `below`, and on average for each of the two bounds. The upper bound gets half
-        of it, and is still ten times closer than the lower one. The width of the bracket depends
-        on the time and on the machine; each of its bounds is proved.
+        CPU time for `below`; the two bounds together get twice as much. The upper bound uses only
+        seconds/2, and is still ten times tighter than the lower one. The width of the bracket
+        depends on the time and on the machine; each of its bounds is proved.
 
     Returns
     -------

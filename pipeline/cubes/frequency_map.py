@@ -51,7 +51,7 @@ def frequency_map(kappa: Sequence[float], axes: Sequence["Axis"], n_max: int, ti
     chaotic = f"NaN where fewer than {orbits.REGULAR_DIGITS} digits are shared"
     shared = "by the averages over the whole orbit and over its halves; few in chaos"
     variables = {
-        "omega": blank(coords, "rotation number, in turns a step", comment=f"{kicks}; {chaotic}"),
+        "omega": blank(coords, "rotation number, in turns per step", comment=f"{kicks}; {chaotic}"),
         "digits": blank(coords, "digits of omega", comment=f"those shared {shared}"),
     }
     references = "arXiv:1606.04824, Eq. (23)"

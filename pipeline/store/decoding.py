@@ -1,9 +1,9 @@
-"""Decoding of a store, which may be a foreign one: metadata are checked before any chunk.
+"""Decode stores that may be untrusted: metadata are checked before any chunk is read.
 
-Metadata name the code that decodes chunks, and some such code executes the bytes of a chunk; they
-also determine how much memory decoding takes. Only arrays like those of cubes are opened: in zarr
-3, of numbers or texts, with the codecs in `_CODECS`, and within the limits below. The size to which
-a chunk claims to unpack is compared with its array before it is unpacked.
+The metadata name the codecs that decode chunks, and some codecs execute the bytes of a chunk. The
+metadata also determine how much memory decoding takes. Only arrays like those of cubes are opened:
+zarr 3 arrays of numbers or strings, with the codecs in `_CODECS`, and within the limits below. The
+unpacked size that a chunk declares is checked before it is unpacked.
 """
 
 from contextlib import AbstractContextManager
@@ -31,14 +31,14 @@ MAX_CHUNKS = 10**7
 """Maximum number of chunks per array, tiles per cube, and labels along all dims together."""
 
 MAX_TEXTS = 10**5
-"""Maximum number of texts in all arrays together."""
+"""Maximum number of strings in all arrays together."""
 
 MAX_TEXT = 2**17
-"""Maximum size of a text, in bytes: a rotation number of 1000 quotients of 100 digits fits."""
+"""Maximum size of a string, in bytes: a rotation number of 1000 quotients of 100 digits fits."""
 
 _MAX_ARRAYS = 1000
 _MAX_FILL = 100  # characters of a fill value
-_CODECS = {  # from values to files
+_CODECS = {  # in the order in which they encode values
     (values, *packed, *checked)
     for values in ("bytes", "vlen-utf8")
     for packed in ([], ["zstd"])
@@ -111,7 +111,7 @@ def _oddity(name: str, node: dict[str, Any]) -> str:
     if {"", ".", ".."} & {*name.split("/")}:
         return "a name that is not a path"
     if node["node_type"] == "group":
-        within = node.get("consolidated_metadata")  # unused: the cube has all of them
+        within = node.get("consolidated_metadata")  # must be empty; the root has all metadata
         return "metadata of its own" if within and within["metadata"] else ""
     names = tuple(codec["name"] for codec in node["codecs"])
     kind, fill = node["data_type"], node["fill_value"]
@@ -131,7 +131,7 @@ def _shown(text: object) -> str:
 
 
 class Files(ObjectStore):
-    """The files of a store, for zarr; files larger than those of cubes are not read as a whole."""
+    """A zarr store that refuses to read a whole file if it is larger than those of cubes."""
 
     async def get(
         self, key: str, prototype: "BufferPrototype", byte_range: "ByteRequest | None" = None
@@ -148,7 +148,7 @@ class Files(ObjectStore):
 
 
 class ZstdCodec(codecs.ZstdCodec):
-    """Zarr's codec, for frames that unpack to at most MAX_TILE bytes.
+    """Zarr's zstd codec, restricted to frames that unpack to at most MAX_TILE bytes.
 
     See RFC 8878, Sec. 3.1.1.1: a frame has a magic number, a descriptor, and the size of its
     content, in that order.
@@ -164,16 +164,16 @@ class ZstdCodec(codecs.ZstdCodec):
 def _content_size(frame: bytes) -> int:
     """Return the unpacked size that a frame declares, in bytes."""
     descriptor = frame[4]
-    is_single = descriptor >> 5 & 1  # it has no byte for the size of a window
+    is_single = descriptor >> 5 & 1  # a single segment has no window descriptor
     n_bytes = (is_single, 2, 4, 8)[descriptor >> 6]
-    start = 6 - is_single + (0, 1, 2, 4)[descriptor & 3]  # after the number of a dictionary
+    start = 6 - is_single + (0, 1, 2, 4)[descriptor & 3]  # after the dictionary ID
     if not n_bytes:
         raise ValueError("a chunk does not say to how many bytes it unpacks")
     return int.from_bytes(frame[start : start + n_bytes], "little") + 256 * (n_bytes == 2)
 
 
-class VLenUTF8Codec(codecs.VLenUTF8Codec):  # zarr knows the codec of texts by this name
-    """Zarr's codec, for chunks that hold as many texts as their shape requires."""
+class VLenUTF8Codec(codecs.VLenUTF8Codec):  # the class name by which zarr finds the codec
+    """Zarr's string codec, restricted to chunks with as many strings as their shape requires."""
 
     async def _decode_single(self, chunk_bytes: "Buffer", chunk_spec: "ArraySpec") -> "NDBuffer":
         data, n_texts = chunk_bytes.to_bytes(), prod(chunk_spec.shape)
@@ -190,8 +190,8 @@ for _name, _codec in _BOUNDED.items():
 def usual_codecs() -> AbstractContextManager[object]:
     """Return a context in which arrays are opened with zarr's own codecs, within the limits above.
 
-    It ignores codecs and codec pipelines that the user's files or environment name, because they
-    may not support every store.
+    Codecs and codec pipelines set in the user's configuration files or environment variables are
+    ignored, because they may not support every store.
     """
     usual = config.defaults[0]
     bounded = {name: f"{codec.__module__}.{codec.__name__}" for name, codec in _BOUNDED.items()}

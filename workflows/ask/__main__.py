@@ -1,15 +1,16 @@
-"""Is transport global under this one forcing, or does a barrier stop it?
+"""Is transport global under this forcing, or does a barrier stop it?
 
-The verdict of `nasm.verdict` in sentences, and a phase portrait with its evidence: the invariant
-circle, or an escaping orbit. An aperiodic forcing (--once) has no invariant circles; converse KAM
-then tests whether a family of invariant graphs may persist.
+Prints the verdict of `nasm.verdict` in sentences, and draws a phase portrait with its evidence: the
+invariant circle, or an escaping orbit. An aperiodic forcing (--once) has no invariant circles;
+converse KAM then tests whether a family of invariant graphs may persist.
 
-KAPPA ... is one period of the forcing, first kick first: 0.3 0.2 0.25, or a text file of them.
-Strengths are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. A file with a forcing in
-each line is answered line by line, in a table. Beyond 64 kicks no circle is sought, only transport.
-Within a relative distance of a few 10⁻⁵ from the boundary the answer is UNDECIDED; the exit code is
-0 for all three answers. One or two kicks take about two CPU seconds; the first run on a machine
-compiles the kernels, twenty seconds more. The portrait, or the table, is in OUT.
+KAPPA ... is one period of the forcing, first kick first: 0.3 0.2 0.25, or a text file of such
+strengths. They are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. For a file with
+one forcing per line the answers form a table. With more than 64 kicks no circle is searched for,
+only transport. Within a relative distance of a few 10⁻⁵ of the boundary the answer is UNDECIDED;
+the exit code is 0 for all three answers. One or two kicks take about two CPU seconds; the first run
+on a machine also compiles the kernels, which takes twenty seconds more. The portrait, or the table,
+is written to OUT.
 """
 
 import json
@@ -26,8 +27,9 @@ from workflows.shared import cli
 def parse_forcing(strengths, plane, once):
     """Return the strengths of the kicks, and their point in a plane, (Plane, (a, b)) or None.
 
-    strengths : numbers of the command line; with `plane` the coordinates of a point in it; empty
-    with `once`, the path of a file of numbers. ValueError for arguments that contradict each other.
+    strengths : numbers of the command line; with `plane`, the coordinates of a point in it; with
+    `once`, empty. once : path of a file of numbers. ValueError for arguments that contradict each
+    other.
     """
     from nasm import planes  # does not load kernels
     from nasm.maps import forcing
@@ -47,12 +49,12 @@ def parse_forcing(strengths, plane, once):
         return kappa, (planes.two_kicks(), strengths) if kappa.size == 2 else None
     if len(strengths) != 2:
         axes = " and ".join(plane.axes)
-        raise ValueError(f"{len(strengths)} numbers; a point of {plane.name} has two, {axes}")
+        raise ValueError(f"coordinates: {len(strengths)}; a point of {plane.name} has two, {axes}")
     return forcing(plane.forcing(*strengths)), (plane, strengths)
 
 
 def _answer_as_data(forcings, is_table, prove, as_json, quiet, out):
-    """Print the verdicts as JSON, or write them as OUT/ask.csv, each as soon as it is known."""
+    """Print the verdicts as JSON, or write OUT/ask.csv anew as soon as another one is known."""
     from workflows.ask import records
     from workflows.figures import files
 
@@ -82,7 +84,7 @@ def _answer(strengths, point, kappa, plane, once, prove, column, out):
 
     parts = ["ask", plane.name] if plane else ["ask"]
     parts += [Path(once).stem] if once else map(str, kappa[:MAX_LISTED])
-    parts += [f"{crc32(strengths):08x}"] if len(kappa) > MAX_LISTED else []  # of all of them
+    parts += [f"{crc32(strengths):08x}"] if len(kappa) > MAX_LISTED else []  # hash of all strengths
     paths, reason = drawn(draw, out, re.sub("[:/,]", "-", "_".join(parts)), text, column)
     if reason:
         raise click.ClickException(reason)
@@ -94,10 +96,10 @@ def _answer(strengths, point, kappa, plane, once, prove, column, out):
 @cli.point_option
 @click.option("--once", type=cli.FILE, help="Text file with the kicks of an aperiodic forcing.")
 @cli.flag("--prove", "Try to prove the answer, within 20 CPU seconds.")
-@cli.flag("--json", "Print the answer, or a list of them, as JSON, and draw nothing.")
+@cli.flag("--json", "Print the answer, or a list of answers, as JSON; draw nothing.")
 @cli.column_option
 @cli.quiet_option
-@cli.directory("Directory of the figure, or of the table.")
+@cli.directory("Directory for the figure or the table.")
 def main(kappa, plane, once, prove, json, column, quiet, out):
     from workflows.shared.forcing_files import read_forcings
 

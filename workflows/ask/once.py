@@ -55,7 +55,8 @@ def _sentences(kappa, survivor, first):
     else:
         yield (
             f"UNDECIDED for {kicks}: a barrier may survive them. The start {place} is not "
-            "eliminated by any kicks in either direction, and other lines have such starts too."
+            "eliminated by any kicks in either direction, and every other line that was searched "
+            "contains such a start."
         )
     lo, hi = escape.PAPER_WINDOW
     yield (

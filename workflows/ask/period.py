@@ -12,15 +12,16 @@ from workflows.shared.verdict_words import forcing_text, lifetime_text, sentence
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration, which only illustrates the verdict
 _POINTS = 2**20  # total length of the orbits searched for one that escapes
-_NEAR = 0.96  # relative scale above which no orbit escapes: none did on 12 rays, 4% beyond
-_TRACED = 5000  # steps of the longest-lived start drawn at most
+_NEAR = 0.96  # relative scale above which no escape is seen: none was on 12 rays, 4% beyond
+_TRACED = 5000  # maximum number of steps drawn from the longest-lived start
 
 
 def escaping_orbit(kappa):
     """Return x, y of an orbit up to its escape from the paper's window, or None.
 
-    The orbits that escape first are iterated again by `orbits.orbit`, whose rounding differs. In
-    chaos few of them escape at the same step again, but among many some escape soon.
+    The orbits that escape first are iterated again by `orbits.orbit`, whose rounding differs. As
+    they are chaotic, few of them escape at the same step again, but if there are many, some escape
+    soon.
     """
     x, y = escape.ensemble(_STARTS)
     times = escape.escape_time(kappa, x, y, _STEPS)
@@ -56,7 +57,8 @@ def drawn(kappa, point, verdict, escaping):
 def answer_periodic(strengths, point, prove):
     """Return the verdict on one period of kicks as text, and a function that draws its figure.
 
-    point : (Plane, its two coordinates), or None. prove : bool. ValueError if the period is long.
+    point : (Plane, its two coordinates), or None. prove : bool. ValueError if a strength is not
+    finite or too large.
     """
     result = verdict(strengths, prove)
     transport = result.answer is Answer.TRANSPORT
@@ -73,6 +75,6 @@ def answer_periodic(strengths, point, prove):
         text.append("Direct iteration: no escaping orbit was found, which proves nothing.")
     elif transport:
         text.append(
-            "Direct iteration: so close to the boundary escapes take too long to be observed."
+            "Direct iteration: this close to the boundary, escapes take too long to be observed."
         )
     return "\n".join(text), partial(drawn, strengths, point, result, escaping)

@@ -13,8 +13,8 @@ _COLUMNS += ("error", "lower", "upper", "status", "steps")
 def answered(strengths, prove):
     """Return the verdict on one period of kicks as a dict of texts and numbers.
 
-    value, error, lower and upper are multiples of the strengths; steps are periods. None where a
-    number is not known.
+    value, error, lower and upper are multiples of the strengths; steps are periods. Unknown numbers
+    are None.
     """
     result = verdict(strengths, prove)
     boundary, omega = result.boundary, result.boundary.omega
@@ -37,11 +37,13 @@ def line(record):
     value, upper = record["value"], record["upper"]
     if value is not None:
         return f"{record['answer']}; the last circle breaks at {value:.7g} times these strengths"
-    return f"{record['answer']}" + (f"; no circle at {upper:.7g} times these" if upper else "")
+    return f"{record['answer']}" + (
+        f"; no circle at {upper:.7g} times these strengths" if upper else ""
+    )
 
 
 def csv_of(records):
-    """Return records as the text of a CSV table, an empty cell for None."""
+    """Return records as the text of a CSV table, with an empty cell for None."""
     text = StringIO()
     table = csv.DictWriter(text, _COLUMNS, extrasaction="ignore", lineterminator="\n")
     table.writeheader()

@@ -3,8 +3,8 @@
 For every claim of arXiv:1606.04824: our value with its error, the verdict that a rule derives from
 it (`claims.rules`), and the command that shows it; the errata; and the envelope of all CB_ω.
 
-A page, three tables and eight cubes in OUT. About four CPU minutes; --n-rays 19 --n-cusp-rays 8
---tol 1e-3 --n-max 20000 --n-orbits 64, one.
+A page, three tables and eight cubes in OUT. About four CPU minutes, or one with --n-rays 19
+--n-cusp-rays 8 --tol 1e-3 --n-max 20000 --n-orbits 64.
 """
 
 from workflows.shared.cli import command, real, sweeps, whole

@@ -28,7 +28,7 @@ _SCALE = {"value": "value", "error": "error"}
 
 
 def boundary_claims(bias, n_max, n_orbits):
-    """Judge Sec. V; `bias` is `direct_iteration.direct_bias` at 45°."""
+    """Judge the claims of Sec. V; `bias` is `direct_iteration.direct_bias` at 45°."""
     gamma, mirrored = (periodic.critical_scale(parse(n), (1.0,)) for n in ("gamma", "1-gamma"))
     error = gamma.error + mirrored.error + abs(gamma.value - mirrored.value)
     amplitude = largest_amplitude()
@@ -113,7 +113,7 @@ def _exponents(bias):
     lowest, highest = min(slopes, default=np.nan), max(slopes, default=np.nan)
     text = (
         f"η = {eta:.2f} ± {error:.2f} for N = {n[0]} to {n[-1]}; {lowest:.2f} to {highest:.2f} "
-        "on windows in which N grows 30-fold"
+        "over windows in which N grows 30-fold"
     )
     values, theory = {"eta": 2.681, "eta_large": 3.322}, 3.012
     spread = max(abs(number - theory) for number in values.values())

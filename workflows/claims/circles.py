@@ -1,4 +1,4 @@
-"""Claims on Algorithm 1 and on images of circles under symmetries (Secs. VI.A to VI.C).
+"""Claims about Algorithm 1 and about images of circles under symmetries (Secs. VI.A to VI.C).
 
 Also the amplitudes of circles, which Proposition 1 assumes to be below 1 (Sec. V.B).
 """
@@ -24,7 +24,7 @@ _POINTS = 512
 
 
 def golden_circle(kappa):
-    """Return the circle of γ, by Newton's method down to rounding, with its certificate."""
+    """Compute the circle of γ to rounding error by Newton's method, with its certificate."""
     gamma, u = parse("gamma"), np.zeros((len(kappa), _POINTS))
     for _ in range(10):
         u, _ = parameterization.newton_step(gamma, kappa, u)
@@ -33,7 +33,7 @@ def golden_circle(kappa):
 
 
 def circle_claims():
-    """Judge Secs. VI.A to VI.C."""
+    """Judge the claims of Secs. VI.A to VI.C."""
     circle = golden_circle(_KAPPA)
     gamma, exact = circle.omega, circle.u
     first, second, mean = [], [], []
@@ -84,7 +84,7 @@ def frames(omega, kappa, u):
 
 
 def invariance(omega, kappa, u):
-    """Return x, y of K, and T∘K(θ) - K(θ + ω), shape (2, n), by the map itself."""
+    """Return x, y of K, and T∘K(θ) - K(θ + ω), shape (2, n), computed with the map itself."""
     n = u.shape[-1]
     turn, theta = fourier.turns(omega, n // 2 + 1), np.arange(n) / n
     y = float(omega) / len(kappa) + u[0] - fourier.rotate(u[-1], turn.conj())
@@ -104,7 +104,7 @@ def _symmetries():
     gamma, two_gamma = parse("gamma"), parse("2gamma")
     standard, other = golden_circle((0.5,)), golden_circle(_KAPPA)
     double = circles.symmetries.repeat(standard, 2)
-    # K of S_κ∘R_{-1/2} is one of (-κ, -κ) up to y → y + 1/2, from which it gets 2ω + 1.
+    # K of S_κ∘R_{-1/2} is a circle of (-κ, -κ) up to y → y + 1/2, which turns 2ω into 2ω + 1.
     opposite = circles.symmetries.alternate(circles.symmetries.negate(double))
     single = circles.symmetries.interleave(standard)
     one_less = moebius(gamma, 1, 1)
@@ -154,8 +154,8 @@ def _carried(*cases):
 def largest_amplitude():
     """Find the largest max y - min y of circles, before the first and the second kick.
 
-    The circles are the last one at 0.999 of its breakup, and circles with other noble ω where they
-    exist. A circle and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
+    The circles are the last one, at 0.999 of its breakup or as near as it is certified, and circles
+    with other noble ω where they exist. A circle and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
     """
     others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]
     heights = []

@@ -19,7 +19,7 @@ def ranges(circles, barrier):
     from, to : angles of the first and the last ray of the range, degrees.
     circle : exact text of ω; "" where the methods do not identify it.
     bracket : the widest (upper - lower)/value; NaN if one is unknown.
-    each of NAMES : least distance by which that circle of the paper's six breaks before CB_gt,
+    each of NAMES : smallest distance by which this circle of the paper's six breaks before CB_gt,
         relative to CB_gt; NaN without a value.
     """
     domain, short = _shortfalls(circles, barrier)
@@ -72,5 +72,5 @@ def summary(circles, barrier, rows):
         f"falls short of CB_gt by {short[worst]:.3%} at φ = {domain.angle.values[worst]:.6g}°, "
         f"where the last circle is {domain.circle.values[worst]}; averaged over the rays, by "
         f"{np.nanmean(short):.3%}.",
-        f"Towards the cusp at 45° the last circles are, from 40° on: {', '.join(cascade)}.",
+        f"From 40° towards the cusp at 45° the last circles are: {', '.join(cascade)}.",
     ]

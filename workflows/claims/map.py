@@ -1,4 +1,4 @@
-"""Claims on the map (Sec. II) and its symmetries (Sec. III), on random forcings and points.
+"""Claims about the map (Sec. II) and its symmetries (Sec. III), on random forcings and points.
 
 The equations are tested in the form of the paper, for period two, with |κ_i| ≤ 2 and |x|, |y| ≤ 1.
 These tests prove nothing.
@@ -12,7 +12,7 @@ from workflows.claims.rules import identity, rounding
 from workflows.shared.judgement import grade
 
 _STEPS = 3  # after which orbits are compared
-_CIRCLE = 1e-10  # of a rotation number after 10 000 steps
+_CIRCLE = 1e-10  # error allowed for a rotation number after 10 000 steps
 
 
 def largest(difference, n_points=100):
@@ -25,7 +25,7 @@ def largest(difference, n_points=100):
 
 
 def apart(left, right, n_points=100):
-    """Find the largest difference of two functions of (kappa, x, y), as `largest`."""
+    """Find the largest difference of two functions of (kappa, x, y), as `largest` does."""
     return largest(lambda *z: np.subtract(left(*z), right(*z)), n_points)
 
 
@@ -47,7 +47,7 @@ def iterated(kappa, x, y):
 
 
 def map_claims():
-    """Judge Sec. II: {name of the claim: (value, verdict)}, as all `…_claims` do."""
+    """Judge the claims of Sec. II: {name: (value, verdict)}, as all `…_claims` do."""
     composition = apart(
         lambda kappa, x, y: np.array([x + 2 * y, y]) + closed_form(kappa, x, y), both_kicks
     )
@@ -84,7 +84,7 @@ def map_claims():
 
 
 def path_integral(kappa, x, y):
-    """Integrate y' dx' - y dx straight from the origin to (x, y), by Gauss's formula."""
+    """Integrate y' dx' - y dx on the segment from the origin to (x, y) by Gaussian quadrature."""
     nodes, weights = np.polynomial.legendre.leggauss(60)
     t = (nodes[:, None] + 1) / 2
     tangent = step_tangent(kappa, t * x, t * y)
@@ -94,7 +94,7 @@ def path_integral(kappa, x, y):
 
 
 def generating_function(kappa, x, y):
-    """Compute P₁ + P₂∘S_κ1 at (x, y), less that at the origin."""
+    """Compute P₁ + P₂∘S_κ1 at (x, y), minus its value at the origin."""
     change = 0.0
     for strength in kappa:
         after = kick(strength, x, y)
@@ -116,7 +116,7 @@ _SYMMETRIES = {
         lambda n, x, y: (x + 0.5 + n, y + 0.5),
     ),
 }
-# Which of these, and the ω of the image.
+# The symmetry, and the ω of the image.
 _ROTATIONS = {
     "ome1": ("shift3", lambda omega: omega),
     "ome2": ("shift2", lambda omega: omega + 1),
@@ -140,7 +140,7 @@ def omega(kappa, x, y):
 
 
 def symmetry_claims():
-    """Judge Sec. III."""
+    """Judge the claims of Sec. III."""
     claims = {}
     for name, (sign, image) in _F_SYMMETRIES.items():
         claims[name] = identity(

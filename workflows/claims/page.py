@@ -23,7 +23,7 @@ def write(run, claims, errata, rows, sentences, command):
     verdicts = ", ".join(f"{verdict.value}: {counts[verdict]}" for verdict in Verdict)
     summary = (
         f"{plural(len(claims), 'claim')} of the paper ({verdicts}); {shown} of {len(errata)} "
-        "errata are confirmed by numbers."
+        "errata are confirmed numerically."
     )
     run.say(summary)
     for claim in claims:

@@ -1,4 +1,4 @@
-"""Claims on periodic orbits (Sec. IV)."""
+"""Claims about periodic orbits (Sec. IV)."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from workflows.shared.period_one import secondary_dataset
 
 
 def periodic_claims():
-    """Judge Sec. IV."""
+    """Judge the claims of Sec. IV."""
     kappas = np.random.default_rng(2).uniform(-4, 4, (2, 500))
     half, total, apart = kappas.prod(0) / 2, kappas.sum(0), kappas[0] - kappas[1]
     printed = np.stack([-total - half, total - half, half - apart, apart + half])
@@ -103,7 +103,7 @@ def _secondary_orbits():
 
 
 def cubic_estimates(epsilon):
-    """Return z² of (38b), and as estimated in print and corrected, at κ1 = κ2 = 4 + epsilon."""
+    """Return z² of (38b), and its printed and corrected estimates, at κ1 = κ2 = 4 + epsilon."""
     kappa = 4 + epsilon
     exact = float(fixed_points.secondary(kappa, kappa)[0][0]) ** 2
     denominator = kappa - kappa**2 / 2 + kappa * (1 - kappa / 2) ** 3

@@ -1,8 +1,8 @@
-"""Claims on the boundaries CB_ω of circles (Sec. VI.D), and those of the discussion (Sec. VII).
+"""Claims about the boundaries CB_ω of circles (Sec. VI.D), and those of the discussion (Sec. VII).
 
 circles : the cube `breakdown_residue` of the paper's six ω. barrier : CB_gt on the same rays.
-tori : the cube `rotating_tori`, and three : the cubes of three kicks by phase, with their `ratio`
-to two kicks, and `ratio_lower`, of lower to two's upper bound.
+tori : the cube `rotating_tori`. three : the cubes of three kicks by phase. Both have the `ratio` of
+their scales to those of two kicks; three also has `ratio_lower`, of its lower to their upper bound.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ _PAIRS = {
 
 
 def result_claims(circles, barrier, tori, three):
-    """Judge Secs. VI.D and VII."""
+    """Judge the claims of Secs. VI.D and VII."""
     ratio = (circles.critical_scale / barrier.critical_scale).values
     allowed = ((circles.error + barrier.error) / barrier.critical_scale).values
     known = np.isfinite(ratio)
@@ -106,7 +106,9 @@ def _mirror(circles, name, other):
 
 def _reflection(circles, name, other):
     off, error = _mirror(circles, name, other)
-    text = f"{off.size} pairs of rays, computed separately, differ by a factor 1 ± {off.max():.1e}"
+    text = (
+        f"{off.size} pairs of rays, computed separately, differ by up to {off.max():.1e} (relative)"
+    )
     return grade(text, off.size > 0 and (off <= error).all())
 
 
@@ -124,7 +126,7 @@ def _heuristic(circles, barrier, name):
 
 
 def hull_claims(circles, barrier):
-    """Judge the claims on the convex hull and the envelope of CB_gt."""
+    """Judge the claims about the convex hull and the envelope of CB_gt."""
     domain = barrier.sel(angle=slice(0, 45))
     angles = np.deg2rad(two_kicks().unfold(domain.angle.values))
     known = np.isfinite(domain.critical_scale.values)

@@ -33,14 +33,14 @@ class Claim:
 
 @dataclass(frozen=True)
 class Erratum:
-    """An equation as printed and as it should read; place and command as of a Claim."""
+    """An equation as printed and as it should read; place and command as in a Claim."""
 
     place: str
     printed: str
     corrected: str
     printed_off: float  # error of the printed form
     corrected_off: float  # error of the corrected form
-    bound: float  # of rounding errors
+    bound: float  # on rounding errors
     measured: str  # description of the errors
     command: str
 
@@ -85,7 +85,7 @@ def rounding(kicks):
 
 def identity(deviation, bound, label="largest deviation"):
     """Judge an equation by the deviation of its sides."""
-    text = f"{label} {deviation:.1e}, of {bound:.1e} allowed"
+    text = f"{label} {deviation:.1e} (allowed: {bound:.1e})"
     return grade(text, deviation <= bound, known=isfinite(deviation))
 
 
@@ -95,7 +95,7 @@ def printed(text):
 
 
 def agrees(value, error, expected, uncertainty=0.0):
-    """Judge a value by a printed number, or one derived from it, with its rounding."""
+    """Judge a value by a printed number, or one derived from it, within its rounding error."""
     holds, known = abs(value - expected) <= error + uncertainty, isfinite(value + error)
     text = f"{value:.12g} ± {error:.1g}, compared with {expected:.12g}"
     return grade(text, holds, known=known)

@@ -76,7 +76,7 @@ def examine(cubes, rays, n_max, n_orbits):
 
 
 def recorded(claims, errata):
-    """Return claims, as `as_texts`, and all errata as a Dataset; `judgement` reads it."""
+    """Return claims, as from `as_texts`, and all errata as a Dataset, which `judgement` reads."""
     values, verdicts = zip(*claims.values(), strict=True)
     off = {name: [getattr(one, name) for one in errata] for name in _OFF}
     return dataset(
@@ -94,7 +94,7 @@ def recorded(claims, errata):
 
 
 def judgement(examined):
-    """Return all Claims and all Errata of a Dataset by `recorded`."""
+    """Return all Claims and all Errata in a Dataset made by `recorded`."""
     claims = zip(*(examined[name].values for name in ("claim", "value", "verdict")), strict=True)
     results = {name: (value, Verdict(verdict)) for name, value, verdict in claims}
     texts = printed_texts("errata")

@@ -3,7 +3,7 @@
 The boundary {n* ≤ N} approaches the breakup like N^(-1/η) (arXiv:1606.04824, Sec. V.B); its
 dependence on the number M of orbits is shown too. `work_precision` compares the other methods.
 
-For a ray κ = s·profile of any period write a plane FILE.json whose "first" is the profile, and use
+For a ray κ = s·profile of any period, write a plane FILE.json whose "first" is the profile, and use
 --angle 0. A cube, a table and a figure in OUT, and for two kicks at 45 degrees a second cube and
 figure. About three CPU minutes; ten times the steps or orbits take ten times as long.
 """
@@ -16,7 +16,7 @@ ANGLES = (0.0, 20.0, 40.0, 45.0)
 @command()
 @plane_option
 @real("--angle", ANGLES, 0, 360, "A ray of the plane, in degrees; may be repeated.", multiple=True)
-@whole("--n-max", 1_000_000, 1000, 10**9, "Steps of direct iteration.")
+@whole("--n-max", 1_000_000, 1000, 10**9, "Steps (periods of the forcing) of direct iteration.")
 @increasing("--n-orbits", "10,30,100,300,1000", 10**8, "Orbits of the nested ensembles.")
 @preset("--quick", "A preview", n_max=10_000)
 @sweeps

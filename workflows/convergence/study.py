@@ -40,12 +40,12 @@ def on_the_diagonal(bias, critical):
     eta, error = np.transpose(fits)
     variables = {
         "distance": ("n", distance, "κ_N - κ_c on the diagonal (κ, κ)"),
-        "fit": ("n", power_law, "C N^(-1/η), of its half"),
+        "fit": ("n", power_law, "C N^(-1/η), fitted to the half that contains N"),
         "upper_half": ("n", upper.astype("int8"), "whether N is in the upper half"),
         "eta": ("half", eta, "η of κ_N - κ_c ~ N^(-1/η)"),
         "eta_error": ("half", error, "standard error of η"),
     }
-    coords = {"n": (n, "steps N"), "half": text("half", ["small N", "large N"], "half of the N")}
+    coords = {"n": (n, "steps N"), "half": text("half", ["small N", "large N"], "half of all N")}
     attrs = {"critical": float(kappa_c), "n_orbits": int(bias.ensemble[-1])}
     attrs["references"] = "arXiv:1606.04824, Fig. 7"
     title = "Convergence of direct iteration at the cusp"

@@ -7,14 +7,14 @@ from workflows.shared.judgement import finding, span
 from workflows.shared.power_law import FLUX as ETA
 
 NEAREST = 1e-3  # distance beyond the breakup at which the prefactor is read from the flux
-_NEAR = 0.13  # distance up to which the law of D itself is looked for
+_NEAR = 0.13  # distance up to which the exponent of D is fitted
 
 
 def law(barrier, fluxes, measured):
-    """Compare D on rays with the flux: the measured Dataset, dims (angle, excess), and more.
+    """Compare D on rays with the flux: `measured`, dims (angle, excess), with more variables.
 
     one_cantorus is ΔW over the number of last circles per unit of y: ω and 2 - ω, and on the axes
-    the circles degenerate with them; prefactor is that over excess^3.01172 at the breakup.
+    the circles degenerate with them; prefactor is one_cantorus over excess^3.01172 at the breakup.
     """
     of_flux = fluxes.flux / xr.where(barrier.tied.sel(angle=fluxes.angle) != "", 4, 2)
     prefactor = of_flux.sel(excess=NEAREST, drop=True) / NEAREST**ETA
@@ -35,7 +35,7 @@ def findings(law):
             f"D is {span(ratio)} times ΔW/m under {ratio.size} forcings up to twice the breakup, "
             f"and {span(first)} times at the forcings closest to the boundary at which D is "
             "resolved; where it is smaller, the cantori of other circles, which break at almost "
-            "the same scale, resist more",
+            "the same scale, are stronger obstacles",
             bool((abs(ratio - 1) < 0.2).all()),
             bool((ratio < 1.2).all()),
             ratio.size > 0,

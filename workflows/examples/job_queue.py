@@ -1,15 +1,15 @@
-"""A sweep on a cluster with a queue, its workers as an array of jobs: Slurm here, others alike.
+"""Run a sweep on a cluster with a queue, its workers as a job array: for Slurm, others are similar.
 
     python workflows/examples/job_queue.py WORKFLOW OPTIONS...
 
 e.g. `job_queue.py last_barrier --out /shared/out`. Edit the first cell for your machine. The driver
-is one process that lasts as long as the sweep, so make it a job too: `sbatch --cpus-per-task 2
---time 3-0 --wrap "python workflows/examples/..."`. If its time ends before the sweep does, submit
+is one process that runs as long as the sweep, so submit it as a job too: `sbatch --cpus-per-task 2
+--time 3-0 --wrap "python workflows/examples/..."`. If its time limit ends the sweep early, submit
 it again: it resumes.
 """
 
-# %% Eight jobs at a time, of a node's cores each; when one ends, the queue starts the next of the
-# array. For PBS: qsub -J 1-1000%8 and qdel.
+# %% Eight jobs at a time, each on the cores of one node; when one ends, the queue starts the next
+# of the array. For PBS: qsub -J 1-1000%8 and qdel.
 import subprocess
 import sys
 from pathlib import Path
@@ -23,18 +23,18 @@ SUBMIT = "sbatch --parsable --array=1-1000%8 --cpus-per-task=16 --time=02:00:00 
 CANCEL = "scancel"
 INTERFACE = "ib0"  # the network that all nodes share; the scheduler listens there
 SHARED = Path.home()  # a directory that all nodes see
-# Workers end before the queue kills them, and not all at once. The tile that each computes then is
-# computed again elsewhere, so tiles should be much shorter than this.
+# Workers end before the queue kills them, and not all at once. The tile that a worker is computing
+# when it ends is computed again elsewhere, so a tile should take much less time than this.
 WORKER = "--nworkers 16 --nthreads 1 --memory-limit 0 --lifetime 110m --lifetime-stagger 5m"
 JOB = """#!/bin/bash
-here=$(mktemp -d)  # on the node's disk: its kernels, compiled once in each job, and dask's files
+here=$(mktemp -d)  # on the node's disk: kernels, compiled once per job, and dask's files
 trap 'rm -rf "$here"' EXIT
 export NUMBA_CACHE_DIR=$here
 {python} -m dask worker {security} {worker} --local-directory "$here" \\
     --preload "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()"
 """
 
-# %% A scheduler that speaks TLS, as whoever reaches it can have anything executed; then the jobs.
+# %% A scheduler that requires TLS, because its clients can execute any code; then the jobs.
 if len(sys.argv) < 2:
     sys.exit(__doc__)
 workflow, *options = sys.argv[1:]
@@ -53,7 +53,7 @@ with TemporaryDirectory(dir=SHARED, prefix=".queue-") as folder:
     array = subprocess.run(SUBMIT.split(), input=script, stdout=-1, text=True, check=True).stdout
     try:
         with Client(scheduler_file=file, security=trusted) as client:
-            print("waiting in the queue for the first job", file=sys.stderr)
+            print("waiting for the queue to start the first job", file=sys.stderr)
             client.wait_for_workers(1)
         # The other jobs join when they start.
         command = [sys.executable, "-m", f"workflows.{workflow}", *options, "--scheduler", file]

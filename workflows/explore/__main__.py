@@ -1,13 +1,13 @@
 """Interactive explorer in the browser: click on a forcing, see its orbits and the verdict.
 
-On the left the plane of forcings, with first escape times and the boundary of the last circle; on
-the right the phase portrait of the selected forcing; above them the verdict.
+The page shows the plane of forcings on the left, with first escape times and the boundary of the
+last circle; the phase portrait of the selected forcing on the right; and the verdict above both.
 
 Escape times and the boundary of an earlier run in OUT are shown immediately; OUT is only read, and
 need not exist. Everything else is computed on demand. Stop it with Ctrl-C.
 
-The page is served on localhost only. From another machine, forward a port, ssh -L
-5006:localhost:5006 MACHINE, and open http://localhost:5006/ there.
+The page is served on localhost only. To view it from another machine, forward a port from there,
+ssh -L 5006:localhost:5006 MACHINE, and open http://localhost:5006/ there.
 """
 
 import click
@@ -25,7 +25,7 @@ def main(plane, port, no_browser, out, **cluster):
     try:
         import bokeh  # noqa: F401
     except ImportError:
-        message = "the explorer needs Bokeh, an extra: pip install '.[explore]'"
+        message = "the explorer needs Bokeh; install it with: pip install '.[explore]'"
         raise click.ClickException(message) from None
     click.echo("loading", err=True)
     from workflows.explore.server import serve

@@ -1,10 +1,10 @@
 """First escape times at the resolution of a view: known ones, and the others from coarse to fine.
 
-A view is computed in blocks of 27, 9, 3 pixels and 1. Whether a block escapes is partly a matter
-of chance. Far outside the boundary orbits escape quickly; a block that never escapes costs all N
-steps. So a block without an escape is not subdivided if its neighbours have no escape either.
-Single pixels are computed along the boundary; elsewhere only the earliest escapes, as many as cost
-0.3 s.
+A view is computed in blocks that are 27, 9, 3 and finally 1 pixel wide. Whether orbits escape in a
+block is partly a matter of chance. Far outside the boundary they escape quickly; a block without an
+escape costs all N steps. So such a block is not subdivided if its neighbours have no escape either.
+Single pixels are computed along the boundary; elsewhere only those with the earliest escapes, up to
+a cost of 0.3 s.
 """
 
 from collections import deque
@@ -68,7 +68,7 @@ class Field:
         times = np.pad(part, (0, 1), constant_values=np.nan)[np.ix_(row, column)]
         times[np.isinf(times) & (self.steps < steps)] = np.nan
         cell = max((self.a[1] - self.a[0], self.b[1] - self.b[0]) / view.pixel)
-        # Fewer steps have another boundary.
+        # With fewer steps the boundary is a different one.
         return times, cell * max(self.cells, self.apart if steps < self.steps else 1)
 
     def at(self, a, b):
@@ -84,7 +84,7 @@ def _cells(axis, values):
 
 
 def computed(client, plane, view, steps, fields):
-    """Yield (times, block, progress): pictures of the view, finer and finer.
+    """Yield (times, block, progress): pictures of the view, from coarse to fine.
 
     client : function → dask Client. plane, view, steps, fields : as for `Quadtree`; times, block :
     as `Quadtree.picture`; progress : text. It also yields None, at least ten times a second.
@@ -209,7 +209,7 @@ class Quadtree:
 
 
 def _soonest(escapes, seconds):
-    """Select the earliest of the cells that escape, as many as cost `_SPARE` together."""
+    """Select the earliest of the cells that escape, up to a total cost of `_SPARE`."""
     ordered = np.sort(seconds[escapes])
     most = np.searchsorted(np.cumsum(ordered), _SPARE)
     return escapes & (seconds < ordered[most]) if most < ordered.size else escapes

@@ -56,7 +56,7 @@ def fill(document, shared):
 
 
 def _controls(state, problem):
-    """Return the fields of the exact point, the slider of N, and the link to the view.
+    """Return the fields for the exact point, the slider for N, and the link to the view.
 
     The fields show ten digits; the point keeps all of its digits until another one is typed.
     """
@@ -93,7 +93,7 @@ def _controls(state, problem):
     link.js_on_change("text", CustomJS(code="showAddress(cb_obj.text)"))
 
     def update_link():
-        if not state.plays:  # then the address is that of the end
+        if not state.plays:  # while playing, the link is not updated until the end
             link.text = f'<a href="?{state.address()}">link to this view</a>'
             message.text = ""
 
@@ -110,7 +110,7 @@ def _rounded(value):
 
 
 def _show_status(line, document, work, shared):
-    """Keep a line that shows what is prepared or computed, and what failed."""
+    """Keep a line up to date that shows what is being prepared or computed, and what failed."""
 
     def show():
         busy = sorted(work.busy.items())

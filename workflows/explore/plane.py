@@ -26,8 +26,8 @@ from workflows.shared.verdict_words import scale_text
 
 _PIXELS = 640  # along each side, until the browser reports its size
 _MAX_PIXELS = 1024
-_GROUND_PIXELS = 256  # along each side, of the greys; the boundary line hides their edge
-_MAX_FIELDS = 8  # kept for all tabs, to return to
+_GROUND_PIXELS = 256  # along each side, of the grey areas; the boundary line hides their edge
+_MAX_FIELDS = 8  # kept for all tabs, in case a view is shown again
 _MAX_CELL_PIXELS = 3  # size of a cell of OUT that is not recomputed
 _MIN_EXCESS = 1e-3  # relative distance from the boundary that is resolved between rays
 _ON_BOUNDARY = "on the boundary, or very close to it"
@@ -36,7 +36,7 @@ _GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # not known, inside the b
 _GREY_MEANINGS = {"inside": "a circle exists", "outside": "none exists, but no escape within N"}
 _HALO = {"line_color": "white", "line_width": 5}
 _CROSS = {"size": 16, "marker": "marker", "angle": "angle", "fill_alpha": 0}
-_MARGIN = 0.04  # of the view, in which the mark of a point outside is
+_MARGIN = 0.04  # of the view: distance from its edge of the mark of a point outside
 _STYLES = _HALO, {"line_color": "colour", "line_width": 2.5}
 _MARKS = {
     "boundary": lambda: [models.MultiLine(xs="a", ys="b", **style) for style in _STYLES],
@@ -112,7 +112,7 @@ class PlanePanel:
 
     def _show(self, view, times, block, progress):
         state, shared = self.state, self.shared
-        cells = max(block, BLOCKS[-2]) if progress else 1  # some pixels have a neighbour's time
+        cells = max(block, BLOCKS[-2]) if progress else 1  # some pixels show a neighbour's time
         self.shown = Field(*view.centres(), times, state.steps, cells, apart=BLOCKS[-2])
         if not progress:
             shared.fields.pop((view, state.steps), None)  # the newest is last
@@ -165,7 +165,7 @@ class PlanePanel:
         self.message.text = " · ".join(filter(None, parts))
 
     def _distance(self, a, b):
-        """Describe where the boundary is, by the verdict or approximately by the rays."""
+        """Describe where the boundary is, from the verdict, or approximately from the rays."""
         from_zero = not any(self.state.plane.origin)
         verdict = self.state.verdict if (a, b) == self.state.point else None
         if verdict is not None and from_zero:  # its ray is the plane's
@@ -269,7 +269,7 @@ def _view(plot):
 def _cubes(place, plane):
     """Yield the cubes of OUT that belong to this plane: a list of Fields, and the barrier or None.
 
-    If OUT is refused, yield none, so that the page computes everything, and raise the reason.
+    If OUT is refused, yield no cubes, so that the page computes everything, and raise the reason.
     """
     try:
         yield _fields(place, plane)

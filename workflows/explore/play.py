@@ -1,4 +1,4 @@
-"""Move the point along its ray or an axis: the portrait follows, and residues form a curve."""
+"""Move the point along its ray or an axis: the portrait follows, and residues are plotted."""
 
 import numpy as np
 from bokeh.models import Button, Column, ColumnDataSource, MultiLine, Row, Select, Span
@@ -12,9 +12,10 @@ _RAY = "the ray"
 
 
 def panel(state, work):
-    """Return the button and the residues along the path below it.
+    """Return the button, and below it the residues along the path.
 
-    The residues are those of convergents of the last circle where playing begins.
+    The residues are those of convergents of the last circle at the point selected when playing
+    begins.
     """
     options = [_RAY, *symbols(state.plane.axes, plain=True)]
     along = Select(title="Play along", options=options, value=_RAY, width=110)

@@ -1,4 +1,4 @@
-"""The phase portrait of the point: orbits, the last circle or its longest-lived start."""
+"""The phase portrait of the point: orbits, and the last circle or the longest-lived start."""
 
 from functools import partial
 
@@ -30,7 +30,7 @@ _PROFILE_STARTS = 200  # on a vertical line
 _MAX_Q = 34  # of the convergents whose orbits are shown
 _BESIDE, _NARROW = 110, "@media (max-width: 600px) { :host { display: none } }"
 _BAR = "ω, rotation number per step; grey: chaotic"
-_LOBES = "#E69F00", "#56B4E9"  # and the unstable and the stable manifold
+_LOBES = "#E69F00", "#56B4E9"  # also the colours of the unstable and the stable manifold
 _TICKS = ".bk-input-group { flex-wrap: wrap } label { margin-right: 1em }"
 _GREY = "#888888"
 _SYMMETRY = "symmetry", "second symmetry"
@@ -93,7 +93,7 @@ class PortraitPanel:
         self.children = pictures, self.message, below, self.beneath
 
     def _dataset(self):
-        """Return the portrait with the last circle, or its longest-lived start."""
+        """Return the portrait with the last circle, or with the longest-lived start."""
         portrait = self.portrait
         if portrait is None:
             return None
@@ -180,7 +180,7 @@ class PortraitPanel:
         self._show_known()
 
     def _show_known(self):
-        """Draw the known curves and points, as far as they are in the box."""
+        """Draw the parts of the known curves and points that are in the box."""
         box = _box(self.plot)
         for name, columns in self.known.items():
             shown = _CUTS.get(name, _line)(box, **columns) if columns else None
@@ -201,7 +201,7 @@ def _figure(state):
     plot = widgets.picture(state, "xy", ("x (turns)", "y (mod 1)"), **options)
     blank = _image(np.zeros((1, 1), np.uint8), *_box(plot))
     image = models.ColumnDataSource(blank, name="orbits")
-    palette = ["#00000000", CHAOTIC, *COLOURS]  # of the bytes
+    palette = ["#00000000", CHAOTIC, *COLOURS]  # for the values of the bytes
     mapper = models.LinearColorMapper(palette, low=-0.5, high=255.5, name="omega")
     plot.image("pixels", "x", "y", "w", "h", source=image, color_mapper=mapper)
     shades = models.LinearColorMapper(COLOURS, low=0, high=1, name="omega")
@@ -216,14 +216,14 @@ def _profile(plot, source):
     beside = figure(y_range=plot.y_range, stylesheets=[_NARROW], **options)
     beside.toolbar.styles = {"min-width": "60px"}  # for its only tool
     beside.xaxis[0].ticker.desired_num_ticks = 2
-    beside.yaxis.major_label_text_font_size = "0px"  # as beside it
+    beside.yaxis.major_label_text_font_size = "0px"  # the portrait beside it has the same axis
     beside.grid.visible = False
     beside.scatter("x", "y", source=source, size=3, color="#0072B2")
     return beside
 
 
 def _box(plot):
-    """Return left, bottom, width and height of the view, one cell at most."""
+    """Return left, bottom, width and height of the view, at most one unit cell."""
     (left, right), (bottom, top) = widgets.sides_of(plot)
     return left, bottom, min(right - left, 1.0), min(top - bottom, 1.0)
 
@@ -245,7 +245,7 @@ def _computed(kappa, box, added, every, with_lines, shape):
             notes = ["The forcing has no symmetry centre, so there are no symmetry lines."]
     for x, y in added[-1:]:
         notes.insert(0, f"The orbit added at ({x:.6g}, {y:.6g}): {describe_orbit(kappa, x, y)}.")
-    left, bottom, width, height = box  # its vertical middle line has the starts of the profile
+    left, bottom, width, height = box  # the starts of the profile are on its vertical midline
     y = bottom + height * (np.arange(_PROFILE_STARTS) + 0.5) / _PROFILE_STARTS
     omega, _ = orbits.rotation_number(kappa, left + width / 2, y, 2000)
     curves["profile"] = {"x": omega, "y": y}

@@ -21,12 +21,15 @@ from workflows.figures.style import circle_class, circle_style, longest_arcs
 from workflows.shared.tables import columns, dataset
 
 _SPACING = 2.0  # degrees, in a view around the origin
-_N_RAYS, _STRIDES = 65, (16, 8, 4, 2, 1)  # in other views, at most; every 16th ray first
+_N_RAYS, _STRIDES = (
+    65,
+    (16, 8, 4, 2, 1),
+)  # in other views, beside the diagonals; every 16th ray first
 _CUSP_OFFSETS = np.geomspace(2.0, 0.02, 6)  # degrees from the diagonals, where cusps are
 _PARTS = 8  # groups of the rays of a circle, each computed separately
 _BRACKET = 1e-3  # relative
 _WIDE_VIEW = 0.2  # width of a view above which a wide bracket suffices
-_MIN_RAYS = 8  # in a view; with fewer the legend names circles outside as well
+_MIN_RAYS = 8  # in a view; with fewer, the legend also names circles outside it
 _PICTURE_PAUSE = 1.0  # seconds between two pictures
 _START_DELAY = 0.5  # seconds without a new view, as the computation of a ray cannot be stopped
 _MAX_NUMBER, _PRECISION = 1e6, 2.0**-50  # of decimal rotation numbers; the latter is relative
@@ -178,7 +181,7 @@ def computed(client, rays, view):
 
 
 def circle(client, plane, omega, view):
-    """Yield the line on which the circle of ω (text) breaks, more complete each time; or None."""
+    """Yield the line on which the circle of ω (text) breaks, increasingly complete, or None."""
     angles, _ = _across(view, 1.0)
     alike = [shift == 0 for *_, shift in plane.symmetries]  # symmetries that preserve ω
     folded, where = np.unique(plane.unfold(angles)[alike].min(axis=0), return_inverse=True)
@@ -203,7 +206,8 @@ def named_by(text):
     digits = re.fullmatch(r"[+-]?\d+\.(\d+)", text)
     if not digits and text and parse(text).is_rational:
         raise ValueError(
-            f"{abbreviate(text)} is rational, and has no circle; write one like [0;2,(1)]"
+            f"{abbreviate(text)} is rational, and has no circle; write an irrational number, like "
+            "[0;2,(1)]"
         )
     if not digits:
         return text, ""
@@ -224,7 +228,8 @@ def _effort(view):
 def _across(view, spacing):
     """Return the angles of rays across a view, and their spacing.
 
-    The spacing is `spacing` if the origin is in the view; otherwise there are 65 rays.
+    The spacing is `spacing` if the origin is in the view; otherwise there are 65 rays, and the
+    diagonals.
     """
     corners = np.array([complex(a, b) for a in view.a for b in view.b])
     if view.a[0] <= 0 <= view.a[1] and view.b[0] <= 0 <= view.b[1]:

@@ -1,11 +1,11 @@
-"""The server of the page: Bokeh's, on loopback, for the browsers of this machine alone.
+"""The server of the page: a Bokeh server on loopback, for browsers on this machine only.
 
-One process serves all tabs and does the small work in threads; dask workers do the large work. A
-page of another site may run in the same browser. It can neither read the page nor connect to it,
-also if its name is made to point at this machine: a request must name this machine, by any port, as
-ssh may forward one, and come from no other page than those of that name and port; a link to the
-page may stand anywhere. The address of a page computes nothing until the page is connected: until
-then its texts are only read, and `nasm.texts` limits what they spell.
+One process serves all tabs and runs short computations in threads; dask workers run the long ones.
+A page of another site may be open in the same browser. It can neither read this page nor connect to
+it, even if the name of its host is made to point at this machine: a request must name this machine,
+with any port, as ssh may forward one, and must not come from a page of another name or port. Links
+to this page may be anywhere. The address of a page starts no computation until the page is
+connected: until then its texts are only parsed, and `nasm.texts` limits the numbers in them.
 """
 
 import logging
@@ -43,11 +43,11 @@ from workflows.shared.phase_space import portrait
 _HOST = "127.0.0.1"
 _NAMES = "localhost", _HOST, "[::1]"
 _OF_THE_TERMINAL = "browsh", "carbonyl", "elinks", "links", "links2", "lynx", "w3m", "www-browser"
-_LIFETIME = 10_000  # milliseconds of a page, a few of work, whose browser does not connect
+_LIFETIME = 10_000  # milliseconds for which an unconnected page is kept; making it takes only a few
 _SLOWEST = 20  # seconds within which a request, or the next one of a connection, must be complete
-_BODY = 1000  # bytes of a request at most, after its headers: nothing is sent to the page
-_GRACE, _CLOSING = 10, 60  # seconds to end in: until the event loop stops, until workers have ended
-_POLICY = (  # Bokeh makes functions of texts, and both its page and ours hold scripts and styles
+_BODY = 1000  # maximum bytes of a request after its headers; the page needs none
+_GRACE, _CLOSING = 10, 60  # seconds allowed for the event loop to stop, for the workers to end
+_POLICY = (  # Bokeh turns texts into functions; both its page and ours contain scripts and styles
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; object-src 'none'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -65,11 +65,11 @@ class Shared:
     """What all tabs share.
 
     plane : of forcings. place : of cubes to show, only read. rays : Rays, the boundary so far.
-    fields : {(View, N): Field} that were computed to the end, the newest last.
+    fields : {(View, N): Field}, complete ones, the newest last.
     client : function → dask Client, which waits until it is connected.
-    connected : Event, set when the workers are started, or cannot be.
-    loaded : {"portrait", "verdict": Event, set when the kernels for it are there, or cannot be}.
-    preparing : what the page must wait for, in words; "" when all is ready.
+    connected : Event, set when the workers have started, or failed to start.
+    loaded : {"portrait", "verdict": Event, set when its kernels are loaded, or failed to load}.
+    preparing : what the page must wait for, as text; "" when all is ready.
     """
 
     def __init__(self, plane, place, client):
@@ -93,7 +93,7 @@ class Shared:
     def prepare(self):
         """Start the workers and load the kernels; in a thread.
 
-        They are compiled in a worker: this process has to paint what OUT holds meanwhile.
+        The kernels are compiled in a worker: meanwhile this process has to show the cubes of OUT.
         """
         try:
             client = self._connected()
@@ -107,7 +107,7 @@ class Shared:
             self.preparing = ""
         except ClusterError as error:
             self.preparing = str(error)
-        except Exception as error:  # at Ctrl-C anything
+        except Exception as error:  # at Ctrl-C, any exception
             self.preparing = f"the workers did not start: {error!r}"
         finally:
             for event in (self.connected, *self.loaded.values()):
@@ -125,25 +125,25 @@ def warm_up_verdict():
     verdict((0.3, 0.2))
 
 
-_WARM_UPS = {"portrait": warm_up_portrait, "verdict": warm_up_verdict}  # what is seen first, first
+_WARM_UPS = {"portrait": warm_up_portrait, "verdict": warm_up_verdict}  # in order of first use
 
 
 def serve(plane, place, port, opens, cluster):
     """Serve the page until Ctrl-C or SIGTERM.
 
-    plane, place : as for `Shared`. port : of the page, 0 for any. opens : whether to open it in the
+    plane, place : as for `Shared`. port : of the page, 0 for any. opens : True to open it in the
     browser. cluster : arguments of `cluster.connect`.
 
-    click.UsageError if the port is taken; ClusterError if the arguments of the cluster do not fit.
+    click.UsageError if the port is taken; ClusterError if the arguments of the cluster are invalid.
     """
     for name in ("bokeh", "tornado"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # nobody reads that a tab was closed
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # they would report each closed tab
     try:
         sockets, port = bind_sockets(_HOST, port)
     except OSError as error:
-        message = f"port {port}: {error.strerror}; another explorer? Take another, or 0 for any"
+        message = f"port {port}: {error.strerror} (another explorer?); choose another, or 0 for any"
         raise click.BadParameter(message, param_hint="--port") from None
-    # A call whose worker is lost is sent again, twice at the most.
+    # A call whose worker is lost is sent again, at most twice.
     again = {"distributed.scheduler.allowed-failures": 2}
     with connect(**cluster) as client, dask.config.set(again):
         shared = Shared(plane, place, client)
@@ -158,17 +158,17 @@ def serve(plane, place, port, opens, cluster):
         loop.start()
         signal.alarm(_CLOSING)
         server.stop()
-        shared.connected.wait(20)  # workers that are about to start would stay behind
+        shared.connected.wait(20)  # workers that are about to start would be left running
     signal.alarm(0)
 
 
 def _stop_at_signals(loop):
-    """Stop the event loop at SIGINT or SIGTERM; if it is blocked, end the process `_GRACE` seconds
-    later.
+    """Stop the event loop at SIGINT or SIGTERM; if it is blocked, end the process.
 
-    If Python code blocks the loop, its thread still runs the handler of the signal. If a compiled
-    kernel does, which releases Python's lock, Python writes the signal to a pipe that another
-    thread reads. Either sets an alarm, with which the system ends the process.
+    A blocked process ends `_GRACE` seconds later. If Python code blocks the loop, its thread still
+    runs the handler of the signal. If a compiled kernel blocks it, which releases Python's lock,
+    Python writes the signal to a pipe that another thread reads. Either sets an alarm, at which the
+    system ends the process.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
@@ -185,8 +185,8 @@ def _stop_at_signals(loop):
 
 
 def _open(url):
-    """Open the page in the browser, unless that is one of the terminal, where it cannot run."""
-    with suppress(webbrowser.Error):  # there is none
+    """Open the page in the browser, unless it is a terminal browser, which cannot run the page."""
+    with suppress(webbrowser.Error):  # no browser is installed
         browser = webbrowser.get()
         if Path(getattr(browser, "name", "")).name not in _OF_THE_TERMINAL:
             browser.open(url)
@@ -194,7 +194,7 @@ def _open(url):
 
 def server_of(shared, sockets, port):
     """Return the server of the page, for the event loop of this thread."""
-    settings.allowed_ws_origin = ["*"]  # whatever the environment says: `_Ours` has looked at it
+    settings.allowed_ws_origin = ["*"]  # whatever the environment says; `_Ours` checks the origin
     web = _Web(
         Application(FunctionHandler(partial(fill, shared=shared))),
         extra_websocket_origins=["*"],
@@ -213,8 +213,10 @@ def server_of(shared, sockets, port):
 
 
 class _Ours(HostMatches):
-    """Matches requests to a host of these names that come from no other page than the host's, but
-    for a link that was followed. Browsers say what a request is for."""
+    """Matches requests to hosts of these names, from a page of that host or by following a link.
+
+    Browsers state in the headers where a request comes from and what it is for.
+    """
 
     def match(self, request):
         headers = request.headers
@@ -226,7 +228,7 @@ class _Ours(HostMatches):
 
 
 class _Guarded(OutputTransform):
-    """Adds the headers by which browsers guard the page to every answer."""
+    """Adds the security headers of the page to every response."""
 
     def transform_first_chunk(self, status_code, headers, chunk, finishing):
         headers.update(_HEADERS)
@@ -234,7 +236,7 @@ class _Guarded(OutputTransform):
 
 
 class _Refusal(RequestHandler):
-    """Says where the page is."""
+    """Refuses a request, and explains how to reach the page."""
 
     def initialize(self, port):
         self.port = port
@@ -252,7 +254,7 @@ class _Refusal(RequestHandler):
 
 
 class _Web(BokehTornado):
-    """Bokeh's web application, whose pages begin to compute when they are connected."""
+    """Bokeh's web application; its pages begin to compute when they are connected."""
 
     def new_connection(self, protocol, socket, application_context, session):
         session.document.session_context.begin()

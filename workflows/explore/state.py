@@ -1,7 +1,7 @@
 """The state of one tab: a point in a plane of forcings, N, two views; and its address.
 
-The address has each part of the state as text, except for those that have their first values:
-`a=0.1:0.3&b=0:0.2&omega=gamma&orbits=0.5,0.3;0.5,0.4&show=boundary,cycles`.
+The address has the point, and as text each part of the state that differs from its first value:
+`k1=0.3&k2=0.2&a=0.1:0.3&b=0:0.2&omega=gamma&orbits=0.5,0.3;0.5,0.4&show=boundary,cycles`.
 """
 
 from collections import defaultdict
@@ -20,7 +20,7 @@ LINES = {"boundary": "where the last circle breaks"}
 ORBITS = {"kicks": "kick by kick", "symmetry": "symmetry lines", "cycles": "periodic orbits"}
 ORBITS |= {"manifolds": "manifolds of p/q"}
 _HALF_WIDTH = 1.15  # of the first view, in units of the largest strength
-ZOOM = 1e-9, 30.0  # times the first view; beyond, pixels would coincide as floats
+ZOOM = 1e-9, 30.0  # times the first view; in a smaller one pixels would coincide as floats
 _MAX_COORDINATE = 1e7  # of both ends of a view together
 _MAX_ORBITS = 50
 _MAX_Q = 1000  # of p/q whose orbits are computed
@@ -53,7 +53,7 @@ class State:
         return self.plane.forcing(*self.point)
 
     def on(self, names, callback):
-        """Call back, without arguments, whenever one of these attributes changes: "point omega"."""
+        """Call back, without arguments, when one of the attributes changes, e.g. "point omega"."""
         for name in names.split():
             self._callbacks[name].append(callback)
 
@@ -101,7 +101,7 @@ class State:
         return tuple(scale * value for value in self.point)
 
     def address(self):
-        """Return the query of a link to all of this."""
+        """Return the query of a link that restores this state."""
         query = {"k1": repr(self.point[0]), "k2": repr(self.point[1])}
         if self.plane != two_kicks():
             query["plane"] = self.plane.name

@@ -10,11 +10,11 @@ from nasm.verdicts import verdict
 from workflows.explore.work import spread
 from workflows.shared.verdict_words import sentences
 
-_START_DELAY = 0.05  # seconds without a new point, while it is dragged
+_START_DELAY = 0.05  # seconds to wait for a newer point, while it is dragged
 
 
 def describe(message, state, work):
-    """Keep a message that describes the verdict of the state's point."""
+    """Keep a message up to date that describes the verdict on the state's point."""
     message.min_height = 103  # the height of the longest verdict in two columns
     lane = work.latest("verdict")
 
@@ -45,7 +45,7 @@ def copy_button(state):
 
 
 def _verdict_and_seconds(client, kappa):
-    """Return the verdict and its seconds; wait first, as a worker cannot be interrupted."""
+    """Return the verdict and its time in seconds; wait first, as workers cannot be interrupted."""
     time.sleep(_START_DELAY)
     results = spread(client(), deque([(None, _timed, kappa)]), priority=1)
     return next(result[1] for result in results if result)
@@ -57,14 +57,14 @@ def _timed(kappa):
 
 
 def _html(lines):
-    """Return the lines as HTML that screen readers speak, the first one stronger."""
+    """Return the lines as HTML that screen readers speak, the first one in bold."""
     first, *rest = map(escape, lines)
     rest = f'<div style="columns: 2 27em">{"<br>".join(rest)}</div>'
     return f'<div role="status" aria-live="polite"><b>{first}</b>{rest}</div>'
 
 
 def _python(state):
-    """Return the forcing, its verdict and its portrait as a program."""
+    """Return a program that computes the verdict on the forcing and its portrait."""
     return f"""\
 from nasm import escape, orbits
 from nasm.verdicts import verdict

@@ -18,7 +18,7 @@ _ATTRIBUTES = {
     "Toolbar": {"logo": None, "styles": {"min-width": "230px"}}
 }  # narrower, it would hide a tool
 _ATTRIBUTES["Axis"] = {"axis_label_text_font_style": "normal"}
-_ATTRIBUTES["Row"] = {"stylesheets": [":host { flex-wrap: wrap; gap: 4px 16px }"]}  # as on a phone
+_ATTRIBUTES["Row"] = {"stylesheets": [":host { flex-wrap: wrap; gap: 4px 16px }"]}  # for phones
 _ATTRIBUTES["Figure"] = {"border_fill_color": None}  # a white one would flash in dark mode
 THEME = Theme(json={"attrs": _ATTRIBUTES})
 
@@ -104,7 +104,7 @@ def show(plot, marks, name, columns, tips=None):
 
 
 def small(title, x_label, y_label, **options):
-    """Return a small figure, of curves that are computed on request."""
+    """Return a small figure for curves that are computed on request."""
     settings = {"height": 150, "toolbar_location": None, "name": title}
     settings |= {"x_axis_label": x_label, "y_axis_label": y_label}
     return figure(title=title, sizing_mode="stretch_width", tools="", **settings | options)
@@ -116,7 +116,7 @@ def sides_of(plot):
 
 
 def rounded(event, pixel):
-    """Return x and y of an event with no more digits than pixels of that width and height have."""
+    """Return x and y of an event, rounded to the digits that pixels of this size resolve."""
     return [round(w, ceil(-log10(d))) for w, d in zip((event.x, event.y), pixel, strict=True)]
 
 
@@ -131,9 +131,9 @@ def pixels_of(plot, largest, default=None):
 
 
 def on_view(plot, work, refresh):
-    """Call refresh(), once for several changes, soon after the view or size of the figure changes.
+    """Call refresh() soon after the view or size of the figure changes, once for several changes.
 
-    Returns a function that schedules such a call.
+    Return a function that schedules such a call.
     """
     scheduled = []
 

@@ -1,4 +1,4 @@
-"""Computations outside the event loop: threads compute, the document of a tab gets the results.
+"""Computations outside the event loop: threads pass their results to the document of a tab.
 
 Everything here is called on the event loop, except for the functions that compute. They run in
 daemon threads, so that neither a closed tab nor Ctrl-C waits for them; kernels release the GIL.
@@ -52,7 +52,7 @@ class Work:
     def tick(self, callback):
         """Call back on the event loop, from any thread, unless the tab is closed."""
         if not self.closed:
-            with suppress(AttributeError):  # Bokeh takes the document of a closed tab apart
+            with suppress(AttributeError):  # Bokeh dismantles the document of a closed tab
                 self.document.add_next_tick_callback(callback)
 
     def progress(self, name, text=None):

@@ -12,7 +12,7 @@ def draw_circle_boundaries(breakdown, barrier):
     planes.fill_inside(axes, barrier, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, breakdown)
     planes.label_plane(axes, barrier)
-    axes.set_title(r"Breakup of circles: $\mathit{CB}_\omega$, and of the last one")
+    axes.set_title(r"Breakup of single circles, $\mathit{CB}_\omega$, and of the last one")
     style.outer_legend(figure, 3, 2)
     return figure
 
@@ -20,9 +20,9 @@ def draw_circle_boundaries(breakdown, barrier):
 def circle_boundaries_caption(breakdown, residues, barrier):
     """Compare CB_ω with CB_gt.
 
-    breakdown : by continuation; `residues` themselves in a plane where that has no rays from zero.
+    breakdown : by continuation, or `residues` again in a plane whose rays do not start at zero.
     """
-    scales = ["critical_scale", "error"]  # by residues, where there are any
+    scales = ["critical_scale", "error"]  # by residues, where they have an answer
     best = residues[scales].load().fillna(style.known(breakdown)[scales].load())
     ratio = 100 * best.critical_scale / barrier.critical_scale
     beyond = best.critical_scale - best.error > barrier.critical_scale + barrier.error
@@ -35,8 +35,8 @@ def circle_boundaries_caption(breakdown, residues, barrier):
     return (
         f"{describe_circles(breakdown)} Grey: the region without global transport. Distance of "
         "CB_ω "
-        f"from the origin relative to that of the last barrier: {shares}. Points that exceed the "
-        f"last barrier by more than their errors: {int(beyond.sum())} of {beyond.size}."
+        f"from the origin relative to that of the last barrier: {shares}. Points that lie beyond "
+        f"the last barrier by more than the errors: {int(beyond.sum())} of {beyond.size}."
     )
 
 
@@ -61,8 +61,10 @@ def describe_circles(circles):
 
 
 def draw_tips(residues, circles, barrier):
-    """Draw the cusps at 45° and 135°, Fig. 9: residues as lines, continuation as points, rays
-    without an answer as ×."""
+    """Draw the cusps at 45° and 135°, Fig. 9: residues as lines, continuation as points.
+
+    Rays without an answer are marked by ×.
+    """
     figure, tips = style.panels(1, 2, 11, 6.2)
     silent = circles.critical_scale.isnull() | residues.critical_scale.isnull()
     gaps = barrier.sel(angle=circles.angle[silent.any("circle").values], method="nearest")
@@ -114,7 +116,7 @@ def draw_circles(axes, breakdown, **more):
 
 
 def _looks(circles, reflection):
-    """Return the style of each circle: that of its class, unless two are of one, as images."""
+    """Return the style of each circle: that of its class, or its own if two share a class."""
     classes = [style.circle_class(text, reflection) for text in circles]
     if len({*classes}) < len(classes):
         reflection, classes = 0, [style.circle_class(text, 0) for text in circles]

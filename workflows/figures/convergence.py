@@ -55,14 +55,14 @@ def _fitted(eta, error):
 
 
 def _plain(axis):
-    """Let a logarithmic axis have labels 0.1, 0.2, 0.5, 1, …"""
+    """Label a logarithmic axis at 0.1, 0.2, 0.5, 1 and so on."""
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter("")
 
 
 def draw_diagonal(diagonal):
-    """Draw direct iteration on the diagonal in the paper's axes, with a line for each half of N."""
+    """Draw direct iteration on the diagonal in the paper's axes, with a fit for each half of N."""
     figure, (axes,) = panels(1, 1, 7, 5)
     axes.plot(diagonal.n, diagonal.distance, "ko", ms=4, mfc="none")
     etas = _etas(diagonal)

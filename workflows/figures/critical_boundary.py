@@ -1,4 +1,4 @@
-"""The main job's figure: three methods in one plane."""
+"""The figure of `critical_boundary`: three methods in one plane."""
 
 import numpy as np
 from matplotlib.patches import Patch

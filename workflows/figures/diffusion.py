@@ -1,4 +1,4 @@
-"""The diffusion of momentum beyond the boundary: the plane, and the law from the boundary on."""
+"""Diffusion of momentum beyond the boundary: over the plane, and along rays."""
 
 import numpy as np
 from matplotlib.colors import LogNorm
@@ -9,7 +9,7 @@ _UNRESOLVED = "0.6"
 
 
 def draw_diffusion(law):
-    """Draw D over the plane, and on five rays with the last circle's flux."""
+    """Draw D over the plane, and along up to five rays with the last circle's flux."""
     figure, (plane, along) = panels(1, 2, 13, 5.8)
     _draw_plane(plane, law)
     for i, angle in enumerate(law.angle.values[:: max(1, law.angle.size // 4)]):
@@ -34,13 +34,13 @@ def diffusion_caption(law, findings):
         f"{law.attrs['n_orbits']} orbits per forcing; the median error is {100 * error:.0f}%. D is "
         f"known for {int(known.sum())} of {known.size} forcings; the others, grey in (a), are too "
         f"slow for {law.attrs['n_max']} steps, or have accelerator modes and therefore no D. "
-        "Within CB_gt a barrier exists and D = 0, without computation. Not tried: other planes and "
-        f"numbers of kicks.\n{findings}"
+        "Inside CB_gt a barrier exists, so that D = 0; D is not computed there. Other planes and "
+        f"numbers of kicks were not tried.\n{findings}"
     )
 
 
 def _draw_plane(axes, law):
-    kappa1, kappa2, D = (  # rows from 0° to 45°, and of their images to 90°
+    kappa1, kappa2, D = (  # rows from 0° to 45°, and their images up to 90°
         np.concatenate([law[one].values, law[image].values[::-1]])
         for one, image in (("kappa1", "kappa2"), ("kappa2", "kappa1"), ("diffusion", "diffusion"))
     )

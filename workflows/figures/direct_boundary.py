@@ -6,9 +6,9 @@ from matplotlib.colors import LogNorm
 from workflows.figures import style
 from workflows.figures.planes import in_plane, label_plane
 
-# Where the forcings of the panels have their letters, in points: away from the line.
+# Offsets, in points, of the letters that mark the panels' forcings: away from the line.
 _PLACES = {"b": (-5, -3), "c": (5, 3), "d": (5, -11), "e": (-5, 3)}
-# The paper's green triangles, red circles and blue squares, in colours that all can tell apart.
+# The paper's green triangles, red circles and blue squares, in colours that anyone can tell apart.
 _MARKS = [*zip("^osDv", np.take([*style.COLOURS, style.VERMILION], [2, 7, 0, 4, 5]), strict=True)]
 
 
@@ -39,7 +39,7 @@ def rays_caption(boundary):
 
 
 def draw_half_plane(boundary, barrier, insets):
-    """Draw the upper half plane, Fig. 6, and below it the cell at four forcings."""
+    """Draw the upper half plane, Fig. 6, and below it the unit cell at four forcings."""
     figure = style.canvas(11, 9, 2.1)
     above, below = figure.subfigures(2, height_ratios=[1, 1.5] if style.in_column() else [1.7, 1])
     plane = above.subplots()

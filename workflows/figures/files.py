@@ -1,16 +1,18 @@
-"""How every file of a command is written: whole, or not at all."""
+"""Write the files of a command: each appears complete, or not at all."""
 
 import os
 import secrets
 from contextlib import suppress
 from pathlib import Path
 
-BESIDE = ".part"  # how the name of a file ends that is being written
+BESIDE = ".part"  # suffix of the name of a file that is being written
 
 
 def write(path, content):
-    """Write text or bytes beside the file, and rename: after a kill or on a full disk the file of
-    an earlier run is still there, whole."""
+    """Write text or bytes to a temporary file beside the file, and rename it.
+
+    After a kill or on a full disk the file of an earlier run remains complete.
+    """
     path = Path(path)
     beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{BESIDE}")
     try:

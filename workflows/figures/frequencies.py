@@ -1,4 +1,4 @@
-"""The last barrier of rotating maps against the frequency, fractions and irrational numbers."""
+"""The last barrier of rotating maps against the frequency, rational or irrational."""
 
 from fractions import Fraction
 
@@ -8,7 +8,7 @@ from workflows.figures.style import colour_of, outer_legend, panels
 
 _NUMBER = {"fontsize": "x-small", "ha": "center"}
 _BRACKET = {"fmt": "_", "color": colour_of(0), "lw": 2, "ms": 6, "mew": 2}  # some are narrow
-_BEYOND = 1.15  # times the largest end of a bracket: what is drawn
+_BEYOND = 1.15  # end of the axis, relative to the largest end of a bracket
 
 
 def draw_frequencies(cube):
@@ -46,7 +46,7 @@ def draw_frequencies(cube):
 def _brackets(cube):
     """Return the brackets of the irrational Ω and of the fractions, two tables by Ω.
 
-    lower, upper : of the phase of a fraction that breaks first. most : the upper end of all phases.
+    lower, upper : of the phase whose barrier breaks first. most : the largest upper end of a phase.
     """
     ends = {"lower": ("lower", "min"), "upper": ("upper", "min"), "most": ("upper", "max")}
     table = cube.to_dataframe().groupby("frequency").agg(**ends, phases=("phase", "count"))
@@ -69,8 +69,10 @@ def frequencies_caption(cube):
 
 
 def _convergents(limits, fractions):
-    """Yield Ω, its bracket, and the brackets of its convergents, a table of the columns of
-    `fractions` by the denominator q; for each Ω of which there are any."""
+    """Yield each irrational Ω with known convergents, its bracket, and those of its convergents.
+
+    The latter are a table with the columns of `fractions`, by the denominator q.
+    """
     for Ω, lower, upper, *_ in limits.itertuples():
         convergents = {Fraction(Ω).limit_denominator(q) for q in range(2, 65)}
         by_q = sorted((each.denominator, float(each)) for each in convergents)

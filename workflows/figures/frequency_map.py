@@ -8,7 +8,7 @@ _FEW_DIGITS = "0.85"
 
 
 def draw_frequency_map(cube):
-    """Draw ω of each start, grey where it has few digits, and those digits."""
+    """Draw ω of each start, grey where it has few digits, and the number of these digits."""
     wide, tall = (float(np.ptp(cube[f"{name}_bounds"].values)) for name in "xy")
     height = min(max(tall / wide, 0.4), 2)
     least = cube.attrs["regular_digits"]
@@ -17,7 +17,7 @@ def draw_frequency_map(cube):
     left.set_facecolor(_FEW_DIGITS)
     image = left.pcolormesh(*place, cube.omega, cmap="viridis", **look)
     few = f"grey: fewer than {least} digits"
-    figure.colorbar(image, ax=left, label=rf"$\omega$ (turns a step); {few}")
+    figure.colorbar(image, ax=left, label=rf"$\omega$ (turns per step); {few}")
     image = right.pcolormesh(*place, cube.digits, cmap="magma", vmin=0, vmax=14, **look)
     bar = figure.colorbar(image, ax=right, label=r"shared digits of $\omega$")
     bar.ax.axhline(least, color="white", lw=1)

@@ -6,7 +6,7 @@ from workflows.figures import planes, style
 
 
 def draw_last_barrier(barrier):
-    """Draw CB_gt, the last circles by angle, and the cusp of two kicks, or the bracket."""
+    """Draw CB_gt, the last circles by angle, and the cusp (of two kicks) or else the bracket."""
     figure, plane, strip, cusp = _canvas(around=barrier.angle[-1] > 180)
     reflection = planes.whole_of(barrier)
     styles = style.circle_styles(barrier.circle.values, reflection)

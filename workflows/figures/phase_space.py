@@ -8,14 +8,14 @@ from workflows.figures.style import in_column
 
 CHAOTIC = "#b3b3b3"
 COLOURS = [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 0.93, 254))]
-"""Of ω from the lowest to the highest; perceptually even, safe for colour-blind readers, and none
-as pale as the page."""
+"""Colours of ω from lowest to highest: perceptually uniform, safe for colour-blind readers, and
+never as pale as the page."""
 
 _SURVIVORS = 48  # points of the longest-lived start, at most
 
 
 def ends(orbits):
-    """Return the ω of the first and the last colour: 0 and P/2, in a part of the cell what is seen.
+    """Return ω of the first and the last colour: 0 and P/2, or in a part of the cell its extremes.
 
     orbits : Dataset by `workflows.shared.phase_space.portraits`.
     """
@@ -23,18 +23,18 @@ def ends(orbits):
     if orbits.attrs["box"][2:] == [1.0, 1.0] or near.size == 0:
         return 0.0, len(orbits.attrs["kappa"]) / 2
     low, high = float(near.min()), float(near.max())
-    return low, max(high, low + 1e-9)  # in an island all are alike
+    return low, max(high, low + 1e-9)  # in an island all ω are equal
 
 
 def places(orbits):
-    """Return the colour of each orbit, an integer: its place in COLOURS, -1 if it is chaotic."""
+    """Return the colour of each orbit as an index into COLOURS, -1 if the orbit is chaotic."""
     low, high = ends(orbits)
     share = (orbits.near.values - low) / (high - low) * (len(COLOURS) - 1)
     return np.where(np.isfinite(share), np.rint(np.nan_to_num(share)), -1).astype(int)
 
 
 def draw_orbits(axes, orbits):
-    """Draw the points of the orbits, the chaotic ones grey and behind, and a bar of the colours."""
+    """Draw the points of the orbits, the chaotic ones grey and behind, and a colour bar."""
     omega = orbits.near.values[orbits.which.values]
     order = np.argsort(np.isfinite(omega), kind="stable")
     (low, high), size = ends(orbits), 0.6 if in_column() else 1.2
@@ -50,7 +50,7 @@ def draw_orbits(axes, orbits):
 def draw_survivor(axes, x, y, **style):
     """Draw the longest-lived start's orbit as dots with gaps between them: it is not a circle.
 
-    x, y : of its points, in any order.
+    x, y : coordinates of its points, in any order.
     """
     spread = np.argsort(x % 1)[:: 1 + x.size // _SURVIVORS]
     size = 2.5 if in_column() else 4

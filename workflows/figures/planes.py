@@ -1,11 +1,11 @@
-"""What figures of planes of forcings share, for any plane."""
+"""Shared by the figures of any plane of forcings: symbols, labels and outlines."""
 
 import numpy as np
 
 from nasm.planes import plane_of, two_kicks
 from workflows.figures.style import INSIDE
 
-# Symbols for what the planes of the paper call their axes, in TeX and in plain text.
+# Symbols of the axes of the paper's planes, in TeX and in plain text.
 _SYMBOLS = {
     "strength of the first kick": (r"$\kappa_1$", "κ₁"),
     "strength of the second kick": (r"$\kappa_2$", "κ₂"),
@@ -25,7 +25,7 @@ def of_two_kicks(dataset):
 
 
 def whole_of(dataset):
-    """Return what ω and its image under the plane's symmetries sum to, 0 without an image."""
+    """Return the sum of ω and its image under the plane's symmetries, 0 without an image."""
     return max(shift for *_, shift in plane_of(dataset.attrs).symmetries)
 
 
@@ -35,7 +35,7 @@ def in_plane(dataset):
 
 
 def label_plane(axes, dataset):
-    """Label the axes of the plane, which have one scale; rays up to 180° have its upper half."""
+    """Label the axes of the plane, of equal scales; rays up to 180° show only its upper half."""
     xlabel, ylabel = symbols(plane_of(dataset.attrs).axes)
     axes.set(xlabel=xlabel, ylabel=ylabel, aspect="equal")
     if "angle" in dataset and dataset.angle[-1] <= 180:
@@ -45,7 +45,7 @@ def label_plane(axes, dataset):
 def outline(curve, factor=1):
     """Return both coordinates of a curve on rays, times a factor, all around the plane.
 
-    It is closed by (-x, -y) where its rays end at 180°: that half is left to symmetry.
+    If its rays end at 180°, the other half is (-x, -y), by symmetry.
     """
     x, y = (factor * part for part in in_plane(curve))
     if curve.angle[-1] > 180:

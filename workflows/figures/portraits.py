@@ -15,7 +15,7 @@ _KICKS_SHOWN = 80
 
 
 def draw_kicks(portraits):
-    """Draw T_{κ1κ2}, T_{κ2κ1}, the nonautonomous map, and one orbit: in the plane, in time."""
+    """Draw T_{κ1κ2}, T_{κ2κ1}, the nonautonomous map, and one orbit in the plane and in time."""
     figure = canvas(9, 11, 11 / 9)
     places = [["first", "second"], ["raw", "island"], ["time", "time"]]
     drawn = figure.subplot_mosaic(places, height_ratios=[1, 1, 0.4])
@@ -42,7 +42,7 @@ def draw_kicks(portraits):
 
 
 def _island_orbit(portraits):
-    """Return x in [-1/4, 3/4), which is around one of the islands, y and the kicks of the orbit."""
+    """Return x in [-1/4, 3/4), which does not cut an island, y and the kicks of the orbit."""
     x, y, kick = (portraits[name].values for name in ("island_x", "island_y", "kick"))
     return (x + 0.25) % 1 - 0.25, y, kick
 

@@ -1,10 +1,10 @@
-"""The bracket of the last barrier that is proved, around the plane and by angle."""
+"""The proved bracket of the last barrier, around the plane and by angle."""
 
 import numpy as np
 
 from workflows.figures.style import COLOURS, VERMILION, outer_legend, panels
 
-_CURVE = 90  # rays around the plane, from which on they are joined
+_CURVE = 90  # minimum number of rays around the plane to join them by a line
 _SIDES = {
     "upper": ("transport proved", VERMILION, "^-"),
     "lower": ("barrier proved", COLOURS[0], "v-"),
@@ -29,13 +29,13 @@ def draw_proved_boundary(barrier):
     plane.set_title("Forcings with a proof")
     near.set(yscale="log", xlim=(0, 90), xticks=range(0, 91, 15))
     near.set(xlabel=r"angle $\varphi$ of the ray (degrees)", ylabel=r"$|s/s_c - 1|$")
-    near.set_title("Distance from the breakup; other angles are images")
+    near.set_title("Distance from the breakup; other angles by symmetry")
     outer_legend(figure, 4)
     return figure
 
 
 def proved_boundary_caption(barrier):
-    """Describe the width of the unproved bracket, and the reach of the proofs along rays."""
+    """Describe the width of the proved bracket, and the reach of the proofs along rays."""
     width = ((barrier.proved_upper - barrier.proved_lower) / barrier.critical_scale).values
     proved = np.isfinite(width)
     if not proved.any():

@@ -52,7 +52,7 @@ def _rays(barrier):
 
 
 def _corners(triangles):
-    """Return the corners (n, 3, 2) of what is proved of the triangles."""
+    """Return the corners (n, 3, 2) of the proved parts of the triangles."""
     names = [[f"kappa{i}_{end}" for i in (1, 2)] for end in ("low", "high")]
     far = np.array([[triangles[name].values for name in row] for row in names])
     far = np.moveaxis(triangles.proved_below.values * far, 2, 0)

@@ -32,7 +32,7 @@ def draw_rotating_tori(tori, two, direct):
     """Draw the breakup of tori by residues of long orbits, against CB_gt of T, Fig. 11."""
     title = "Tori of rotating standard maps, and the last circle of $T$"
     figure, parts = _plane(title, two, direct, tori.critical_scale, 0.4)
-    x, y = outline(tori.assign_attrs(two.attrs))  # in the plane of T, though of other frequencies
+    x, y = outline(tori.assign_attrs(two.attrs))  # in the plane of T, despite other frequencies
     for part in parts:
         for i, vector in enumerate(tori.vector.values):
             look = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
@@ -61,7 +61,7 @@ def rotating_tori_caption(tori, two, direct):
 
 
 def _plane(title, two, direct, scale, inner):
-    """Draw CB_gt, the onset of transport, and × where a method has no answer, once a ray.
+    """Draw CB_gt, the onset of transport, and × on each ray where a method has no answer.
 
     Returns the figure, and the axes of the plane and of its corners, from `inner` on.
     """
@@ -70,7 +70,8 @@ def _plane(title, two, direct, scale, inner):
     for part in parts:
         label = r"$\mathit{CB}_{gt}$ of $T$" if part is axes else None
         fill_inside(part, two, edgecolor="black", lw=1, label=label)
-    # Next to the axes the rays are as close as the onset is uncertain: a fence of spikes.
+    # Next to the axes the spacing of rays is no larger than the error of the onset, whose line
+    # would be a row of spikes.
     away = np.abs((direct.angle.values + 45) % 90 - 45)
     onset = direct.isel(angle=np.flatnonzero((away == 0) | (away > 2)))
     words = rf"transport of $T$ within ${power(direct.attrs['n_max'])}$ steps"
@@ -122,6 +123,6 @@ def _tips(axes, inner):
     right, top = axes.inset_axes([0.7, 0.7, 0.27, 0.27]), axes.inset_axes([0.06, 0.7, 0.27, 0.27])
     along, across = (inner, 1), ((inner - 1) / 2, (1 - inner) / 2)
     for tip, x, y in ((right, along, across), (top, across, along)):
-        tip.set(xlim=x, ylim=y, xticks=[], yticks=[])  # the frame that it is zoomed from has them
+        tip.set(xlim=x, ylim=y, xticks=[], yticks=[])  # the main axes have them
         axes.indicate_inset_zoom(tip, edgecolor="0.4", lw=0.6)
     return right, top

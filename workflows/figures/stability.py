@@ -103,10 +103,10 @@ def _past_boundary(study):
     )
     return (
         f"Past the breakup {int((beyond.certified == 1).sum())} circles are certified. Converse "
-        f"KAM eliminates all starts from {_percent(eliminated)} beyond on, and wrongly in "
-        f"{int(np.isfinite(within.elimination_time).sum())} cases inside; a weighted Birkhoff "
-        f"average classifies an orbit as regular (5 digits) up to {_percent(regular)} beyond; of "
-        "100 orbits at least one escapes "
+        f"KAM eliminates all starts from {_percent(eliminated)} beyond the breakup, and wrongly in "
+        f"{int(np.isfinite(within.elimination_time).sum())} cases below it; a weighted Birkhoff "
+        f"average classifies an orbit as regular (5 digits) up to {_percent(regular)} beyond; at "
+        "least one of 100 orbits escapes "
         + (f"from {_percent(escaped)} beyond" if np.isfinite(escaped) else "nowhere")
         + (f" (in single precision from {_percent(single)})" if np.isfinite(single) else "")
         + f"; in single precision {int(np.isfinite(within.escape_time_single).sum())} ensembles "
@@ -143,7 +143,7 @@ def _fractions(study):
     large = ", ".join(f"{a:g}" for a in study.quotient.values)
     return (
         f"Irrational numbers close to fractions, [0;1,…,1,a,(1)] with a = {large}: of "
-        f"{study.q.size} for each a residues give no answer in {', '.join(map(str, silent[0]))} "
+        f"{study.q.size} for each a, residues give no answer in {', '.join(map(str, silent[0]))} "
         f"cases and continuation in {', '.join(map(str, silent[1]))}. Compared with longer orbits, "
         f"the error of continuation exceeds its claim in {wrong} cases."
     )
@@ -202,11 +202,16 @@ def _missed(study):
 
 
 def _draw_disorder(axes, study):
-    for i, name in enumerate(("lost", "right", "refused", "accepted")):
+    labels = {
+        "lost": "no convergence",
+        "right": "the orbit of 13/21",
+        "refused": "another orbit, refused",
+        "accepted": "another orbit, accepted",
+    }
+    for i, (name, label) in enumerate(labels.items()):
         for j, style in enumerate(("o-", "s--")):
-            label = name if j == 0 else None
             y = study[name].isel(noise=j)
-            axes.plot(study.scale, y, style, color=COLOURS[i], ms=4, label=label)
+            axes.plot(study.scale, y, style, color=COLOURS[i], ms=4, label="" if j else label)
     noises = " and ".join(f"{noise:g}" for noise in study.noise.values)
     axes.set(xlabel="scale $s$ of $s(1, 0.5)$", ylabel="fraction of starts")
     axes.set_title(f"Newton's method for 13/21, starts off by {noises}")

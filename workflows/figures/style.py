@@ -1,4 +1,4 @@
-"""What all figures share: colours, numbers in TeX, and how a figure is saved."""
+"""Shared by all figures: colours, numbers in TeX, and how a figure is saved."""
 
 from contextlib import contextmanager
 from functools import cache
@@ -17,15 +17,15 @@ from workflows.figures.files import write
 # Blue, orange, green, sky, red, violet, indigo: 17 or more apart in CIE Lab as a deuteranope and a
 # protanope see them, and as far from black, white and the greys below.
 COLOURS = ["#0072B2", "#E69F00", "#358600", "#56B4E9", "#8B0000", "#8A2BE2", "#332288"]
-VERMILION = "#D55E00"  # what stands out; the colour of no circle
+VERMILION = "#D55E00"  # for what must stand out; never for a circle
 
 INSIDE, NO_ESCAPE = "0.84", "0.95"
-"""Greys: where a barrier is left, and where none is left but nothing escapes."""
+"""Greys: where a barrier exists, and where there is no barrier but no orbit escapes either."""
 
 MARKERS = "o^sDvP*<>X"
 _DASHES = ["-", (0, (5, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (2, 1)), (0, (6, 1, 1, 1, 1, 1))]
 _DASHES += [(0, (9, 2)), (0, (1, 1)), (0, (9, 2, 1, 2)), (0, (4, 1, 4, 3)), (0, (3, 1, 1, 1))]
-_KINDS = 5  # the markers and dashes that a circle has by itself; the others are for those alike
+_KINDS = 5  # markers and dashes fixed by ω alone; the others tell apart circles that look alike
 
 
 def colour_of(i):
@@ -39,14 +39,14 @@ def line_of(i):
 
 @cache
 def circle_style(text, whole=0):
-    """Return {"color", "marker", "ls"} of the circle of ω, which its partial quotients fix.
+    """Return {"color", "marker", "ls"} of the circle of ω, determined by its partial quotients.
 
-    text : of ω; "" where it is not known. whole : as `circle_class` has it, whose classes count.
+    text : ω as text; "" if it is not known. whole : as in `circle_class`; a class has one style.
 
-    The colour is the sum of a - 1 over the quotients of [·; a, …], less that over those that
-    repeat: 0, blue, for the golden circle, and one more for each step away from it among the
-    noble ones. ω + 1 has the colour of ω; the marker and the dash tell them apart, as they do where
-    the seven colours come again.
+    The index of the colour is the sum of a - 1 over the quotients of [·; a, …], minus the same sum
+    over those that repeat: 0, blue, for the golden circle, and one more for each step away from it
+    among the noble ones. ω + 1 has the colour of ω, and the colours recur after seven; the marker
+    and the dash then tell the circles apart.
     """
     if not text:
         return {"color": "black", "marker": "x", "ls": "-"}
@@ -61,12 +61,13 @@ def _look(colour, kind):
 
 
 def circle_styles(circles, whole=0):
-    """Return {ω: its style} of all circles of a figure, no two alike in colour and marker, nor in
-    colour and dash.
+    """Return {ω: its style} of all circles of a figure, sorted by ω.
 
-    circles : texts of ω, "" where it is not known; of a circle and its image the class is named.
-    The shortest text has the look of `circle_style`; one that would look the same has another
-    marker and dash, or else another colour. The order is that of ω.
+    No two agree in colour and marker, nor in colour and dash.
+
+    circles : texts of ω, "" if it is not known; a circle and its image are listed as one class.
+    The shortest text has the style of `circle_style`; one that would look the same has another
+    marker and dash, or else another colour.
     """
     own = {
         text: circle_style(text, whole) for text in {circle_class(each, whole) for each in circles}
@@ -88,8 +89,8 @@ def _omega(text):
 
 
 COLUMN = 3.4  # inches, the width of a column of a journal
-_SMALLEST = 6.5  # points, of a text in a column
-_TALLEST = 0.65  # of the width, each of several panels in a column
+_SMALLEST = 6.5  # points, minimum size of text in a column
+_TALLEST = 0.65  # maximum height of a panel in a column of several, relative to its width
 _MARGIN = 0.04  # inches around a figure
 
 
@@ -104,7 +105,7 @@ _IN_COLUMN = {
 
 @contextmanager
 def sheet(column=False):
-    """Draw, and save, all figures within by matplotlib's defaults, whatever a matplotlibrc sets.
+    """Draw and save all figures inside with matplotlib's defaults, ignoring any matplotlibrc.
 
     column : for a column of a journal, 8 pt and no titles.
     """
@@ -117,13 +118,13 @@ def in_column():
 
 
 def canvas(width, height, tall):
-    """Return an empty figure of that size, in a column `tall` times as high as it is wide."""
+    """Return an empty figure of this size; in a column, `tall` times as high as it is wide."""
     figsize = (COLUMN, tall * COLUMN) if in_column() else (width, height)
     return Figure(figsize=figsize, layout="constrained")
 
 
 def panels(rows, columns, width, height, stack=True, **settings):
-    """Return a figure of that size and its axes, which are stacked in a column if they may be."""
+    """Return a figure of this size and its axes; `stack` allows stacking them in a column."""
     count, shape = rows * columns, height / rows / (width / columns)
     if in_column() and count > 1 and stack:
         rows, columns, width, height = count, 1, COLUMN, COLUMN * count * min(shape, _TALLEST)
@@ -132,21 +133,21 @@ def panels(rows, columns, width, height, stack=True, **settings):
 
 
 def key(axes, marks, hollow=""):
-    """Add marks to the legend, {format of a line: words}; of these the markers `hollow` are so."""
+    """Add marks to the legend, {format of a line: label}; the markers in `hollow` are hollow."""
     for mark, words in marks.items():
         face = "none" if mark in hollow else None
         axes.plot([], [], mark, color="0.4", mfc=face, lw=1, label=words)
 
 
 def name_circles(axes, styles, **more):
-    """Add circles to the legend, of `circle_styles`, by their markers."""
+    """Add the circles of `circle_styles` to the legend, by their markers."""
     for text, style in styles.items():
         label = rf"$\omega = {text}$" if text else r"$\omega$ not known"
         axes.plot([], [], label=label, **style | {"ls": "", "mew": 0.5} | more)
 
 
 def legend_below(axes, columns=2, in_column_columns=1, **style):
-    """Write the legend of one of several panels below it; its labels and ticks are made before."""
+    """Draw the legend of one of several panels below it; set its labels and ticks first."""
     figure, columns = axes.figure, in_column_columns if in_column() else columns
     ticks = axes.bbox.y0 - axes.xaxis.get_tightbbox().y0  # and the label, in pixels
     below = ScaledTranslation(0, -ticks / figure.dpi - 0.05, figure.dpi_scale_trans)
@@ -158,14 +159,14 @@ def legend_below(axes, columns=2, in_column_columns=1, **style):
 
 
 def outer_legend(figure, columns, in_column_columns=1, where="lower", **style):
-    """Write the figure's legend below it, or above, in so many columns of entries."""
+    """Draw the figure's legend below or above it, with this number of columns."""
     columns = in_column_columns if in_column() else columns
     style = {"fontsize": "small", **style}
     _make_room(figure.legend(loc=f"outside {where} center", ncols=columns, **style))
 
 
 def _make_room(legend):
-    """Let a column be higher by its legend, so that panels are not lower for it."""
+    """Make a figure for a column higher by its legend, so that the panels do not shrink."""
     if in_column():
         figure = legend.get_figure(root=True)
         height = legend.get_window_extent().height / figure.dpi
@@ -176,7 +177,7 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
     """Write the figure as NAME.png and NAME.pdf, and its caption, if it has one, as NAME.txt.
 
     Those for a column are NAME_column.png and so on. Several panels are lettered. Returns the paths
-    of the pictures, which carry the caption too.
+    of the pictures, whose metadata contain the caption too.
     """
     box = finish(figure)
     name += "_column" * in_column()
@@ -199,12 +200,12 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
 def drawn(draw, out, name, caption="", column=False):
     """Draw a figure by `draw()` and save it, see `save` and `sheet`.
 
-    Returns the paths, and in a line why there are none: "" if there are.
+    Returns the paths and an error message of one line, "" if the figure was saved.
     """
     try:
         with sheet(column):
             return save(draw(), out, name, caption), ""
-    except Exception as error:  # whatever it is, it does not stop what else is to be told
+    except Exception as error:  # an error in a figure must not stop the other output
         reason = str(error).strip().partition("\n")[0] or type(error).__name__
         return [], f"figure {name} could not be drawn: {reason}"
 
@@ -212,10 +213,10 @@ def drawn(draw, out, name, caption="", column=False):
 def finish(figure):
     """Letter and lay out a figure, once, as savefig would for each picture.
 
-    Returns what is saved of it, a Bbox in inches.
+    Returns the part of it to be saved, a Bbox in inches.
     """
     letter(figure)
-    if in_column():  # titles are left to the caption, and no text is too small to read
+    if in_column():  # the caption replaces titles, and no text is too small to read
         figure.suptitle("")
         for axes in figure.axes:
             axes.set_title("")
@@ -231,7 +232,7 @@ def finish(figure):
 
 
 def _show_whole_markers(figure):
-    """Let no marker be cut by an axis; points outside what is shown are dropped for that."""
+    """Draw markers on the edge of the axes whole; drop the points outside the axes for that."""
     for axes in figure.axes:
         for line in axes.lines:
             if line.get_transform() != axes.transData:
@@ -245,7 +246,7 @@ def _show_whole_markers(figure):
 
 
 def _close_up(figure):
-    """Move outer legends to the axes, which do not fill their place if their scales are equal."""
+    """Move outer legends next to the axes, which leave gaps if their scales are equal."""
     boxes = [axes.get_tightbbox() for axes in figure.axes]
     for legend in figure.legends:
         box, gap = legend.get_window_extent(), figure.dpi / 20
@@ -260,8 +261,10 @@ def _close_up(figure):
 
 
 def frame(figure):
-    """Return what is saved of a figure that is laid out, in inches: all of it, with nothing blank
-    around it, as where axes of equal scales do not fill their place. A column keeps its width."""
+    """Return the part of a laid-out figure to be saved, in inches: all, without blank margins.
+
+    Axes of equal scales may leave such margins. A figure for a column keeps its width.
+    """
     box = figure.get_tightbbox().padded(_MARGIN)
     return Bbox.from_extents(0, box.y0, COLUMN, box.y1) if in_column() else box
 
@@ -282,8 +285,10 @@ def letter(figure):
 
 
 def omega_label(text):
-    """Return the continued fraction in TeX, with the paper's name if it has one, its name alone in
-    a column."""
+    """Return the continued fraction in TeX, with the paper's name if it has one.
+
+    In a column, return the name alone.
+    """
     names = {str(parse(name)): name.replace("gamma", r"\gamma") for name in NAMES}
     if text in names:
         text = names[text] if in_column() else f"{names[text]} = {text}"
@@ -291,8 +296,10 @@ def omega_label(text):
 
 
 def known(breakdown):
-    """Drop the points whose claimed error is beyond 2% of the scale, with their places in the
-    plane, which are coordinates: gaps in the curves drawn."""
+    """Drop the points whose claimed error is beyond 2% of the scale: gaps in the curves drawn.
+
+    Their places in the plane, which are coordinates, are dropped too.
+    """
     sharp = breakdown.error < 0.02 * breakdown.critical_scale
     places = {
         name: place.where(sharp)
@@ -304,28 +311,28 @@ def known(breakdown):
 
 @cache
 def circle_class(text, whole=1):
-    """Return the text of ω in [1/2, 1] for that of ω in [0, 1]: by symmetry 1 - ω is as ω.
+    """Return the text of the larger of ω and its image under the symmetry, `whole` - ω.
 
-    whole : of ω and its image in the plane, P/2 if circles have one there, and else 0.
+    whole : the sum of ω and its image in the plane, P/2; 0 if circles have no image there.
     """
     omega = parse(text) if text else None
     return text if omega is None or float(omega) >= whole / 2 else str(moebius(omega, -1, whole))
 
 
 def longest_arcs(angle, classes):
-    """Return the classes that are last on 1% of the angle or more, the longest arc first."""
+    """Return the classes that are last on more than 1% of the angle, the longest arc first."""
     return [str(name) for name, share in arcs(angle, classes).items() if name and share > 0.01]
 
 
 def arcs(angle, names):
-    """Return the part of the angle of each of the names of rays, a Series, the largest first."""
+    """Return the fraction of the angle covered by each name, a Series, the largest first."""
     width = np.diff(np.r_[angle[0], (angle[1:] + angle[:-1]) / 2, angle[-1]]) / np.ptp(angle)
     shares = Series(width).groupby(np.asarray(names), sort=False).sum()
     return shares.sort_values(ascending=False, kind="stable")
 
 
 def draw_points(axes, x, y, classes, styles, size=3, **more):
-    """Draw points (x, y), each as `styles`, of `circle_styles`, has the class of its circle."""
+    """Draw points (x, y), each in the style of the class of its circle, see `circle_styles`."""
     for text, style in styles.items():
         selected = np.equal(classes, text)
         dots = style | {"ls": "", "mew": 0.5, "ms": size / 2 if in_column() else size, **more}
@@ -340,7 +347,7 @@ def mark_gaps(axes, x, silent, label="no answer"):
 
 
 def power(n):
-    """Return 10^5, 5·10^5, … in TeX; small numbers and those of more digits as they are."""
+    """Return n in TeX as 10^5, 5·10^5, …; small numbers and those of more digits unchanged."""
     if n < 1000 or n % 10 ** (len(str(n)) - 2):
         return str(n)
     exponent = len(str(n)) - 1
@@ -359,11 +366,11 @@ def cell(y):
 
 
 def has_flag(codes, meaning):
-    """Return where a variable of flags, `status` or `method`, has that meaning: bools."""
+    """Return, as bools, where a variable of flags, `status` or `method`, has this meaning."""
     flags = dict(zip(codes.flag_meanings.split(), codes.flag_values, strict=True))
     return codes == flags[meaning]
 
 
 def of_family(cube, family):
-    """Return the forcings of a family, by their parameter."""
+    """Return the forcings of a family, sorted by their parameter."""
     return cube.isel(forcing=np.flatnonzero(cube.family == family)).sortby("parameter")

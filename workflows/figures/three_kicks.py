@@ -19,7 +19,9 @@ def draw_three_kicks(three, two):
     else:
         left, right = figure.subfigures(1, 2, width_ratios=[1.05, 1])
     plane, strips = left.subplots(), right.subplots(len(exact), sharex=True, squeeze=False)[:, 0]
-    circles = three.circle.transpose("phase", "angle").values  # κ and -κ are alike, ω is not
+    circles = three.circle.transpose(
+        "phase", "angle"
+    ).values  # κ and -κ have one breakup, whose circles may differ
     styles = style.circle_styles(circles.ravel())
     label = r"$\mathit{CB}_{gt}$ of $T$ ($\Omega = 1/2$)"
     planes.fill_inside(plane, two, edgecolor="black", lw=1, label=label)

@@ -4,11 +4,11 @@ import numpy as np
 
 from workflows.figures import style
 
-_BINS = np.linspace(0, 1, 41)  # of strengths without a barrier, over κ_G
+_BINS = np.linspace(0, 1, 41)  # for strengths without a barrier, relative to κ_G
 
 
 def draw_tolerance(cube, laws, tried):
-    """Draw loss against ripple, with the laws, and `upper` of random forcings and climbs."""
+    """Draw loss against ripple with predicted laws, and `upper` of random forcings and climbs."""
     figure, (price, strengths) = style.panels(1, 2, 12, 5)
     _draw_losses(price, cube, laws)
     _draw_strengths(strengths, tried)
@@ -41,7 +41,7 @@ def _draw_losses(axes, cube, laws):
 def _draw_strengths(axes, tried):
     random, ends = (style.of_family(tried, family) for family in ("random", "climb"))
     upper, near = (random.upper / tried.golden).values, random.parameter.values < 0.1
-    # Circles are searched up to 1.001 κ_G; one that is broken there has `upper` of at most 1.
+    # Escapes are searched for up to 1.001 κ_G: a forcing without one has an `upper` above 1.
     escaping = upper <= 1
     kinds = {"ripple below 10%": near & escaping, "larger ripple": ~near & escaping}
     kinds |= {"hatched: upper bounds, by converse KAM": near & ~escaping, "": ~near & ~escaping}

@@ -1,10 +1,10 @@
-"""Breakup of tori of irrational frequency, and tori."""
+"""Breakup of tori of irrational frequency, and pictures of a torus."""
 
 import numpy as np
 
 from workflows.figures.style import colour_of, in_column, key, line_of, outer_legend, panels
 
-_CURVE = 12  # rays of a quarter plane from which on points are connected
+_CURVE = 12  # minimum number of rays of a quarter plane to connect points
 
 
 def draw_breakups(breakups):

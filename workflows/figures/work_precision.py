@@ -24,13 +24,13 @@ _BETTER = ("extrapolated", "value", "blow-up", "Aitken", "proved")
 
 
 _LEAST_RANGE = 12
-"""Ratio of the ends of the time axis, of which only powers of ten are labelled."""
+"""Minimum ratio of the ends of the time axis, on which only powers of ten are labelled."""
 
 
 def draw_work_precision(data):
     """Draw error against CPU time, a panel for each ray.
 
-    In a column, the better answers on the first two rays. Grey: below the error of the reference.
+    In a column, only the better answers on the first two rays. Grey: below the reference's error.
     """
     data = data.isel(ray=slice(2)) if in_column() else data
     columns = min(3, data.ray.size)

@@ -1,8 +1,9 @@
 """How much flux passes through the last circle after its breakup? ΔW and its power law.
 
-Just beyond CB_gt a cantorus remains: the area that crosses it in one step is the difference in
-action of minimax and minimizing orbits, and grows like (s/s_c - 1)^η, η = 3.01. An outlook of
-arXiv:1606.04824, Sec. VII; the method is that of MacKay, Meiss & Percival, Physica D 13 (1984) 55.
+Just beyond CB_gt a cantorus remains: the area that crosses it in one step (one period) is the
+difference in action of minimax and minimizing orbits, and grows like (s/s_c - 1)^η, η = 3.01. This
+is part of the outlook of arXiv:1606.04824, Sec. VII; the method is that of MacKay, Meiss &
+Percival, Physica D 13 (1984) 55.
 
 Two cubes, two tables and a figure in OUT. Distances beyond the breakup range up to 0.5, relative to
 it. The defaults take about a CPU minute.
@@ -34,7 +35,7 @@ def main(run, angle, least_excess, q_max):
     angles = np.unique(angle)
     excesses = geometric(
         least_excess, 0.5, 1 + int(8 * log10(0.5 / least_excess))
-    )  # eight a decade
+    )  # eight per decade
     last = last_barrier(two_kicks(), angles, 1e-3)
 
     def job(scales, circles):

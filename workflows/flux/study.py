@@ -8,10 +8,11 @@ from workflows.shared.rays import with_degenerate
 
 
 def law(excess, flux):
-    """Fit flux = C·x^η·exp(bx + cx²) to the logarithms, x the excess ≤ 3%.
+    """Fit flux = C·x^η·exp(bx + cx²) in the logarithms, where x is the excess, up to 3%.
 
-    The exponential is the first corrections to the law: without them η comes out 0.01 too small,
-    without c 10⁻⁵. Returns C, η and the standard errors of the fit; NaN for too few points.
+    The exponential holds the first corrections to the law: without them the fitted η is 0.01 too
+    small, and without c it is 10⁻⁵ too small. Returns C, η and the standard errors of the fit;
+    NaN for too few points.
     """
     known = np.isfinite(flux) & (flux > 0) & (excess <= 0.031)
     if known.sum() < 6:

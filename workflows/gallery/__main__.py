@@ -2,8 +2,9 @@
 
 Runs the commands one after another (arXiv:1606.04824, Figs. 1 to 11, and further results), each in
 its own directory in OUT, all on the same workers, and writes OUT/index.html. Each command resumes
-an earlier run. Below its figures the page shows a few lines of Python that read its cubes and
-redraw the main result; OUT/recipes has them as scripts and notebooks, to be run in OUT.
+an earlier run. Below the figures of a command the page shows a few lines of Python that read its
+cubes and redraw the main result; OUT/recipes contains them as scripts and notebooks, to be run in
+OUT.
 
 By default a preview of everything, about ten CPU minutes.
 """
@@ -32,7 +33,7 @@ EXHIBITS = listed("exhibits.toml")
 def recipe(name, out):
     """Write the recipe of a command into OUT/recipes, as a script and as a notebook, and return it.
 
-    The notebook has its docstring as text, and the rest as a cell.
+    The notebook has the docstring as a text cell, and the rest as a code cell.
     """
     script = Path(__file__).with_name("recipes").joinpath(f"{name}.py").read_text(encoding="utf-8")
     _, docstring, code = script.split('"""', 2)
@@ -65,7 +66,7 @@ def section_of(exhibit, out, quick):
 
 _NAMES = [exhibit.name for exhibit in EXHIBITS]
 _RELEASE = (
-    "Instead, write to DIR the data set for a DOI: CB_gt, the CB_ω of the six circles, and the "
+    "Instead, write the data set for a DOI to DIR: CB_gt, the CB_ω of the six circles, and the "
     "proved map with cells of 1/128, with certificates and checksums; 70 MB, ten CPU minutes."
 )
 
@@ -97,7 +98,7 @@ def main(out, full, yes, exhibit, release, quick, quiet, workers, scheduler, tls
         click.echo(f"release: {release}, {size / 1e6:.1f} MB")
         return
     if full and not (yes or scheduler):
-        message = "--full takes some four CPU hours; omit it for a preview, or add --yes"
+        message = "--full takes about four CPU hours; omit it for a preview, or add --yes"
         raise click.UsageError(message)
     Path(out).mkdir(parents=True, exist_ok=True)
     quick = not full

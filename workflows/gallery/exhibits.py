@@ -1,7 +1,7 @@
 """Exhibits: commands, their titles, and their options for a preview and for the full size.
 
 A release, the data set for a DOI, consists of the last barrier, the six circles of the paper, and
-the proved map. It has the output of these commands with the certificates, a README with the
+the proved map. It contains the output of these commands with the certificates, a README with the
 commands and versions, and the checksums of all files, SHA256SUMS.
 """
 
@@ -55,7 +55,7 @@ def run(exhibit, out, workers, quick, quiet):
 
 
 def command_of(exhibit, quick):
-    """Return the command line of an exhibit, which writes into the folder of its name."""
+    """Return the command line of an exhibit, which writes to the folder named after it."""
     start = ["python", "-m", f"workflows.{exhibit.name}"]
     return shlex.join([*start, *exhibit.options(quick), "--out", exhibit.name])
 
@@ -94,7 +94,7 @@ def _readme(folder, quick):
 
 The map of arXiv:1606.04824, computed by nasm {__version__}. Each cube, a folder NAME.zarr, is
 opened by `xarray.open_zarr(path)`; its attributes describe its numbers and how they were computed.
-The tables (CSV) have the same numbers.
+The tables (CSV) contain the same numbers.
 
 {parts}`sha256sum -c {SUMS}` checks all files. With nasm installed, `python -m workflows.verify
 --out FOLDER` checks the cubes of a folder, and `--proofs` the certificates as well.

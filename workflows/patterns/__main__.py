@@ -8,8 +8,8 @@ Pairs, in units of their period: p' = p + K sin 2πx/2π, then x' = x + εp', an
 To first order in K they drive resonances at all integers p = k, as strong as those of a standard
 map of strength 2K|cos πkε|, whose orbits of period one have R = K|cos πkε|/2. Those near
 p = 1/(2ε), where the two kicks cancel, are the weakest. There the second order in K, as ε → 0, is a
-kick of K²ε/2 sin 4πx: a standard map in 2x and 2p of strength K²ε. So circles there should break at
-√(κ_G/ε).
+kick of -K²ε/(4π) sin 4πx: a standard map in 2x and 2p of strength K²ε. So circles there should
+break at √(κ_G/ε).
 
 A cube, a table, a figure in OUT. The defaults take about ten CPU minutes, --quick one.
 """

@@ -12,7 +12,7 @@ PARAMETER = f"ε of {PAIRS}, P of {SIGNS}, M of {FLIPS}, share of the period kic
 
 
 def pair(p, q):
-    """Return a pair of kicks p/q of the period apart."""
+    """Return the profile of two kicks that are p/q of the period apart."""
     return [float(n in (0, p)) for n in range(q)]
 
 
@@ -31,7 +31,7 @@ def patterns(quick):
 
 
 def findings(cube):
-    """Describe the cube, with a verdict on each claim; on 1/3 from the brackets alone."""
+    """Describe the cube, and judge the claim on the spacing 1/3 from the brackets alone."""
     pairs = of_family(cube, PAIRS)
     lower, upper = (pairs[side] * pairs.period for side in ("lower", "upper"))
     third = np.isclose(pairs.parameter, 1 / 3)

@@ -17,8 +17,8 @@ MARKED = ((0.5, 0.12), (0.5, 0.36), (0.0, 0.44))
 def nonautonomous_dataset(n_orbits, n_max):
     """Iterate T_{κ1κ2}, T_{κ2κ1} and the nonautonomous map from the same starts.
 
-    x, y with dims (forcing, step, orbit); kick_x, kick_y (kick, orbit); and of one orbit in an
-    island island_x, island_y (kick).
+    x, y with dims (forcing, step, orbit); kick_x, kick_y (kick, orbit); and island_x, island_y
+    (kick) of one orbit in an island.
     """
     forcings = np.array([FORCING, FORCING[::-1]])
     x, y = np.stack([orbits.portrait(kappa, n_orbits, n_max) for kappa in forcings], axis=1)

@@ -1,4 +1,4 @@
-"""Lifetimes of families of invariant graphs, and escapes: in ramps, and by smoothness."""
+"""Lifetimes of families of invariant graphs, and escapes: in ramps, and against smoothness."""
 
 import numpy as np
 
@@ -14,20 +14,20 @@ from workflows.shared.tables import dataset
 
 _GOLDEN = float(parse("gamma"))
 EXPONENT = np.log(_GOLDEN) / (np.log(_GOLDEN) - np.log(UNSTABLE_EIGENVALUES[1,]))
-"""Predicted exponent 0.497 of the kicks ~ r^-0.497.
+"""Predicted exponent 0.497: graphs are excluded after ~ r^-0.497 kicks.
 
-Times grow by 1/γ for each factor δ of κ - κ_G, and r by δ/γ.
+As κ - κ_G shrinks by a factor δ, times grow by 1/γ, and r shrinks by δ/γ.
 """
 
 ESCAPES = power_law.FLUX / (1 + power_law.FLUX)
-"""Predicted exponent 0.751 of the kicks after which the first orbit has crossed.
+"""Predicted exponent 0.751: the first orbit has crossed after ~ r^-0.751 kicks.
 
-It follows from the sum of the flux ~ (rn)^3.01.
+It follows from the flux ~ (rn)^3.01, summed over the kicks.
 """
 
 _PLACES = np.array(
     [0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3]
-)  # of the lines, in units of r^-0.497 kicks
+)  # positions of the lines of starts, in units of r^-0.497 kicks
 JUMPS = "square", "Fibonacci", "Thue-Morse", "random"
 SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
 
@@ -103,7 +103,7 @@ def _shapes(n):
     shapes = {"period two": 1 - 2 * (n % 2), "cosine": np.cos(2 * np.pi * phase)}
 
     def waves(phase, power):
-        # Not numbers of Python, whose sum has another rounding from 3.12 on.
+        # NumPy numbers: from Python 3.12 on, sum() rounds Python's own floats differently.
         return sum(np.cos(2 * np.pi * k * phase) / k**power for k in odd)
 
     for power in (4, 3, 2):
@@ -128,7 +128,7 @@ def findings(ramp, irregular):
         _power("graphs are excluded", ramp.lost, EXPONENT),
         _power("the first of 64 orbits crosses", ramp.escaped, ESCAPES),
         finding(
-            "smoothness in the phase decides, not quasiperiodicity",
+            "smoothness in the phase, not quasiperiodicity, decides whether barriers persist",
             "with jumps (square, Fibonacci, Thue-Morse and random kicks) graphs are excluded "
             f"within {lifetimes} kicks under {int(excluded.sum())} of {excluded.size} forcings, "
             f"and orbits cross within {crossed} kicks under {int(through.sum())}; with Fourier "

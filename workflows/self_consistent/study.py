@@ -77,7 +77,7 @@ def fields(couplings, n_particles, n_max):
         "theta": (per_kick, theta, "phase θ_n on the lift, in turns"),
         "spectrum": (("coupling", "frequency"), spectra, spectrum),
         "x": (per_particle, from_phase, "x - θ mod 1 after the last kick"),
-        "y": (per_particle, [run.y[:_SHOWN] for run in runs], "y after it"),
+        "y": (per_particle, [run.y[:_SHOWN] for run in runs], "y after the last kick"),
         "escape": ("coupling", np.min(escapes, axis=1), escaped),
         "momentum_change": ("coupling", np.abs(change), conserved),
     }

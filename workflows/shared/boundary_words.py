@@ -39,19 +39,19 @@ def describe_boundary(barrier: xr.Dataset) -> str:
     share = ", ".join(f"{circle or 'undecided'} {share:.0%}" for circle, share in large.items())
     others = len(shares) - len(large)
     width = ((barrier.upper - barrier.lower) / barrier.critical_scale).dropna("angle")
-    bracket = "no bracket was found"
+    bracket = "No ray has a bracket"
     if width.size:
         bracket = (
-            "the boundary is bracketed by a certified circle (below) and converse KAM (above); the "
-            f"bracket's relative width is {float(width.median()):.1e} in the median and at most "
+            f"On {plural(width.size, 'ray')} the boundary is bracketed by a certified circle (below) "
+            f"and converse KAM (above); the bracket's median relative width is {float(width.median()):.1e}, the largest "
             f"{float(width.max()):.1e}"
         )
     undecided = plural(int(barrier.critical_scale.isnull().sum()), "ray")
     onset = f"Global transport begins at κ = {'; '.join(places)}. " if two else ""
     return (
-        f"{onset}The last circle to break, by its share of the angle {where}: {share}"
+        f"{onset}The last circles to break, by their share of the angle {where}: {share}"
         f"{', and ' + plural(others, 'other') if others > 0 else ''}. "
-        f"On {plural(barrier.angle.size, 'ray')} {bracket}. Undecided: {undecided}."
+        f"{bracket}. Undecided: {undecided}."
     )
 
 

@@ -74,7 +74,7 @@ class StrengthOrFile(Strength):
     ) -> Any:
         """Return a float or a Path."""
         with suppress(ValueError):
-            return parse_float(value)  # also where a file has such a name
+            return parse_float(value)  # even if a file has this name
         if os.path.isfile(value):
             return Path(value)
         if os.path.splitext(str(value))[1][1:].isalpha():
@@ -91,8 +91,10 @@ def no_such_option(context: click.Context, word: str) -> click.NoSuchOption:
 
 
 class _Command(streams.Prepared, click.Command):
-    """A command that suggests options for a mistyped one, also after a single dash, and lists
-    advanced options last in its help."""
+    """A command that suggests similar options for a mistyped one, and lists advanced ones last.
+
+    It also recognizes mistyped options after a single dash.
+    """
 
     def format_options(self, context: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options under two headings."""
@@ -109,20 +111,20 @@ class _Command(streams.Prepared, click.Command):
     def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
         """Parse the options; suggest others for a mistyped one."""
         arguments = context.meta[_ARGUMENTS] = [*args]
-        if context.ignore_unknown_options:  # of "-scheduler" click would take -h, for help
+        if context.ignore_unknown_options:  # click would read -h in "-scheduler"
             mistyped = filter(re.compile("-(?!inf|nan)[A-Za-z]{2}").match, args)
             if word := next(mistyped, None):
                 raise no_such_option(context, word)
         try:
             return super().parse_args(context, args)
-        except click.NoSuchOption as error:  # of "-out" click reports "-o" alone
+        except click.NoSuchOption as error:  # for "-out" click reports "-o"
             typed = error.option_name
             word = next((word for word in arguments if word.startswith(typed)), typed)
             raise no_such_option(context, word) from None
 
 
 def command_line() -> str:
-    """Return the command line of the command that runs, as `python -m` takes it; "" if none."""
+    """Return the running command as a command line of `python -m`; "" if none is running."""
     context = click.get_current_context(silent=True)
     return context.meta.get(_LINE, "") if context else ""
 
@@ -148,14 +150,14 @@ def command(**settings: Any) -> Decorator:
             words = ["python", "-m", f"workflows.{name}", *meta[_ARGUMENTS]]
             meta[_LINE] = shlex.join(words)
             keep_freed_memory()
-            os.environ.pop("MPLBACKEND", None)  # figures go to files; an unknown one is an error
-            # A user's matplotlibrc that is not even text would break the import of matplotlib.
+            os.environ.pop("MPLBACKEND", None)  # figures go to files; an unknown backend fails
+            # A user's matplotlibrc that is not a text file would break the import of matplotlib.
             origin = Path(str(find_spec("matplotlib").origin))  # type: ignore[union-attr]
             os.environ["MATPLOTLIBRC"] = str(origin.parent / "mpl-data" / "matplotlibrc")
             try:
                 return function(**options)
             except KeyboardInterrupt:
-                click.echo("abandoned; run the same command again to resume", err=True)
+                click.echo("interrupted; run the same command again to resume", err=True)
                 sys.exit(130)
             except ImportError as error:
                 if error.name == "flint":
@@ -275,7 +277,7 @@ def parsed(
     Parameters
     ----------
     name : str
-        Of the option; several names are separated by spaces.
+        Name of the option; several names are separated by spaces.
     default : str or tuple of str
         The text that is parsed by default.
     parse : callable
@@ -369,7 +371,9 @@ _PLANES = (
     "or FILE.json."
 )
 plane_option = parsed("--plane", "two-kicks", _plane, "PLANE", f"Plane of forcings: {_PLANES}")
-point_option = parsed("--plane", None, _plane, "PLANE", f"KAPPA is a point of it: {_PLANES}")
+point_option = parsed(
+    "--plane", None, _plane, "PLANE", f"Plane in which KAPPA is a point: {_PLANES}"
+)
 
 
 def preset(name: str, purpose: str, **settings: Any) -> Decorator:
@@ -415,7 +419,8 @@ def plane_options(n_max: int, tile: int, levels: int, precision: str) -> Decorat
         axis("--second", "0:1.1:128", "Second coordinate: the same."),
         whole("--n-max", n_max, 1, 10**12, "Steps (periods of the forcing) of each orbit."),
         increasing(
-            "--n-orbits", "64", 10**8, "Orbits per forcing; several numbers: nested ensembles."
+            *("--n-orbits", "64", 10**8),
+            "Orbits per forcing; several numbers give nested ensembles.",
         ),
         choice(
             *("--precision", ["double", "single"], precision),
@@ -459,12 +464,12 @@ class _Directory(click.ParamType):
         self, value: Any, parameter: click.Parameter | None, context: click.Context | None
     ) -> str:
         if not value:
-            self.fail("it is empty, perhaps an unset variable; write . for the current directory")
+            self.fail("it is empty (an unset variable?); write . for the current directory")
         if "://" not in value:
             return _at_home(value)
         if not self.url:  # the message does not repeat a URL, which may hold a password
             self.fail(
-                "a directory is needed, for tables and figures too; cubes can be at a --store"
+                "a directory is needed, also for tables and figures; cubes can go to a --store"
             )
         return value
 
@@ -472,7 +477,7 @@ class _Directory(click.ParamType):
 FILE, DIRECTORY = _File(exists=True, dir_okay=False), _Directory()
 _WORKERS = "Worker processes on this machine.  [default: one per core]"
 _OUT = "Directory of the results; an earlier run in it is resumed."
-_RUNS = "Directory of one run or several: all folders in it that hold cubes."
+_RUNS = "Directory of one or more runs: all folders in it that hold cubes."
 _STORE = """Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), or in another
 directory instead of OUT. Credentials come from the environment."""
 _SCHEDULER = """Compute on a running dask cluster instead of this machine: address of its scheduler,
@@ -480,7 +485,7 @@ tcp://HOST:PORT or tls://HOST:PORT, or path of its scheduler file. Its workers m
 files."""
 _TLS = "Certificate files for a tls:// scheduler."
 _YES = "Run even if the predicted time exceeds ten minutes."
-# Options that shorten a run if they are reduced, and if they are increased.
+# Options that shorten a run when reduced, and options that shorten it when increased.
 _SMALLER = (
     *("--n-rays", "--n-cusp-rays", "--first", "--second", "--primary", "--secondary", "--cells"),
     *("--n-max", "--n-orbits", "--n-particles", "--q-max", "--max-denominator"),
@@ -536,7 +541,7 @@ def announce_kernels(quiet: bool = False) -> None:
 
     begin_without_scipy()
     if are_missing() and not quiet:
-        click.echo("compiling kernels, once per machine: about 20 s", err=True)
+        click.echo("compiling kernels, once per machine: about half a minute", err=True)
 
 
 def writes(function: Callable[..., Any]) -> Any:
@@ -572,5 +577,5 @@ def writes(function: Callable[..., Any]) -> Any:
 
 
 def sweeps(function: Callable[..., Any]) -> Any:
-    """As `writes`, with --store and the options of the cluster."""
+    """Like `writes`, with --store and the options of the cluster in addition."""
     return writes(together(store_option, cluster_options)(function))

@@ -29,7 +29,7 @@ _PIXELS = 400
 
 
 def steps_up_to(n_max: int) -> IntArray:
-    """Return 33 step numbers from 100 to n_max, equally spaced in the logarithm."""
+    """Return up to 33 step numbers from 100 to n_max, equally spaced in the logarithm."""
     return np.unique(np.rint(np.geomspace(100, n_max, 33)).astype(int))
 
 

@@ -1,4 +1,4 @@
-"""The field of first escape times over a plane, refined where its boundaries run."""
+"""The field of first escape times over a plane, refined along its boundaries."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class Grid:
     n_orbits : list of int
         Increasing sizes of the nested ensembles.
     tile : int
-        Cells along each side of a tile, at least; see `grid.join_tiles`.
+        Minimum number of cells along each side of a tile; see `grid.join_tiles`.
     levels : int
         Levels of refinement, each with cells half as wide.
     follow : list of int

@@ -10,9 +10,10 @@ from nasm.types import FloatArray
 
 
 def read_forcings(words: Sequence[float | Path]) -> tuple[list[FloatArray], bool]:
-    """Return the forcings of KAPPA ..., strengths or one file, and whether that is a table.
+    """Return the forcings of KAPPA ..., strengths or one file, and whether the file is a table.
 
-    ValueError if a file comes with other arguments, or contains anything but numbers.
+    ValueError if a file comes with other arguments, or contains anything but numbers, comments and
+    the names of columns.
     """
     paths = [word for word in words if isinstance(word, Path)]
     if not paths:
@@ -63,7 +64,7 @@ def _decoded(content: bytes) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise ValueError("not a text in UTF-8, e.g. one in UTF-16; save it as UTF-8") from None
+        raise ValueError("not a text in UTF-8, perhaps one in UTF-16; save it as UTF-8") from None
 
 
 def _words(line: str) -> list[str]:

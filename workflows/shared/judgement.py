@@ -18,7 +18,7 @@ class Verdict(Enum):
 def grade(
     measured: Any, literal: bool, weaker: bool = False, known: bool = True
 ) -> tuple[Any, Verdict]:
-    """Judge by whether a claim holds literally, or in a weaker sense.
+    """Judge a claim by whether it holds literally, or in a weaker sense.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def grade(
 def finding(
     claim: str, measured: str, literal: bool, weaker: bool = False, known: bool = True
 ) -> str:
-    """Return a claim, its verdict, see `grade`, and what was measured, in sentences."""
+    """Return sentences: a claim, its verdict (see `grade`), and what was measured."""
     _, verdict = grade(measured, literal, weaker, known)
     if not known:
         return f"Claim: {claim}. Not decided: the run has too few values."

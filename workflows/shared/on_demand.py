@@ -110,12 +110,12 @@ def residues(start: FloatArray, profile: FloatArray, omega: RotationNumber) -> d
     start, profile : arrays, shape (P,)
         The segment of forcings start + s·profile, s from 0 to 1.
     omega : RotationNumber
-        Its convergents are those of the orbits.
+        The orbits are those of its convergents.
 
     Returns
     -------
     dict
-        "at": the s, "residue": NaN where an orbit is not found, both lists of lists; "orbit":
+        "at", the values of s, and "residue", NaN where no orbit is found: lists of lists; "orbit":
         names.
     """
     minimax = action.ConvergentOrbits(start, profile, distinct_convergents(omega, _MAX_Q))

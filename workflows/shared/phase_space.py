@@ -1,7 +1,7 @@
 """Orbits in a box of phase space with their rotation numbers, as Datasets.
 
 In the whole cell the starts are those of `orbits.portrait`. In a smaller box they are spread over
-the box, and only points inside it are kept, so that a small box shows as many points.
+the box, and only points inside it are kept, so that a small box shows just as many points.
 """
 
 from collections.abc import Iterable, Iterator
@@ -50,7 +50,7 @@ def portraits(
     box : (left, bottom, width, height)
         As for `orbits.passages`.
     added : array_like, shape (n, 2)
-        More starts (x, y).
+        Additional starts (x, y).
     every : int, optional
         Kicks from one point to the next; by default one step.
     first : int
@@ -84,7 +84,7 @@ def _starts(box):
         x, y = orbits.portrait([0.0], _N_ORBITS, 0)
         return np.stack([x[0], y[0]], axis=1)
     left, bottom, width, height = box
-    # Multiples of powers of the plastic number, mod 1, fill a square as evenly as γ's do a line.
+    # Multiples of the plastic number's powers, mod 1, fill a square as evenly as γ's fill a line.
     steps = np.array([0.7548776662466927, 0.5698402909980532])
     places = np.arange(1, _N_ORBITS + 1)[:, None] * steps
     return np.array([left, bottom]) + places % 1 * np.array([width, height])
@@ -146,7 +146,7 @@ def periodic_orbits(
     located : list of (p/q, family, x, y, residue)
         The family is "minimizing" or "minimax".
     missing : list of str
-        A sentence for each fraction whose orbits are missing: why.
+        For each fraction whose orbits are missing, a sentence that explains why.
     """
     located, missing = [], []
     for fraction in fractions:

@@ -1,4 +1,4 @@
-"""Rays of planes of forcings, and what cubes say about them."""
+"""Rays in planes of forcings: their angles, the texts of their circles, and cubes on them."""
 
 from collections.abc import Mapping
 
@@ -83,9 +83,9 @@ def with_ratio(
     scale : array
         The scales of the reference on the same rays.
     reference : str
-        What the reference is, for the label.
+        Description of the reference, for the label.
     name : str
-        Of the new variable.
+        Name of the new variable.
     side : str
         The variable of the cube that is divided.
     """

@@ -35,7 +35,7 @@ Wanted = set[tuple[int, ...]] | None
 
 MAX_REASONS = 10  # failed tiles whose reasons are printed
 _MIN_ANNOUNCED_SECONDS = 5  # predicted CPU time from which a run is announced
-_DRAWING_SECONDS = 7  # typical CPU time of findings, one or two figures, and the end of workers
+_DRAWING_SECONDS = 7  # typical CPU time of findings, one or two figures, stopping workers
 LONGEST = 600  # seconds that a run may take without --yes
 
 # Cubes without tiles depend on the mathematics and on this package, except the figures, which only
@@ -99,8 +99,8 @@ class Run:
     quiet : bool
         Print no progress.
     shorter : str, optional
-        Advice on how to shorten the run; it is then refused if it is predicted to take longer than
-        LONGEST. Without it any run is allowed.
+        Advice on how to shorten the run. With it a run that is predicted to take longer than
+        LONGEST is refused; without it any run is allowed.
     """
 
     line: Progress
@@ -166,7 +166,7 @@ class Run:
         studies: Iterable[tuple[Cube, float]] = (),
         drawing: float = _DRAWING_SECONDS,
     ) -> Iterator["Run"]:
-        """As `driving`, with workers for the sweeps; a place with other settings is refused first.
+        """Like `driving`, with workers for sweeps; a place with other settings is refused first.
 
         Parameters
         ----------
@@ -290,7 +290,7 @@ class Run:
         Parameters
         ----------
         cube : Cube
-            Its name and all settings that decide it, by `pipeline.cubes.cube.untiled`.
+            Its name and all settings that determine it, from `pipeline.cubes.cube.untiled`.
         compute : callable
             () → Dataset; called if the place does not hold the cube, which is then written.
         parts : str
@@ -351,7 +351,7 @@ def _echo_paths(kind: str, paths: Iterable[str]) -> None:
 
 @contextmanager
 def usage_errors(place: Any) -> Iterator[None]:
-    """Turn errors that a user can mend into one line and exit code 2 or 1.
+    """Turn errors that a user can fix into one line and exit code 2 or 1.
 
     place : Place or str, for the messages.
     """

@@ -1,6 +1,6 @@
 """Standard output and error in any state that a session leaves them in.
 
-Letters that the encoding of a stream lacks, as κ in latin-1, are written as \\u03ba. If the reader
+Characters that a stream's encoding lacks, e.g. κ in latin-1, are written as \\u03ba. If the reader
 (`| head -1`) or the terminal disappears, the run continues: later output is dropped, and files are
 still written. A closed stream is replaced by /dev/null. If findings cannot be written, as on a full
 disk, the command fails; messages that cannot be written are ignored.
@@ -47,7 +47,7 @@ def prepare() -> None:
     for name, descriptor in (("stdout", 1), ("stderr", 2)):
         if (stream := getattr(sys, name)) is getattr(sys, f"__{name}__"):
             raw = io.BufferedWriter(_Stream(descriptor, "w", closefd=False))
-            encoding = getattr(stream, "encoding", "utf-8")  # None, where it is closed, has none
+            encoding = getattr(stream, "encoding", "utf-8")  # a closed stream is None
             safe = io.TextIOWrapper(raw, encoding, "backslashreplace", line_buffering=True)
             setattr(sys, name, safe)
 

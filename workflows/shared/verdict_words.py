@@ -13,7 +13,7 @@ from nasm.verdicts import Answer, Evidence, Verdict
 from pipeline.sweep.progress import plural
 
 MAX_LISTED = 8
-"""Kicks up to which a forcing is written out."""
+"""Maximum number of kicks for which a forcing is written out."""
 
 Point = tuple[Plane, tuple[float, float]] | None
 """A plane and the two coordinates of a forcing in it; None for a forcing in no plane."""

@@ -17,14 +17,14 @@ from nasm.tori import last_torus
 from pipeline.cubes.cube import angles_of_rays, field_arrays, status_code, text
 from workflows.shared.tables import columns, dataset, described, outcomes
 
-_NUMBERS = {"value": "value", "error": "error", "lower": "lower"}  # of a CriticalScale
+_NUMBERS = {"value": "value", "error": "error", "lower": "lower"}  # fields of a CriticalScale
 _LIVES = {
-    "elimination_time": "steps in which converse KAM eliminates all starts; inf: not all",
+    "elimination_time": "steps until converse KAM has eliminated all starts (inf if some survive)",
     "digits": "digits of the weighted Birkhoff average of the longest-lived start",
-    "escape_time": "first escape of 100 orbits, steps; inf: none",
+    "escape_time": "steps until the first of 100 orbits escapes (inf if none does)",
 }
 _GOLDEN = (5**0.5 - 1) / 2
-_PAIRS = {  # at a distance from a resonance
+_PAIRS = {  # (ω, Ω) at a distance δ from a resonance
     "Ω = 1/3 + δ": lambda delta: (_GOLDEN, 1 / 3 + delta),
     "2ω = Ω + δ": lambda delta: ((2**0.5 - 1 + delta) / 2, 2**0.5 - 1),
     "13ω = 8 + δ": lambda delta: ((8 + delta) / 13, 2**0.5 - 1),
@@ -35,8 +35,8 @@ def near_cusp(quick):
     """1. Compare values and errors next to the cusp at 45° with longer runs.
 
     The methods are `periodic` and `circles.continuation` for the circle of γ, and
-    `converse_kam.symmetry_line` and `barriers` for the last circle. The reference are residues of
-    orbits ten times longer, and where these fail, lifetimes a hundred times longer.
+    `converse_kam.symmetry_line` and `barriers` for the last circle. The references are residues
+    of orbits ten times longer and, where these fail, lifetimes a hundred times longer.
     """
     gamma, deltas = parse("gamma"), np.geomspace(10, 1e-5, 5 if quick else 13)
     q_max = 15_000 if quick else 60_000
@@ -66,8 +66,8 @@ def near_cusp(quick):
     distance = deltas, described("distance 45° - φ from the cusp", "degree")
     variables = {
         "off": (dims, off, "difference from the most accurate value known, relative to it"),
-        "error": (dims, claimed, "error that the method claims, relative"),
-        "judge_error": (dims, uncertain, "error that the most accurate method claims"),
+        "error": (dims, claimed, "relative error that the method claims"),
+        "judge_error": (dims, uncertain, "relative error that the most accurate method claims"),
         "status": outcomes(dims, scales["status"].T[0]),
     }
     title = "Distance to the cusp at 45 degrees"
@@ -103,10 +103,10 @@ def past_boundary(quick):
 
 
 def disguised_fractions(quick):
-    """3. Break circles of fractions disguised as irrational, [0;1,…,1,a,(1)], on (0.3, 0.2).
+    """3. Compute breakups on (0.3, 0.2) of circles close to fractions p/q, [0;1,…,1,a,(1)].
 
-    They lie at 1/(aq²) from p/q and, for large a, break long before the golden circle, whose first
-    convergents they share. The reference are residues of orbits long enough for the quotient a.
+    They lie 1/(aq²) from p/q and, for large a, break long before the golden circle, whose first
+    convergents they share. The reference is the breakup by residues of longer orbits.
     """
     kappa, large = np.array([0.3, 0.2]), (10, 100, 10**6)
     ones = range(3, 10 if quick else 17)
@@ -153,7 +153,7 @@ def beyond_the_twist(quick):
     status, least, *lifetimes = _over(angles, scales, answers)
     coords = {"angle": angles_of_rays(angles), "scale": (scales, "scale s of the forcing")}
     variables = {
-        "twist": ([*coords], least, "least ∂x'/∂y of a step"),
+        "twist": ([*coords], least, "smallest ∂x'/∂y of a step"),
         **columns([*coords], _LIVES, lifetimes),
         "circle": outcomes([*coords], status),
     }
@@ -237,7 +237,7 @@ def disordered_orbits(quick):
                     outcome = 1 if same else 3
                 counts[outcome, i, j] += 1
     coords = {
-        "noise": (list(noises), "rms deviation from the rotation, turns"),
+        "noise": (list(noises), "rms deviation from the rotation, in turns"),
         "scale": (scales, "scale s of the forcing s·(1, 0.5)"),
     }
     labels = {
@@ -255,7 +255,7 @@ def nearly_resonant(quick):
     """7. Compute breakups of tori of pairs (ω, Ω) at a distance δ from a resonance.
 
     The reference is converse KAM for all tori of that Ω. Beyond its bound, tori of the first pair
-    are searched on grids of up to n points.
+    are searched for on grids of up to n points.
     """
     deltas = np.e * 10.0 ** -np.array([2, 5, 10] if quick else range(2, 13))
     profile, tol, kicks = ray(45), *((0.1, 1000) if quick else (0.03, 8000))
@@ -273,7 +273,7 @@ def nearly_resonant(quick):
     coords = {
         "pair": text("pair", pairs, "rotation vector"),
         "delta": (deltas, "distance δ from the resonance"),
-        "n": (sizes, "most grid points"),
+        "n": (sizes, "largest number of grid points"),
         "excess": (excess, "scale relative to upper, minus 1"),
     }
     variables = {

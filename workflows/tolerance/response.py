@@ -10,7 +10,7 @@ H dx = -sin(2πx_n)/(2π)·dκ_n. A ripple of P kicks changes R to first order o
 period of the orbit. Renormalise h times, where F_h is the first Fibonacci number that P divides:
 kick n becomes kick F_{h+1}·n, and the ripple cos 2πkn/P becomes that of the mode ±F_{h+1}·k, for
 some odd P with the opposite sign. Along a cycle of such modes (1 alone, except for P = 5 and 8) the
-response grows by λ in each step.
+response grows by λ per renormalisation on average.
 """
 
 from functools import cache
@@ -47,7 +47,7 @@ def orbits(n):
 
 
 def response(orbit, f):
-    """Return dR/dd of an orbit of constant kicks under κ_G(1 + d·f_n), f of the orbit's period."""
+    """Return dR/dd of an orbit of constant kicks under κ_G(1 + d·f_n); f has the orbit's period."""
     x = orbit.sites()
     moved = splu(_ring(x, 1.0)).solve(-golden() * f * np.sin(2 * np.pi * x) / (2 * np.pi))
     step = 1e-30j  # for complex-step differentiation
@@ -62,15 +62,15 @@ def _ring(x, strength):
 
 
 def steps(period):
-    """Return h, the first with F_h = 0 mod P."""
+    """Return the smallest h with F_h = 0 mod P."""
     return next(h for h in count(1) if fibonacci(h) % period == 0)
 
 
 def finer(circle, period, mode):
-    """Return the circle, as text per period, and the mode that h renormalisations map to these."""
+    """Return the circle (text, per period) and the mode that h renormalisations map to these."""
     omega, h = parse(circle), steps(period)
     a, b, c = map(fibonacci, (h - 1, h, h + 1))
-    sign = 1 if float(omega) > period / 2 else -1  # of ω per kick, or 1 - ω: the one next to γ
+    sign = 1 if float(omega) > period / 2 else -1  # take ω per kick, or 1 - ω: the one near γ
     per_kick = moebius(omega, sign, period * (sign < 0), 0, period)
     image = next(k for k in range(1, period) if k * c % period in (mode, period - mode))
     return str(moebius(per_kick, period * a, period * b, b, c)), min(image, period - image)
@@ -85,7 +85,7 @@ def modes(period):
 
 
 def growth(period, mode):
-    """Return the growth of ln of the response per renormalisation, and if odd ripples change sign.
+    """Return the growth of ln of the response over h renormalisations, and whether signs change.
 
     The growth is that of the longest orbits, and of the next shorter ones, NaN without these.
     """

@@ -50,16 +50,16 @@ def laws(cube):
     """Predict the exponent of the loss by cosine ripples of P = 2 to 8, and measure it.
 
     predicted : from δ^h, by which the loss grows in the h renormalisations of each mode of the
-    cycle, and from the growth of the ripple by the responses; its error is the change by longer
-    orbits. measured : from the losses of the last circle under a ripple of the cube, and of the
-    `finer` one; its error is that of the losses plus the larger of two terms: the change from a
-    larger ripple, and 2.5 times the first loss. orbits : the period from which on orbits resolve
-    the renormalised ripple of 1%.
+    cycle, and from the growth of the ripple by the responses; its error is the change when longer
+    orbits are used. measured : from the losses of the last circle under a ripple of the cube, and
+    of the `finer` one; its error is that of the losses plus the larger of two terms: the change
+    from a larger ripple, and 2.5 times the first loss. orbits : the period from which orbits
+    resolve the renormalised ripple of 1%.
 
     Corrections are large: for P = 4 the law extrapolates from 0.3% to a loss of 0.00173, where
-    residues of the finer circle give 0.00301 up to periods of 46 000, and it is certified at
-    0.0032. There the responses of minimax orbits of 8 to 144 kicks grow by e^5.2, of 2584 to 46 368
-    by e^6.3.
+    residues of the finer circle give 0.00301 up to periods of 46 000, and that circle is certified
+    at a loss of 0.0032. There the responses of minimax orbits grow by e^5.2 from 8 to 144 kicks,
+    and by e^6.3 from 2584 to 46 368.
     """
     rows = []
     for period in PERIODS:
@@ -71,9 +71,9 @@ def laws(cube):
         rows.append([first, abs(first - second), *_measured(cube, period, smaller), orbits])
     labels = {
         "predicted": "exponent of the loss that the responses predict",
-        "predicted_error": "change of it by longer orbits",
+        "predicted_error": "change of predicted when longer orbits are used",
         "measured": "exponent of the loss, by residues",
-        "measured_error": "its error",
+        "measured_error": "estimated error of measured",
         "orbits": "period of orbits that resolve the next period of the law after a ripple of 1%",
     }
     title, coords = "Exponents of the loss under a ripple", {"period": (PERIODS, "period P")}
@@ -132,13 +132,14 @@ def _law(laws):
         for row in table.dropna(subset=["measured"]).itertuples()
     )
     vague = ", ".join(map(str, table.index[~sharp & table.measured.notnull()]))
-    unsettled = f"For P = {vague} errors above 10% decide nothing. " if vague else ""
+    unsettled = f"For P = {vague} the errors, above 10%, are too large to decide. " if vague else ""
     others = table.orbits[table.measured.isnull()]
     long = ", ".join(f"{round(n, -3):.0f} for {period}" for period, n in others.items())
     text = (
         f"over one period of the law the loss has the exponents {exponents}, measured (predicted); "
-        "the errors include those of the losses, their size and larger ripples (shorter orbits). "
-        f"{unsettled}Others are not measured: the next period of the law after 1% needs orbits of "
+        "measured errors include those of the losses, their size and the change from larger "
+        "ripples; predicted errors are the change from shorter orbits. "
+        f"{unsettled}Other P are not measured: the next period of the law after 1% needs orbits of "
         f"period about {long} or more"
     )
     claim = "the loss is the power of the ripple that renormalisation predicts for each P"

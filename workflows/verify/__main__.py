@@ -25,8 +25,8 @@ _NO_DIGESTS = (
 def examine(path, place, repair, proofs, longest):
     """Print what is damaged in the cubes of the run in a folder.
 
-    Returns how many tiles are damaged, where the metadata of a cube count as one, and how many of
-    them `repair` makes missing.
+    Return how many tiles are damaged, counting the metadata of a cube as one, and how many of them
+    `repair` marks as missing.
     """
     from pipeline.store import driver_lock, has_digests, names, printable, verify
     from pipeline.sweep.progress import plural

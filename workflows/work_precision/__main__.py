@@ -3,8 +3,8 @@
 The reference is Greene's residue with periods up to 30 000. Circles and residues need ω as input:
 that of the last circle by `nasm.barriers`. Five rays are of two kicks, the sixth of three kicks,
 (1, 0.7, 0.3), which have no symmetry line. Times are CPU seconds of one thread, medians of several
-runs; the first run, which compiles the kernels, is measured separately. Single precision is used in
-direct iteration alone, whose error is far above rounding.
+runs; the first run, which compiles the kernels, is measured separately. Single precision is used
+only in direct iteration, whose error is far above rounding.
 
 A cube, two tables and a figure in OUT. The defaults take about 90 CPU seconds.
 """

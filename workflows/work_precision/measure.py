@@ -25,7 +25,7 @@ def timed(run, *arguments):
 
 
 def measure(rays, names, quick, show):
-    """Measure all numbers on rays: dims (ray, method, level).
+    """Measure CPU times and errors on rays: dims (ray, method, level).
 
     show : function called with a text that describes the current measurement.
     """
@@ -39,8 +39,8 @@ def measure(rays, names, quick, show):
     label = "effort: steps N or n, period q, points, tolerance tol, or distance ε"
     variables = {
         "effort": blank({"method": method, "level": level}, label),
-        "effort_is": text("method", effort, "what the effort is"),
-        "cpu_seconds": blank(coords, "CPU time of one run, median", units="s"),
+        "effort_is": text("method", effort, "meaning of the effort"),
+        "cpu_seconds": blank(coords, "median CPU time of one run", units="s"),
         "error": blank(coords, "relative error"),
         "estimated_error": blank(coords, "relative error that the method estimates"),
         "warm_up_seconds": blank({"method": method}, "CPU time of a first run", units="s"),
@@ -85,10 +85,10 @@ def order(data, method):
 
 
 def seconds_for(data, accuracy):
-    """Find the CPU seconds by method for the last circle's breakup to an accuracy on every ray.
+    """Find the CPU seconds that each method needs for an accuracy of the last breakup on every ray.
 
-    It is the least effort from which on all errors are that small, on the slowest ray; NaN if the
-    accuracy is not reached on a ray. Rays on which a method has no answer are skipped.
+    They are those of the least effort from which on all errors are that small, on the slowest ray;
+    NaN if the accuracy is not reached on a ray. Rays on which a method has no answer are skipped.
     """
     failed = (data.error > accuracy) | data.error.isnull() & data.effort.notnull()
     from_here = ~failed.values[..., ::-1].cumsum(axis=-1)[..., ::-1].astype(bool)

@@ -110,9 +110,9 @@ def birkhoff(ray, n):
     """Find the last scale at which converse KAM's longest-lived orbit looks quasiperiodic.
 
     It does if its rotation number has five digits and is not a fraction with q ≤ 200, as in
-    islands. That does not show a circle: longer islands and cantori look the same. The search stays
-    within 10% of the value by converse KAM, as there are regular orbits beyond. NaN without a
-    symmetry line.
+    islands. That does not show a circle: island chains of longer period and cantori look the same.
+    The search stays within 10% of the value by converse KAM, because regular orbits exist beyond
+    it. NaN without a symmetry line.
     """
     profile = np.array(ray.profile)
     if not symmetry_line.has_dominant_line(profile):
