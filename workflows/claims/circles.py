@@ -155,7 +155,8 @@ def largest_amplitude():
     """Find the largest max y - min y of circles, before the first and the second kick.
 
     The circles are the last one, at 0.999 of its breakup or as near as it is certified, and circles
-    with other noble ω where they exist. A circle and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
+    with other noble ω where they exist. A circle and its translate by y = 1 confine an orbit to
+    |Δy| ≤ 1 + amplitude.
     """
     others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]
     heights = []

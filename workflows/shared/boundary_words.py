@@ -42,9 +42,9 @@ def describe_boundary(barrier: xr.Dataset) -> str:
     bracket = "No ray has a bracket"
     if width.size:
         bracket = (
-            f"On {plural(width.size, 'ray')} the boundary is bracketed by a certified circle (below) "
-            f"and converse KAM (above); the bracket's median relative width is {float(width.median()):.1e}, the largest "
-            f"{float(width.max()):.1e}"
+            f"On {plural(width.size, 'ray')} the boundary is bracketed by a certified circle "
+            "(below) and converse KAM (above); the bracket's median relative width is "
+            f"{float(width.median()):.1e}, the largest {float(width.max()):.1e}"
         )
     undecided = plural(int(barrier.critical_scale.isnull().sum()), "ray")
     onset = f"Global transport begins at κ = {'; '.join(places)}. " if two else ""
