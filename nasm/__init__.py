@@ -4,10 +4,10 @@
     nasm.boundary([0, 30, 45])           where does the last barrier break at these angles?
     nasm.critical_scale((1, 0.5))        … and on this ray of forcings?
 
-They build on the methods: `converse_kam`, `periodic` (Greene's residue), `circles` and
-`circles.continuation` (invariant circles), `escape` (direct iteration). `maps` defines the map,
-`numbers` exact rotation numbers: `nasm.parse("gamma")`. Modules are imported when they are first
-used; `__init__.pyi` lists them.
+These functions build on the methods in `converse_kam`, `periodic` (Greene's residue), `circles` and
+`circles.continuation` (invariant circles), and `escape` (direct iteration). `maps` defines the map,
+and `numbers` exact rotation numbers: `nasm.parse("gamma")`. Modules are imported when they are
+first used; `__init__.pyi` lists them.
 """
 
 from importlib.metadata import PackageNotFoundError, version
@@ -23,7 +23,7 @@ if find_spec("resource") is None:  # Windows, which also lacks the locks and sig
 
 try:
     __version__ = version("nasm-transport")
-except PackageNotFoundError:  # a copy of the sources that is not installed
+except PackageNotFoundError:  # run from sources that are not installed
     __version__ = "0+source"
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

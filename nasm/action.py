@@ -1,10 +1,10 @@
-"""Ordered periodic orbits of any forcing, computed from the action; no symmetry is needed.
+"""Ordered periodic orbits under any forcing, computed from the action; no symmetry is needed.
 
 An orbit is a chain of sites, one per kick,
 
     x_{n+1} - 2 x_n + x_{n-1} = (κ_n / 2π) sin 2πx_n,     y_n = x_n - x_{n-1}.
 
-An orbit of rotation number p/q has N = Pq sites, x_n = np/N + u_n. Such orbits are the stationary
+An orbit of rotation number p/q has N = Pq sites, x_n = np/N + u_n. Such orbits are stationary
 points of the action
 
     A = Σ_n (x_{n+1} - x_n)²/2 - (κ_n/4π²) cos 2πx_n,        x_{n+N} = x_n + p.
@@ -16,20 +16,22 @@ action* a(x_0), with
 
 where G is the force on x_0, S the Schur complement of the other sites in the Hessian, which is
 tridiagonal, and the pivots are those of the elimination. One sweep from both ends to the middle and
-one back yields all three, and the Newton step of the other sites. For every p/q two orbits are
-ordered like a rotation: the *minimizing* one, R < 0, at the minimum of a, and the *minimax* one,
-R > 0, at its maximum over the gap between the minimizing orbit and its neighbour. With steps ±G/|S|
-of x_0, one rule finds both.
+one sweep back yield all three quantities, and the Newton step of the other sites. For every p/q,
+two orbits are ordered like a rotation: the *minimizing* one, R < 0, at the minimum of a, and the
+*minimax* one, R > 0, at its maximum over the gap between the minimizing orbit and its neighbour.
+Steps of x_0 by +G/|S| lead to the minimizing orbit, and steps by -G/|S| to the minimax orbit.
 
-1. *Constrain.* With x_0 fixed, join copies of the last convergent's orbit and one orbit of the last
-   but one end to end: a few Newton steps turn this into the orbit of the next convergent of ω. Long
-   orbits are thus found at each forcing by itself, even where residues pass through 0.
-2. *Scan.* Begin the orbit where its gap is widest, and move x_0 over that gap. The highest maximum
-   of a is the minimax orbit, which may lie on any symmetry line, or on none.
+1. *Constrain.* With x_0 fixed, join copies of the last convergent's orbit, and one copy of the
+   orbit of the convergent before it, end to end: a few Newton steps turn this chain into the orbit
+   of the next convergent of ω. Long orbits are thus found at each forcing independently, even where
+   residues pass through 0.
+2. *Scan.* Begin the orbit at the site where its gap is widest, and move x_0 across that gap. The
+   highest maximum of a is the minimax orbit, which may lie on any symmetry line, or on none.
 3. *Descend.* The scan can fail if the action is steep with several minima, or if no single site
-   shows the maximum. Periods up to 100 are then found by the argument that shows their existence:
-   orbits whose sites yield to the forces never cross. They descend to minima, and the pass between
-   two minima is on the border of their basins.
+   shows the maximum. Orbits of periods up to 100 are then found by the argument that shows their
+   existence: orbits whose sites follow the forces on them never cross each other. Such orbits
+   descend to minima, and the pass between two minima lies on the boundary of their basins of
+   attraction.
 4. *Follow.* Orbits are then continued along the segment of forcings by Newton's method, and longer
    ones are joined from them.
 
@@ -71,10 +73,10 @@ __all__ = [
 ]
 
 Minimizers: TypeAlias = dict[float, tuple[FloatArray, int, dict[tuple[int, int], FloatArray]]]
-"""For each scale: the forcing from a site on, that site, and constrained minimizers by (p, q)."""
+"""By scale: the forcing from one site on, the site, and constrained minimizers by (p, q)."""
 
 SURE_PERIOD = 100
-"""Period up to which orbits that the scan misses are found by descent."""
+"""Longest period of orbits that are found by descent if the scan misses them."""
 
 FLAT = 1e-15
 """Slopes of the reduced action below this times √N are rounding errors: R vanishes to rounding."""
@@ -83,34 +85,34 @@ _ROUNDING = 1e-12
 """Rounding error of the distance between two sites, and of a pivot."""
 
 _MAX_LAST_STEP = 1e-7
-"""Last step, in turns, below which Newton's method has converged."""
+"""Newton's method has converged if its last step, in turns, is below this."""
 
 _MAX_STEP_AT_REST = 1e-11
-"""Last step, in turns, below which the curvature is that of the stationary orbit."""
+"""If the last step, in turns, is below this, the curvature is that of the stationary orbit."""
 
 _NEWTON_STEPS = 60
 
 _GAP_POINTS = 12
-"""Positions of x_0 at which a gap is scanned."""
+"""Number of positions of x_0 at which a gap is scanned."""
 
 _EQUAL_GAPS = 0.99
-"""Ratio to the widest gap above which gaps count as equal; the orbit begins at the first one."""
+"""Gaps of at least this fraction of the widest count as equal; orbits begin at the first one."""
 
 _FOLLOW_RANGE = 0.3
-"""Change of the largest strength, times q, over which an orbit is followed."""
+"""Largest change of the largest strength, multiplied by q, over which an orbit is followed."""
 
 _JOIN_STEP = 0.8
-"""Largest step of x_0, times the longer period, where orbits are joined. Of 5030 orbits found
-with some step length, 0.1 lost 398 by oscillation, 0.4 lost 266, and 0.8 lost 178."""
+"""Largest step of x_0 when orbits are joined, multiplied by the longer period. Of 5030 orbits
+that some value finds, 398 are lost to oscillation with 0.1, 266 with 0.4, and 178 with 0.8."""
 
 _JOIN_PERIOD = 300
 """Period above which orbits are joined from shorter ones rather than scanned for."""
 
 _MAX_SITES_ALONE = 600
-"""Number of sites up to which an orbit is also sought without using shorter ones."""
+"""Largest number of sites with which an orbit is also sought without using shorter ones."""
 
 _SADDLE_SHIFT = 0.05
-"""Displacement of sites, times q, that moves a symmetric guess off a saddle of the action."""
+"""Displacement of sites, multiplied by q, that moves a symmetric guess off a saddle."""
 
 _DESCENT_STEPS = 1000
 _MAX_MINIMA = 20  # in a gap
@@ -123,18 +125,18 @@ _CACHED_SCALES = 30
 
 
 class LostError(Exception):
-    """The ordered orbits of a fraction were not found, or were lost on the way.
+    """The ordered orbits of a fraction were not found, or were lost when they were followed.
 
     The message states the reason. These orbits exist under any forcing. Long ones are lost far
-    beyond the breakup of the circles near p/q; short ones should be found, so their loss says
-    nothing about circles.
+    beyond the breakup of the circles near p/q; short ones should always be found, so losing them
+    says nothing about circles.
 
     Parameters
     ----------
     message : str
         The reason.
     period : int
-        q; 0 if the loss does not concern one fraction.
+        q; 0 if the error does not concern a single fraction.
 
     Examples
     --------
@@ -163,7 +165,7 @@ class ConvergentOrbits:
     fractions : sequence of Fraction
         Consecutive convergents of a number, q increasing.
     minimizers : dict, optional
-        Initially empty; objects on one segment that share it reuse each other's constrained
+        An empty dict at first; objects on one segment that share it reuse each other's constrained
         minimizers.
     known : sequence of Orbit
         Orbits already known on that segment.
@@ -209,7 +211,8 @@ class ConvergentOrbits:
         LostError
             If the orbit is not found.
         """
-        # Each is joined from two shorter ones, and so are these: the cache avoids repetitions.
+        # An orbit is joined from two shorter ones, and these are joined likewise: the cache avoids
+        # computing them repeatedly.
         if scale != self._scale:
             self._scale, self._answers = scale, {}
         if (n, kind) not in self._answers:
@@ -234,7 +237,7 @@ class ConvergentOrbits:
         return orbits[kind]
 
     def scan(self, n: int, scale: float) -> dict[int, Orbit]:
-        """Find both orbits of fraction n, by steps 1 to 3 of the module, at this scale alone.
+        """Find both orbits of fraction n by steps 1 to 3 of the module, using this scale alone.
 
         Returns
         -------
@@ -274,8 +277,8 @@ class ConvergentOrbits:
     def _begin(self, n, scale):
         """Return (site, u) of an orbit of fraction n to scan from.
 
-        It is the `constrained_minimizer`; if that is lost, far beyond the breakup, it is the
-        minimizing orbit of the cantorus, joined from shorter ones.
+        This is the `constrained_minimizer`; if that is lost, far beyond the breakup, it is the
+        minimizing orbit next to the cantorus, joined from shorter ones.
         """
         try:
             return self.constrained_minimizer(n, scale)
@@ -420,7 +423,7 @@ class Orbit:
         return np.arange(self.u.size) * (self.chain.p / self.u.size) + self.u
 
     def beginning_like(self, other: Orbit) -> FloatArray:
-        """Return u beginning with the site nearest to the first site of the other orbit."""
+        """Return u from the site on that is nearest to the first site of the other orbit."""
         first = (other.site - self.site) % self.start.size
         sites = slice(first, None, self.start.size)
         distance = self.chain.theta[sites] + self.u[sites] - other.u[0]
@@ -455,7 +458,7 @@ class Orbit:
 
 
 class Chain:
-    """What all orbits of one fraction p/q under forcings of P kicks have in common.
+    """Quantities that all orbits of one fraction p/q under forcings of P kicks share.
 
     Parameters
     ----------
@@ -483,7 +486,7 @@ class Chain:
 
     @cached_property
     def frame(self) -> tuple[FloatArray, int, FloatArray]:
-        """Arguments of kernels: these angles in turns, the sites to the next orbit, a workspace."""
+        """Arguments of kernels: the rotation's angles, `hop` as in `is_ordered`, a workspace."""
         hop = self.period * (pow(self.p, -1, self.q) if self.q > 1 else 0)
         return self.numerators / self.n_sites, hop, np.empty((4, self.n_sites))
 
@@ -499,7 +502,7 @@ class Chain:
         )
 
     def right(self, u: FloatArray) -> FloatArray:
-        """Return the next orbit to the right, which is the same one at another time."""
+        """Return the next orbit to the right, which is the same orbit begun at another time."""
         return _roll(u, self.frame[1]) + 1 / self.q
 
     def rolled(self, u: FloatArray, first: int) -> FloatArray:
@@ -508,12 +511,12 @@ class Chain:
         return u - np.rint(u[0])
 
     def joined(self, last: tuple[Chain, FloatArray], one: tuple[Chain, FloatArray]) -> FloatArray:
-        """Join the orbits of two fractions end to end, `one` repeated and then `last`.
+        """Join the orbits of two fractions end to end: `one` repeatedly, then `last` once.
 
         Returns
         -------
         ndarray, shape (N,)
-            Deviations from the rotation of this fraction, the Farey sum of those joined.
+            Deviations from the rotation of this fraction, the Farey sum of all those joined.
         """
         (before, u_before), (chain, u) = last, one
         copies = (self.q - before.q) // chain.q
@@ -538,20 +541,20 @@ def ordered_orbits(
     p, q : int
         Coprime, 1 ≤ q ≤ 10⁶.
     minimizers : dict, optional
-        Initially empty; calls for one forcing that share it reuse each other's work.
+        An empty dict at first; calls for one forcing that share it reuse each other's work.
 
     Returns
     -------
     minimizing, minimax : Orbit
-        Both begin at the same site, in the gap that is widest there. If R vanishes to rounding,
-        both returned orbits are the same one.
+        Both begin at the same site, in its widest gap. If R vanishes to rounding, both returned
+        orbits are the same one.
 
     Raises
     ------
     LostError
-        If they are not found. Both exist under any forcing, and are found up to twice the breakup
-        of the last circle; far beyond the breakup of all circles near p/q, orbits of periods above
-        100 may be lost.
+        If they are not found. Both exist under any forcing, and are found up to twice the scale at
+        which the last circle breaks; far beyond the breakup of all circles near p/q, orbits of
+        periods above 100 may be lost.
 
     Examples
     --------
@@ -574,7 +577,7 @@ def ordered_orbits(
 def _find_by_descent(kappa, chain):
     """Return the first site, the deviations and the residues of both orbits, by step 3."""
     theta, hop, work = chain.frame
-    # This rotation has no symmetry, so it cannot rest on the border of two basins.
+    # This rotation has no symmetry, so its descent cannot end on the boundary between two basins.
     u = np.full(chain.n_sites, 0.3 / chain.q)
     error = chain.lost(f"they are not at rest after a descent of {_DESCENT_STEPS} steps")
     if not _descend(kappa, theta, work, u):
@@ -611,7 +614,7 @@ def _roll(u, first):
 
 
 def _widest_gap(chain, u):
-    """Return the site of the widest gap, the first of those that are equally wide."""
+    """Return the site of the widest gap; if several are equally wide, the first of them."""
     gaps = chain.right(u) - u
     by_site = gaps.reshape(-1, chain.period).max(axis=0)
     site = int(np.argmax(by_site >= _EQUAL_GAPS * by_site.max()))
@@ -620,9 +623,9 @@ def _widest_gap(chain, u):
 
 @kernel
 def is_ordered(u, hop, gap):
-    """Return whether sites keep the order of their angles, to within rounding.
+    """Return True if the sites are in the order of their angles, to within rounding.
 
-    The next larger angle after that of a site is found `hop` sites later, and exceeds it by `gap`.
+    The site `hop` places after any given one has the next larger angle, larger by `gap`.
     """
     n = u.size
     for j in range(n):
@@ -644,9 +647,9 @@ def total_action(kappa, theta, u):
 
 @kernel
 def _minimize_constrained(kappa, theta, hop, work, u):
-    """Minimize A over all sites but x_0, in place; return whether the orbit is ordered."""
+    """Minimize A over all sites but x_0, in place; return True if the orbit is ordered."""
     change, _, _, _, n_bad = newton_solve(kappa, theta, u, 0, 0.0, _NEWTON_STEPS, work)
-    if n_bad and u.size <= _MAX_SITES_ALONE:  # a symmetric guess may rest on a saddle
+    if n_bad and u.size <= _MAX_SITES_ALONE:  # a symmetric guess may be at a saddle
         u[1:] += _SADDLE_SHIFT * kappa.size / u.size
         change, _, _, _, n_bad = newton_solve(kappa, theta, u, 0, 0.0, _NEWTON_STEPS, work)
     return change < _MAX_LAST_STEP and n_bad == 0 and is_ordered(u, hop, kappa.size / u.size)
@@ -654,13 +657,16 @@ def _minimize_constrained(kappa, theta, hop, work, u):
 
 @kernel
 def _find_extremum(kappa, theta, hop, work, u, kind, max_step, n_steps):
-    """Move to the extremum, in place, x_0 by at most max_step; return R, NaN without an orbit."""
+    """Move u to the extremum, in place; return R, or NaN if no orbit is found.
+
+    Each step of x_0 is at most max_step.
+    """
     change, curvature, slope, log_pivots, n_bad = newton_solve(
         kappa, theta, u, kind, max_step, n_steps, work
     )
     if _MAX_STEP_AT_REST <= change < max_step and abs(slope) < FLAT * np.sqrt(u.size):
-        # If the curvature is small, the rounding of the slope alone moves x_0. Fix x_0, and take S
-        # with the other sites at rest.
+        # If the curvature is small, rounding errors of the slope alone move x_0. Fix x_0, and
+        # compute S with the other sites at rest.
         change, curvature, _, log_pivots, n_bad = newton_solve(
             kappa, theta, u, 0, 0.0, n_steps, work
         )
@@ -676,8 +682,8 @@ def _find_extremum(kappa, theta, hop, work, u, kind, max_step, n_steps):
 def _scan_gap(kappa, theta, hop, work, u, width, sites):
     """Scan a gap in steps of `width` for the lowest minimum and the highest maximum of the action.
 
-    Returns their residues: 0 if the action is flat, NaN for one that is not found. The orbits are
-    written to `sites`.
+    Returns both residues: 0 if the action is flat, NaN for an orbit that is not found. The orbits
+    are written to `sites`.
     """
     left, orbit, last_orbit, flat_slope = u[0], u.copy(), u.copy(), FLAT * np.sqrt(u.size)
     residues, actions, steepest, before = np.full(2, np.nan), np.empty(2), -1.0, 0.0
@@ -714,8 +720,9 @@ def _scan_gap(kappa, theta, hop, work, u, width, sites):
 def _damped_step(kappa, theta, work, u, stiffness):
     """Take the step (H + σ) Δu = force for all sites, in place; σ = stiffness.
 
-    It keeps the order of any two orbits as long as H + σ is positive definite and 2π|κ_n Δu_n| < σ;
-    otherwise σ is increased instead. Near a minimum σ falls to 0, which is Newton's method.
+    The step preserves the order of any two orbits as long as H + σ is positive definite and
+    2π|κ_n Δu_n| < σ; otherwise σ is increased and no step is taken. Near a minimum σ falls to 0,
+    and the steps become Newton's.
 
     Returns the next σ, and the largest Δu, or inf if no step was taken.
     """
@@ -732,7 +739,7 @@ def _damped_step(kappa, theta, work, u, stiffness):
 
 @kernel
 def _descend(kappa, theta, work, u):
-    """Take damped steps of all sites, in place; return whether they end at a minimum."""
+    """Take damped steps of all sites, in place; return True if they end at a minimum."""
     stiffness = 1.5 * np.abs(kappa).max()
     for _ in range(_DESCENT_STEPS):
         last_stiffness = stiffness
@@ -772,9 +779,9 @@ def _saddle(kappa, theta, work, u):
 def _find_pass(kappa, theta, hop, work, left, right, orbit):
     """Find the pass between two minima, write it to `orbit`, and return R.
 
-    If there is another minimum between them, it is written and -1 returned; NaN if neither is
-    found. Orbits between the two descend to one or the other. The border of the basins is found by
-    bisection; a descent from there leads past the pass.
+    If there is another minimum between them, write that one and return -1; return NaN if neither is
+    found. Orbits between two adjacent minima descend to one or the other. The boundary of their
+    basins is found by bisection; a descent from that boundary comes close to the pass.
     """
     low, high = left.copy(), right.copy()
     # Weights differ from site to site: the pass may be less symmetric than the minima.
@@ -785,7 +792,7 @@ def _find_pass(kappa, theta, hop, work, left, right, orbit):
             u = low + weights * (high - low)
             orbit[:] = u
             if not _descend(kappa, theta, work, orbit):
-                break  # it rests on the border itself
+                break  # it stays on the boundary itself
             if np.abs(orbit - left).max() < _SAME_DISTANCE:
                 low = u
             elif np.abs(orbit - right).max() < _SAME_DISTANCE:
@@ -839,9 +846,9 @@ def _follow(
 def _newton_step(force, diagonal, kind, max_step, inverse, pull):
     """Compute Newton's step, and write it over the forces.
 
-    If kind = 0, it moves all sites but x_0; otherwise also x_0, by kind·G/|S|, at most by max_step.
-    Returns S, G, ln |product of the pivots|, and how many of these are not positive; `pull` becomes
-    the derivative of each site with respect to x_0.
+    The step moves all sites but x_0, and unless kind = 0 also x_0, by kind·G/|S| but at most by
+    max_step. Returns S, G, ln |product of the pivots|, and the number of pivots that are not
+    positive; `pull` becomes the derivative of each site with respect to x_0.
     """
     n, half = force.size, force.size // 2
     log_pivots, product, n_bad = 0.0, 1.0, 0
@@ -899,9 +906,9 @@ def _eliminate(j, before, force, diagonal, inverse, pull):
 
 @kernel
 def newton_solve(kappa, theta, u, kind, max_step, n_steps, work):
-    """Take steps of `_newton_step`, in place, until only rounding is left.
+    """Take steps of `_newton_step`, in place, until only rounding errors are left.
 
-    Returns the largest change of the last step, S, G, and the rest as for `_newton_step`.
+    Returns the largest change in the last step, followed by what `_newton_step` returns.
     """
     n = u.size
     # Numba treats rows unpacked in one assignment as strided, and would not vectorize the loops.
@@ -962,8 +969,8 @@ def _sines(theta, u, sine, cosine):
 def _refined_residue(kappa, numerators, u, work):
     """Compute R in double-double arithmetic.
 
-    Newton steps with forces in double-double come first, then the trace of the product of all
-    tangent maps.
+    Newton steps with forces in double-double come first; R then follows from the trace of the
+    product of all tangent maps.
     """
     n, period = u.size, kappa.size
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]

@@ -2,41 +2,44 @@
 
 The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
 With three kicks or more, circles may break and reappear in bands of scales, which may be
-arbitrarily narrow next to the boundary. The search resolves bands of a relative width of about tol:
-where it met any, error is at least the smaller of tol and 10⁻³, and upper at least value + error.
-On a segment from another start the search is for the first breakup.
+arbitrarily narrow next to the boundary. The search resolves bands of relative widths of about tol:
+if it meets any, error is at least the smaller of tol and 10⁻³, and upper at least value + error. On
+a segment that does not start at zero, the search is for the first breakup.
 
 The search proceeds from the outside inwards.
 
-1. *Ask.* The Farey tree (`nasm.farey`) names a circle that exists at this scale, or none. If none,
-   it lists the nobles that it could not exclude (or, if it excluded all, the one that took
-   longest), and the longest period used; the scale then counts as one without circles. The search
-   begins about 1% above the breakup, where converse KAM eliminates all starts in 100 steps.
+1. *Ask.* Search the Farey tree (`nasm.farey`) at one scale for a circle that exists there. If the
+   tree shows none, the search lists the nobles that it could not exclude (or, if it excluded all,
+   the one that took longest to exclude), and the longest period used; the scale then counts as one
+   without circles. The first scale is about 1% above the breakup, where converse KAM eliminates all
+   starts in 100 steps.
 2. *Leap.* Residues (`nasm.periodic`) determine the scale at which one circle breaks: the circle
-   just found, or else the simplest noble next to the first one that the tree lists. If that scale
-   is precise and residues show the circle just below it, the tree is asked next just above it.
-3. *Step.* Otherwise, go down. Residues grow like s^q, so orbits of period q exclude circles not
-   only at one scale, but over a relative distance of order 1/q. The step is a quarter of that, or
-   half the distance to a scale with a circle. Whenever periods have doubled, another leap is tried.
-4. *End.* If the tree names a circle just above a leap, the value of the leap is dropped, and the
-   search continues with that circle. If it names none, the value is the last breakup, unless
-   residues show one of the listed nobles above it. Such a rival takes its place; if residues do not
-   determine precisely where it breaks, the search ends with the narrow interval that remains. In
-   bands residues have no limit: steps continue until the scale without circles and the one with a
-   circle are tol/2 apart, and the value is between them.
+   just found, or else the simplest noble next to the first one listed. If that scale is precise,
+   and residues show that the circle exists just below it, the tree is searched next at a scale just
+   above it.
+3. *Step.* Otherwise, lower the scale. Residues grow like s^q, so orbits of period q exclude circles
+   not only at one scale, but over a relative distance of order 1/q. The step is a quarter of that,
+   or half the distance to a scale with a circle. Whenever the period used has doubled, another leap
+   is tried.
+4. *End.* If the tree shows a circle just above the scale of a leap, this scale is dropped, and the
+   search continues with that circle. If it shows none, this scale is the last breakup, unless
+   residues show that one of the listed nobles exists above it. Such a rival takes its place; if
+   residues do not determine precisely where the rival breaks, the search ends with the narrow
+   interval that remains. In bands residues have no limit: steps continue until the scale without
+   circles and the one with a circle are tol/2 apart, and the value is between them.
 
 With one or two kicks there are no bands, and a faster search comes first. The start that converse
-KAM takes longest to eliminate, just beyond the breakup, is next to the remains of the last circle,
-and its weighted Birkhoff average is a rotation number to six digits. The nobles near it are
-candidates; residues determine where they break, and converse KAM shows that no start survives
-above.
+KAM takes longest to eliminate, just beyond the breakup, is next to what remains of the last circle,
+and its weighted Birkhoff average yields the rotation number to six digits. The nobles near that
+number are candidates; residues determine where they break, and converse KAM shows that no start
+survives above these scales.
 
 Two *witnesses* confirm the bracket or widen it. Residues and the tree only select which circles are
-tried; what the witnesses show does not depend on them. `lower`: an invariant circle certified by
-Newton's method on a finer grid. `upper`: converse KAM on two unrelated grids finds no start that
-survives. A witness does not set the value; but if a start survives on a circle that exists by its
-residues, or far above the value, the search is resumed there, and a circle found there yields a new
-value.
+tried; what the witnesses show does not depend on them. At `lower`, an invariant circle is certified
+by Newton's method on a finer grid. At `upper`, converse KAM on two unrelated grids finds no start
+that survives. A witness does not set the value; but if a start survives on a circle that exists
+according to its residues, or far above the value, the search is resumed there, and a circle found
+there yields a new value.
 """
 
 from dataclasses import dataclass, replace
@@ -74,55 +77,57 @@ class Effort:
         lies below, where a circle is certified, which takes longer.
     first_steps : int
         Steps of converse KAM on transversals with which the search begins, about 1/100 above the
-        breakup: there the circle that the tree excludes last is usually the last one. If a circle
-        exists there, higher scales are tried in steps of 1/100; and survivors that far above a
+        breakup: at that scale the circle that the tree excludes last is usually the one that breaks
+        last. If a circle exists there, higher scales are tried in steps of 1/100; and survivors
+        that far above a value contradict it.
         value contradict it.
     locating_steps : int
-        Fewest steps of converse KAM with which the last circle of one or two kicks is located.
+        Least number of steps of converse KAM that locate the last circle of one or two kicks.
     max_questions : int
-        Most scales at which the Farey tree is asked. Once they are used up, the search, converse
-        KAM and certification all end. Of the judged forcings, regular ones take 10 to 20, those
-        with bands up to 60.
+        Maximum number of scales at which the Farey tree is searched. Once they are used up, the
+        search, converse KAM and certification all end. Of the judged forcings, regular ones need 10
+        to 20 scales, and those with bands up to 60.
     step : float
-        Relative step times the longest period.
+        Relative step, multiplied by the longest period used.
     finest_step : float
-        Shortest step, over tol.
+        Shortest relative step, divided by tol.
     tree_depth : int
-        Period of Farey neighbours between which the tree is not searched any further.
+        Period of Farey neighbours at which the search of the tree ends.
     tree : TreeSettings
-        Which residues of the tree exclude circles.
+        Settings that determine which residues in the tree exclude circles.
     breakup_distance : float
-        Relative distance below a scale without circles within which the last circle breaks.
+        Relative distance, below a scale without circles, within which the last breakup is sought.
     simpler_distance : float
-        Distance from the circle excluded last within which a simpler one is tested by residues.
+        Distance in ω from the noble excluded last, within which a simpler one is tested instead.
     orbit_period, last_period : int
         Longest period of the orbits whose residues are used for a leap, and of those from which the
-        final value is computed: nine and eleven digits.
+        final value is computed; they yield nine and eleven digits.
     rival_distance : float
-        Relative distance above the value at which no other circle exists by its residues.
+        Relative distance above the value at which residues test whether other circles exist.
     cusp_period : int
-        Longest period of these residues where those up to `last_period` are not precise enough, as
-        next to a cusp.
+        Longest period of these orbits if those up to `last_period` are not precise enough, as next
+        to a cusp.
     blurred_period : int
-        Period by which a cusp must be resolved; otherwise the error reaches up to `upper`.
+        If only orbits of longer periods resolve a cusp, the error extends up to `upper`.
     band_error : float
-        Relative error, unless tol is smaller, where circles break and reappear.
+        Least relative error where circles break and reappear, unless tol is smaller.
     certified_distances : tuple of float
-        Distances below a bracket, over tol, at which a circle is certified if none is nearer to it.
+        Distances below a bracket, divided by tol, at which a circle is certified if none is
+        certified closer to the bracket.
     circles_tried : int
-        Most circles tried at each of these distances.
+        Maximum number of circles tried at each of these distances.
     hull_period : int
-        Period of the orbits from whose hulls circles are certified.
+        Bound on the period of the orbits from whose hull functions circles are certified.
     search_share : float
         Share of the CPU time after which the search ends. Half of the rest is for converse KAM,
         and what is left for the certified circle.
     long_period_tol : float
-        Smallest tolerance with more than 64 kicks: lifetimes of a few hundred kicks correspond to
-        that distance beyond a breakup.
+        Smallest tolerance for more than 64 kicks: lifetimes of a few hundred kicks correspond to
+        this distance beyond a breakup.
     iterated_kicks, iterated_orbits : int
-        Kicks and orbits of direct iteration under more than 64 kicks: a few CPU seconds. `upper`
-        was 4 to 11% above the breakup on twelve random rays of three to six kicks, repeated beyond
-        64.
+        Kicks and orbits of direct iteration under more than 64 kicks, which takes a few CPU
+        seconds. `upper` was 4 to 11% above the breakup on twelve random rays of three to six kicks,
+        each repeated to more than 64 kicks.
 
     Examples
     --------
@@ -177,10 +182,10 @@ def critical_scale(
     Parameters
     ----------
     profile : array_like, shape (P,)
-        Direction of the segment, not zero. Rays may have any P, segments from another start P ≤ 64
-        unless they repeat after one or two kicks.
+        Direction of the segment, not zero. On rays P may be any number; on segments from another
+        start P ≤ 64, unless they repeat after one or two kicks.
     tol : float
-        Width of the bracket to aim at, (upper - lower)/value, 10⁻⁵ to 10⁻¹.
+        Target for the width of the bracket, (upper - lower)/value, 10⁻⁵ to 10⁻¹.
     start : array_like, shape (P,), optional
         Start of the segment; default 0, a ray from the origin. From another start the result is the
         first breakup, s ≥ 0; regions without circles are skipped if they are narrower than a change
@@ -194,21 +199,21 @@ def critical_scale(
     Returns
     -------
     CriticalScale
-        value, error : by Greene's residue; in bands the middle between two scales.
-        lower : a circle is certified there, that of omega or another one; NaN without one.
+        value, error : by Greene's residue; in bands, value is the middle between two scales.
+        lower : a circle, of omega or another rotation number, is certified there; NaN without one.
         upper : no start on the dominant line, or on a transversal, survives there; or, if time was
         short, the Farey tree shows no circle there.
-        omega : rotation number of the last barrier per period, in [0, P/2]. It represents ±ω and
+        omega : rotation number per period of the last barrier, in [0, P/2]. It represents ±ω and
         all ω + P·n, whose circles break together; of two degenerate partners (`degenerate_partner`
         in `nasm.symmetries`) it is the one with the shorter text.
         status : WIDE, with a value, if the bracket is more than twice as wide as tol, for example
         because no circle is certified close to the breakup, or time was short. NOT_CONVERGED,
-        without a value, if the effort did not suffice; NEAR_CUSP if a shorter forcing is so close
-        that orbits do not resolve it; UNDECIDED if the methods contradict each other. In these
-        cases lower and upper are what was shown. TOO_LONG if P > 64: only upper is known, a few per
-        cent above the breakup, by converse KAM or where an orbit escapes. From another start:
-        OUTSIDE if no barrier exists there, and NO_BREAKUP if one still exists where some strength
-        has changed by 4.
+        without a value, if the effort did not suffice; NEAR_CUSP if a forcing of shorter period is
+        so close that orbits do not resolve the difference; UNDECIDED if the methods contradict each
+        other. In these three cases lower and upper keep their meaning. TOO_LONG if P > 64: only
+        upper is known, a few per cent above the breakup, by converse KAM or from an orbit that
+        escapes. From another start: OUTSIDE if no barrier exists at that start, and NO_BREAKUP if
+        one still exists where some strength has changed by 4.
 
     Raises
     ------
@@ -229,7 +234,7 @@ def critical_scale(
     tol, seconds = real("tol", tol, 1e-5, 0.1), real("seconds", seconds)
     if not seconds > 0:
         raise ValueError(f"seconds={seconds!r} must be positive, e.g. seconds=10")
-    # On κ1 = κ2 the barriers are noble for the standard map, not for its second iterate.
+    # On κ1 = κ2 barriers are noble under the standard map, but not under its second iterate.
     (begin, short), zero = shorten([start, profile], rational(0))
     if short.size > MAX_PERIOD and not begin.any():
         return _upper_of_long_period(short, tol, effort)
@@ -241,16 +246,16 @@ def critical_scale(
 
 
 def _upper_of_long_period(profile, tol, effort):
-    """Return the CriticalScale, without a value, of a ray of more than 64 kicks a period.
+    """Return the CriticalScale, without a value, of a ray with more than 64 kicks per period.
 
     Converse KAM is applied on straight lines: transversals through all minimax orbits would take
-    minutes. Where circles do not cross these lines steeply, orbits that escape show more.
+    minutes. Where circles do not cross these lines steeply, escaping orbits yield a better bound.
     """
     kicks = aperiodic.around_strongest(profile)
     without_graphs = aperiodic.critical_scale(kicks, max(tol, effort.long_period_tol)).upper
     n_steps = effort.iterated_kicks // profile.size + 1
     escapes = escape.onset_scale(profile, n_steps, effort.iterated_orbits)
-    # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2: converse KAM in one step.
+    # By converse KAM in one step, no circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
     without_graphs = np.fmin(without_graphs, 2 / np.abs(profile).max())
     method = escape.METHOD if escapes < without_graphs else "converse KAM"
     upper = float(np.fmin(without_graphs, escapes))
@@ -274,7 +279,7 @@ class _Segment:
 
 
 class _Tree:
-    """Answers of the Farey tree on a segment, one for each scale, and the budget of a search.
+    """Results of searches of the Farey tree on a segment, by scale, and the budget of all work.
 
     Parameters
     ----------
@@ -290,7 +295,7 @@ class _Tree:
         self.eliminated_scale = inf  # a scale at which converse KAM has eliminated all starts
 
     def ask(self, scale):
-        """Return (circle or None, nobles, period) of `find_existing_circle`."""
+        """Return (circle or None, nobles, period) from `find_existing_circle` at this scale."""
         if scale not in self.answers:
             kappa = self.segment.at(scale)
             depth, settings = self.effort.tree_depth, self.effort.tree
@@ -298,17 +303,17 @@ class _Tree:
         return self.answers[scale]
 
     def exists(self, scale):
-        """Return True if the tree names a circle."""
+        """Return True if the tree shows that a circle exists at this scale."""
         return self.ask(scale)[0] is not None
 
     def shows(self, omega, scale, longest=LONGEST_PERIOD):
-        """Return True if residues show the circle of ω."""
+        """Return True if residues show that the circle of ω exists at this scale."""
         return circle_exists(omega, self.segment.at(scale), longest, settings=self.effort.tree)
 
     def lowest_excluded(self, above):
-        """Return the lowest scale above another one at which no circle was named.
+        """Return the lowest scale greater than `above` at which the tree showed no circle.
 
-        If there is none yet, the scale is raised until there is; inf if the budget is spent first.
+        If there is none yet, try higher scales until there is; inf if the budget is spent first.
         """
         excluded = (s for s, (omega, *_) in self.answers.items() if omega is None and s > above)
         scale = min(excluded, default=inf)
@@ -318,19 +323,19 @@ class _Tree:
         return scale
 
     def end(self, share):
-        """Return the `time.thread_time` at which that share of the CPU time is spent."""
+        """Return the `time.thread_time` at which this share of the CPU time will be spent."""
         return self.began + share * self.seconds
 
     def is_search_over(self):
-        """Return True if the time of the search, or the number of questions, is used up."""
+        """Return True if the time of the search, or `max_questions`, is used up."""
         return self.has_spent(self.effort.search_share)
 
     def is_elimination_over(self):
-        """Return True if the time of converse KAM, or the number of questions, is used up."""
+        """Return True if the time of converse KAM, or `max_questions`, is used up."""
         return self.has_spent(self.effort.witness_share)
 
     def has_spent(self, share):
-        """Return True if that share of the CPU time is spent, or the number of questions."""
+        """Return True if this share of the CPU time, or `max_questions`, is used up."""
         too_many = len(self.answers) >= self.effort.max_questions
         return too_many or thread_time() > self.end(share)
 
@@ -340,8 +345,9 @@ class _Bracket:
     """Two scales with the last breakup between them: no circle was found at `outside`.
 
     omega : a circle that exists at `inside`; None if `inside` is only where the search ended.
-    breakup : its breakup by residues; None if they do not determine it, as in bands, or if time was
-    short. longest_period : the longest period of orbits that may have been used.
+    breakup : where this circle breaks by its residues; None if they do not determine it, as in
+    bands, or if time was short. longest_period : the longest period of orbits that may have been
+    used.
     is_eliminated : True if converse KAM eliminates all starts at `outside`.
     """
 
@@ -416,8 +422,8 @@ def _outermost(tree):
     """Return (inside, outside, circle at inside or None) to begin the search with, or a Status."""
     segment, effort = tree.segment, tree.effort
     if segment.profile.size <= 2 and not segment.start.any():
-        # The search by survivors failed, as next to a cusp. Without bands, no circle exists above a
-        # scale at which all starts are eliminated.
+        # The search by survivors failed, as it may next to a cusp. Without bands, no circle exists
+        # above a scale at which all starts are eliminated.
         n_steps = 16 * effort.locating_steps
         outside = symmetry_line.critical_scale(segment.profile, n_steps).upper
         tree.eliminated_scale = outside
@@ -440,14 +446,14 @@ def _outermost(tree):
 def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
     """Return the _Bracket of the last breakup between two scales, wider if the budget is spent.
 
-    omega : a circle that exists at `inside`, if one is known. leaps : False to go down by steps
-    until a circle is found.
+    omega : a circle that exists at `inside`, if one is known. leaps : False to lower the scale
+    only by steps until a circle is found.
     """
     segment, effort = tree.segment, tree.effort
     if tree.is_search_over():
         return _Bracket(inside, outside, omega)
     _, nobles, period = tree.ask(outside)
-    unasked, asked_period = omega, 0  # for leaps: the circle to try next, the last period
+    unasked, asked_period = omega, 0  # for leaps: the circle to try next, and the last period
     while outside - inside > segment.length(outside, tol / 2) and not tree.is_search_over():
         step = max(effort.step / period, effort.finest_step * tol)
         scale = outside - segment.length(outside, step)
@@ -544,7 +550,7 @@ def _search_by_survivors(tree, tol):
 
 
 def _breakup_of_two_kicks(omega, profile, tol, effort):
-    """Return the CriticalScale of a circle, by longer orbits if others do not resolve a cusp."""
+    """Return the CriticalScale of a circle, from longer orbits if a cusp is unresolved."""
     for longest in (effort.last_period, effort.cusp_period):
         found = periodic.critical_scale(omega, profile, longest)
         is_precise = found.error <= effort.share_above * tol * found.value
@@ -554,7 +560,7 @@ def _breakup_of_two_kicks(omega, profile, tol, effort):
 
 
 def _later(one, other):
-    """Return the CriticalScale of the circle that breaks later; `one` if errors hide which."""
+    """Return the CriticalScale of the circle that breaks later; `one` if errors overlap."""
     if other.status is not Status.OK:
         return one
     if one is None or other.value - one.value > one.error + other.error:
@@ -563,7 +569,7 @@ def _later(one, other):
 
 
 def _steps_to_eliminate(tree, distance, scale):
-    """Return the steps in which converse KAM eliminates all starts beyond the breakup."""
+    """Return how many steps converse KAM needs to eliminate all starts beyond the breakup."""
     relative = distance / tree.segment.length(scale, 1)
     n_steps = LONGEST_LIFETIME / relative
     return int(np.clip(n_steps, tree.effort.locating_steps, transversal.MAX_STEPS))
@@ -572,8 +578,8 @@ def _steps_to_eliminate(tree, distance, scale):
 def _eliminated_above(tree, tol, bracket):
     """Return a scale above a bracket at which converse KAM eliminates all starts, and None.
 
-    Or else return one at which a start survives, and the circle that exists there by its residues.
-    If the time, or the number of questions, is used up, it is the scale reached by then: the
+    If a start survives on a circle that exists by its residues, return that scale and the circle
+    instead. If the time or `max_questions` is used up, return the scale reached by then: the
     bracket's upper end or above.
     """
     segment, effort = tree.segment, tree.effort
@@ -622,10 +628,10 @@ def _certified_below(tree, tol, bracket):
 
 
 def _is_certified(omega, kappa, period):
-    """Return True if the circle of ω is certified under a forcing, from the sites of an orbit.
+    """Return True if the circle of ω is certified under a forcing, starting from an orbit.
 
-    The orbit has at most that period, and one of its sites is held fixed, so that no circle has to
-    exist under weaker kicks.
+    The orbit's period is below `period`, and one of its sites is held fixed. Unlike continuation,
+    this does not require a circle under weaker kicks.
     """
     fractions = [f for f in islice(convergents(omega), 60) if f.denominator < period]
     ladder = action.ConvergentOrbits(kappa, 0 * kappa, fractions)
@@ -633,7 +639,8 @@ def _is_certified(omega, kappa, period):
         first, u = ladder.constrained_minimizer(len(fractions) - 1, 0.0)
     except action.LostError:
         return False
-    # Deviations at each site of a period, by the phase at its start, with a mean of 0 at the first.
+    # Deviations at each site of a period, as functions of the phase at the period's start; they
+    # have a mean of 0 at the first site.
     p, n_sites, site = fractions[-1].numerator, u.size, np.arange(kappa.size)[:, None]
     hits = (np.arange(0, n_sites, kappa.size) + (site - first) % kappa.size) % n_sites
     u = u[hits]
@@ -651,22 +658,22 @@ def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCi
     """Compute the last circle on the ray, as it is at `scale.lower`, just before it breaks.
 
     It has about 10⁵ points if `scale` is precise to 10⁻⁴: that close to the breakup
-    `circles.invariant_circle` runs out of modes. This one is computed by
-    `circles.continuation.certified_circle`, from circles farther from the breakup.
+    `circles.invariant_circle` runs out of modes. Here `circles.continuation.certified_circle`
+    computes the circle from circles farther from the breakup.
 
     Parameters
     ----------
     scale : CriticalScale
         With omega, value and lower, e.g. from `critical_scale`.
     profile : array_like, shape (P,)
-        The ray of that scale.
+        Direction of the ray for which `scale` was computed.
 
     Returns
     -------
     InvariantCircle
-        Of scale.omega under the forcing scale.lower·profile, or as close to it as it is certified
-        again; its graph is `circles.graph`. Status
-        NOT_CERTIFIED, and no deviations, if it is not certified again.
+        The circle of scale.omega under the forcing scale.lower·profile, or as close to that forcing
+        as it is certified again; its graph is `circles.graph`. Status NOT_CERTIFIED, and no
+        deviations, if it is not certified again.
 
     Raises
     ------
@@ -703,7 +710,7 @@ def boundary(angles: ArrayLike, tol: float = 1e-4) -> list[CriticalScale]:
     angles : float or sequence of floats
         Degrees; (κ1, κ2) = s·(cos angle, sin angle).
     tol : float
-        As for `critical_scale`: 0.25 s of CPU time per ray at 10⁻⁴, 0.8 s at 2·10⁻⁵.
+        As for `critical_scale`; a ray takes 0.25 s of CPU time at 10⁻⁴, and 0.8 s at 2·10⁻⁵.
 
     Returns
     -------

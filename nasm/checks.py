@@ -1,6 +1,6 @@
-"""Checks of arguments: public functions check them once, and kernels rely on that.
+"""Checks of arguments: public functions check theirs once, and kernels rely on that.
 
-Also the checksum of certificates, which are checked outside the package.
+This module also has the checksum of certificates, which are checked outside the package.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ MAX_DENOMINATOR = 10**6
 
 
 def _scalar(value: object) -> Any:
-    """Return the number in a zero-dimensional array, NumPy's or xarray's form of a number."""
+    """Unwrap a number from a zero-dimensional array, as NumPy and xarray may return one."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.isMaskedArray(value):
         return value[()]
     return value
@@ -61,12 +61,12 @@ def integer(value: object) -> int:
 
 
 def exact_fraction(value: Rational | Decimal | float | str) -> Fraction:
-    """Convert a number or its text to a Fraction of ints.
+    """Convert a number, or a string that contains one, to a Fraction of ints.
 
     Raises
     ------
     ValueError
-        If a text is too long; also whatever Fraction raises for values that it cannot convert.
+        If a string is too long. For values that it cannot convert, Fraction raises its own errors.
 
     Examples
     --------
@@ -79,12 +79,12 @@ def exact_fraction(value: Rational | Decimal | float | str) -> Fraction:
 
 
 def count(name: str, value: object, low: int, high: int) -> int:
-    """Check a whole number from low to high, and return it as an int.
+    """Check that `value` is a whole number from low to high, and return it as an int.
 
     Raises
     ------
     ValueError
-        If it is something else; the message names it.
+        If it is not such a number; the message contains `name`.
 
     Examples
     --------
@@ -103,12 +103,12 @@ def count(name: str, value: object, low: int, high: int) -> int:
 
 
 def real(name: str, value: object, *ends: float) -> float:
-    """Check a real number, from ends[0] to ends[1] if these are passed, and return it as a float.
+    """Check that `value` is a real number, within `ends` if passed, and return it as a float.
 
     Raises
     ------
     ValueError
-        If it is something else, or a long double, which a float may round.
+        If it is not such a number, or is a long double, which conversion to a float may round.
 
     Examples
     --------
@@ -126,7 +126,7 @@ def real(name: str, value: object, *ends: float) -> float:
 
 
 def positive(name: str, value: object, meaning: str) -> float:
-    """Check a finite number > 0, and return it as a float.
+    """Check that `value` is a finite number > 0, and return it as a float.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def positive(name: str, value: object, meaning: str) -> float:
     Raises
     ------
     ValueError
-        If it is something else.
+        If it is not such a number.
 
     Examples
     --------
@@ -154,12 +154,12 @@ def positive(name: str, value: object, meaning: str) -> float:
 
 
 def floats(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """Check an array of real numbers that floats represent, and return it as an array of floats.
+    """Check that `values` are real numbers that floats represent; return them as a float array.
 
     Raises
     ------
     ValueError
-        If it is something else. Masked arrays, long doubles and Decimals are refused; so are
+        If they are not such numbers. Masked arrays, long doubles and Decimals are refused; so are
         Fractions that floats would round.
 
     Examples
@@ -193,12 +193,12 @@ def has_mask(values: object) -> bool:
 
 
 def fraction(name: str, value: Rational | Decimal | float | str) -> Fraction:
-    """Check a fraction with a denominator of at most 10⁶, and return it as an exact Fraction.
+    """Check that `value` is a fraction with a denominator of at most 10⁶; return it exactly.
 
     Raises
     ------
     ValueError
-        If it is something else.
+        If it is not such a fraction.
 
     Examples
     --------
@@ -223,7 +223,7 @@ def fraction(name: str, value: Rational | Decimal | float | str) -> Fraction:
 
 
 def points(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Check points, and return x and y as finite float arrays of one shape.
+    """Check points, and return x and y as finite float arrays of the same shape.
 
     Raises
     ------
@@ -250,7 +250,7 @@ def points(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 def with_sha256(certificate: dict[str, Any]) -> dict[str, Any]:
-    """Add the SHA-256 of its JSON text to a certificate, so that any changed digit is detected.
+    """Add to a certificate the SHA-256 of its JSON text, so that any changed digit is detected.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""The result of every method: the scale at which a circle, or the last one, breaks.
+"""The result type of every method: the scale at which a given circle, or the last one, breaks.
 
 On the ray κ = s·profile, s ≥ 0, the circle of rotation number ω exists for small s and breaks at
-the critical scale. The set of all critical points is the boundary CB_ω, that of the last circle
+the critical scale. The critical points of ω form the boundary CB_ω, and those of the last circle
 CB_gt (arXiv:1606.04824, Sec. V).
 """
 
@@ -19,9 +19,9 @@ __all__ = ["CriticalScale", "Result", "Status", "no_answer"]
 
 
 class Status(Enum):
-    """Outcome of a method; each text states the reason and a cure.
+    """Outcome of a method; unless it is OK, the text states the reason and a remedy.
 
-    With any status other than OK and WIDE the value is NaN.
+    A result's value is NaN unless its status is OK or WIDE.
 
     Examples
     --------
@@ -30,7 +30,7 @@ class Status(Enum):
     omega is rational, and no circle has it; use an irrational number, like gamma
     """
 
-    # Cubes store the position of a member: add new ones at the end.
+    # Cubes store the index of a member: add new members at the end.
     OK = "ok"
     RATIONAL = "omega is rational, and no circle has it; use an irrational number, like gamma"
     OUTSIDE = (
@@ -87,11 +87,11 @@ class Status(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Base class of results, dataclasses that may contain arrays and NaN.
+    """Base class of results: dataclasses whose fields may contain arrays and NaN.
 
-    Two results are equal if they are of the same class and all their fields are equal, entry by
-    entry; NaN equals NaN. Results are not hashable, except those that define a hash themselves, as
-    `CriticalScale` does.
+    Two results are equal if they are of the same class and all their fields are equal; arrays are
+    compared entry by entry, and NaN equals NaN. A result is hashable only if its class defines a
+    hash, as `CriticalScale` does.
 
     Examples
     --------
@@ -107,7 +107,7 @@ class Result:
 
 
 def _same(a: object, b: object) -> bool:
-    """Compare two fields, NaN equal to NaN."""
+    """Return True if two fields are equal; NaN equals NaN."""
     if isinstance(a, tuple) and isinstance(b, tuple):
         return len(a) == len(b) and all(map(_same, a, b))
     if isinstance(a, np.ndarray | int | float) and isinstance(b, np.ndarray | int | float):
@@ -121,8 +121,8 @@ class CriticalScale(Result):
     """Scale s at which a circle breaks on the ray κ = s·profile.
 
     It prints on one line, with the digits that the error justifies; notebooks show it as a table.
-    Critical scales are compared field by field, NaN equal to NaN. They are hashable, so that they
-    can be members of sets and keys of dictionaries.
+    Critical scales are compared field by field, and NaN equals NaN. They are hashable, so they can
+    be members of sets and keys of dictionaries.
 
     Attributes
     ----------
@@ -131,15 +131,15 @@ class CriticalScale(Result):
     error : float
         Estimated absolute error of the value.
     lower, upper : float
-        Bracket that the method *shows*: a circle exists at lower, and none at upper. NaN where it
-        shows nothing.
+        Bracket that the method *shows*: a circle exists at lower, and none exists at upper. A bound
+        that the method does not show is NaN.
     omega : RotationNumber or None
         Rotation number of the circle per period; None if the method does not identify the circle.
     status : Status
-        OK, or the reason and its cure.
+        OK, or the reason and a remedy.
     method : str
-        What the value is based on, like "Greene's residue"; without a value, what the status or the
-        bracket is based on.
+        Method on which the value is based, like "Greene's residue"; if there is no value, the
+        method on which the status or the bracket is based.
 
     Examples
     --------
@@ -159,7 +159,7 @@ class CriticalScale(Result):
     method: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("value", "error", "lower", "upper"):  # NumPy's scalars print as np.float64(…)
+        for name in ("value", "error", "lower", "upper"):  # NumPy scalars print as np.float64(…)
             object.__setattr__(self, name, float(getattr(self, name)))
 
     def __hash__(self) -> int:

@@ -1,16 +1,17 @@
 """Diffusion: the rate at which momentum spreads once transport is global.
 
-    D = lim <(y_n - y_0)²> / 2n,     n in periods of the forcing, y in its own unit,
+    D = lim <(y_n - y_0)²> / 2n,     with n in periods of the forcing, and y in its own unit,
 
-the mean over all starts in the cell 0 ≤ x, y < 1. Islands are included, as places from which
-nothing spreads, so that a density gradient drives the flux -D ∂ρ/∂y. The literature on the standard
-map mostly states <(p_n - p_0)²>/n for p = 2πy, which is 8π²D. While a barrier exists D is 0.
+where <…> is the mean over all starts in the cell 0 ≤ x, y < 1. The mean includes islands, from
+which nothing spreads, so that a density gradient drives the flux -D ∂ρ/∂y. The literature on the
+standard map mostly states <(p_n - p_0)²>/n for p = 2πy, which is 8π²D. While a barrier exists, D is
+0.
 
-Motion within a cell adds a constant to <(y_n - y_0)²>, so D is the slope between lags of n/8 and
-n/2. n is doubled until the root mean square of y_n - y_0 reaches 2. D does not exist if an
-accelerator mode carries some orbits along, y ~ n: the squares grow faster than n, or one orbit is
-far ahead of all others. For strong kicks compare Rechester & White, Phys. Rev. Lett. 44 (1980)
-1586.
+Motion within a cell adds a constant to <(y_n - y_0)²>, so D is computed from the slope between lags
+of n/8 and n/2. n is doubled until the root mean square of y_{n/2} - y_0 reaches 2. D does not exist
+if an accelerator mode carries some orbits along, with y ~ n: then the squares grow faster than n,
+or one orbit is far ahead of all others. For strong kicks, compare with Rechester & White, Phys.
+Rev. Lett. 44 (1980) 1586.
 """
 
 from dataclasses import dataclass
@@ -31,24 +32,24 @@ from nasm.types import FloatArray
 __all__ = ["Diffusion", "DiffusionSettings", "diffusion"]
 
 MIN_PERIODS = 8192
-"""Least n_max; in fewer periods an accelerator mode may not stand out from the other orbits."""
+"""Minimum n_max; in fewer periods, accelerator modes may not stand out from the other orbits."""
 
 
 @dataclass(frozen=True)
 class DiffusionSettings:
-    """When an ensemble has spread far enough, and which spreading is not diffusive.
+    """Criteria for when an ensemble has spread far enough, and when its spreading is diffusive.
 
     Attributes
     ----------
     n_parts : int
-        Parts of the time, at whose ends momenta are recorded; a power of 2. The longer lag is half
-        of them, the shorter one a single part.
+        Number of equal parts of the time, a power of 2; momenta are recorded at the end of each.
+        The longer lag is half of the parts, and the shorter lag is one part.
     min_mean_square : float
-        Mean square of the displacements over the longer lag at which n suffices.
+        n suffices once the mean square of the displacements over the longer lag reaches this value.
     max_growth_exponent : float
-        Largest power of n in the growth of mean squares.
+        Largest exponent of n in the growth of mean squares; faster growth is anomalous.
     max_square_ratio : float
-        Ratio of the largest square to the mean that no orbit exceeds by chance.
+        Ratio of the largest square to the mean square; no orbit exceeds it by chance.
 
     Examples
     --------
@@ -113,18 +114,18 @@ def diffusion(
     n_max: int = 2**21,
     settings: DiffusionSettings = DEFAULT_SETTINGS,
 ) -> Diffusion:
-    """Estimate D by an ensemble of orbits that start evenly in the cell.
+    """Estimate D from an ensemble of orbits whose starts are spread evenly over the cell.
 
     Parameters
     ----------
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     n_orbits : int
-        Number of orbits, 64 to 10⁶.
+        Number of orbits, 64 to 10⁶; it is rounded up to a multiple of 64.
     n_max : int
-        Most periods, 8192 to 10¹². D of 4/n_max or more can be resolved.
+        Maximum number of periods, 8192 to 10¹². D of 4/n_max or more can be resolved.
     settings : DiffusionSettings
-        When the ensemble has spread far enough.
+        Criteria for when the ensemble has spread far enough, and when its spreading is diffusive.
 
     Raises
     ------
@@ -171,7 +172,7 @@ def _estimate(momenta: FloatArray, part: int, settings: DiffusionSettings) -> Di
 
 @kernel
 def _iterate(c, x, y, n):
-    """Advance all orbits, a multiple of the lanes, by n periods, in place."""
+    """Advance all orbits by n periods, in place; their number is a multiple of LANES."""
     reach = np.empty(LANES)
     for start in range(0, x.size, LANES):
         advance(c, x, y, start, n, reach)

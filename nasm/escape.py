@@ -2,13 +2,13 @@
 
     n* = min { n ≥ 0 : y_n < lo or y_n > hi },   (x_n, y_n) = Tⁿ(x_0, y_0)
 
-An escape from y_0 in [0, 0.3] through (-2, 2.3) shows global transport (Proposition 1 of
+An escape from y_0 in [0, 0.3] out of the window (-2, 2.3) shows global transport (Proposition 1 of
 arXiv:1606.04824, Sec. V.B), as long as every invariant circle has an amplitude below 1. The
-criterion is one-sided: n* = inf only means that nothing escaped up to n_max. The boundary
-{n* ≤ N} lies outside the true one, at a distance that decreases only as N^(-1/3.012).
+criterion is one-sided: n* = inf only means that nothing escaped up to n_max. The boundary of the
+set {n* ≤ N} lies outside the true one, at a distance that decreases only as N^(-1/3.012).
 
-n* of one ensemble is effectively random: a different arithmetic yields a different value of the
-same order.
+n* of an ensemble is effectively random: different floating-point arithmetic yields a different
+value of the same order of magnitude.
 
 The kernel advances 64 orbits in lockstep (`nasm.arithmetic.lanes`), using the angle shifted by a
 quarter turn,
@@ -16,9 +16,10 @@ quarter turn,
     X = x - 1/4,   r = X - rint X,   u = |r| - 1/4:
     y' = y - κ u·p(u²),   X' = r + y',       since sin 2πx = -sin 2πu = -2πu·p(u²)
 
-with p from `nasm.arithmetic.sine`, whose coefficients are multiplied by -κ. Escapes are tested for
-once per block of steps, by the largest |y| in the block. If that is outside the window, the block
-is repeated step by step, so times are exact. In single precision p has degree 4.
+where p is the polynomial of `nasm.arithmetic.sine`; the kernel uses its coefficients multiplied by
+-κ. The test for escape is made once per block of steps, with the largest |y| in the block. If that
+is beyond the nearer end of the window, the block is repeated step by step, so escape times are
+exact. In single precision p has degree 4.
 """
 
 from collections.abc import Sequence
@@ -45,25 +46,26 @@ PAPER_WINDOW = (-2.0, 2.3)
 """Window (lo, hi) of Sec. V.B: starts fill 0 ≤ y ≤ 0.3, and |y_n - y_0| > 2 shows transport."""
 
 MAX_STEPS = 10**12
-"""Largest n_max: half a day for one block of orbits. Floats are exact for integers up to 2⁵³."""
+"""Maximum n_max: half a day for 64 orbits. Floats represent integers up to 2⁵³ exactly."""
 
 MAX_SINGLE_STEPS = 10**6
-"""Largest n_max in single precision: rounding errors of 3·10⁻⁸ per kick add up to 3·10⁻⁵ in y."""
+"""Maximum n_max in single precision: rounding errors of 3·10⁻⁸ per kick add up to 3·10⁻⁵ in y."""
 
-_ETA = 3.012  # exponent of the bias, k_N - k_c ~ N^(-1/η)
+_ETA = 3.012  # η of the bias, k_N - k_c ~ N^(-1/η)
 
 
 @dataclass(frozen=True)
 class IterationSettings:
-    """Portions in which orbits are iterated; escape times do not depend on them.
+    """Sizes of the portions in which orbits are iterated; they do not affect escape times.
 
     Attributes
     ----------
     block_steps : int
-        Steps between two tests for escape: fewer are slower, more make repetitions longer.
+        Steps between two tests for escape. Small blocks spend more time on tests; large blocks take
+        longer to repeat.
     max_chunk_steps : int
-        Most steps between two compactions of the surviving orbits. In the search for the first
-        escape, orbits are iterated up to this many steps beyond it.
+        Maximum number of steps after which the surviving orbits are packed together. In the search
+        for the first escape, other orbits are iterated up to this many steps beyond it.
 
     Examples
     --------
@@ -84,15 +86,16 @@ DEFAULT_SETTINGS = IterationSettings()
 
 
 def ensemble(n_orbits: int) -> tuple[FloatArray, FloatArray]:
-    """Spread starts evenly over [0, 1] × [0, 0.3]; each prefix is spread evenly too.
+    """Spread starts evenly over [0, 1] × [0, 0.3]; the first m of them are spread evenly too.
 
-    The additive sequence of the plastic number g (g³ = g + 1), frac(1/2 + i/g) and frac(1/2 +
-    i/g²): ensembles of all sizes are nested, and identical on every machine.
+    The starts follow the additive sequence of the plastic number g (g³ = g + 1), frac(1/2 + i/g)
+    and frac(1/2 + i/g²). Ensembles of all sizes are therefore nested, and identical on every
+    machine.
 
     Parameters
     ----------
     n_orbits : int
-        1 to 10⁸.
+        Number of starts, 1 to 10⁸.
 
     Returns
     -------
@@ -138,8 +141,8 @@ def escape_time(
     Returns
     -------
     ndarray of float
-        n*, of the broadcast shape: 0 for a start outside, inf if the orbit does not escape up to
-        n_max.
+        n*, of the broadcast shape: 0 for a start outside the window, inf if the orbit does not
+        escape within n_max steps.
 
     Raises
     ------
@@ -245,9 +248,9 @@ def onset_scale(
     """Compute k_N, the scale on the ray κ = s·profile at which escapes within N steps set in.
 
     k_N is what the paper plots. It lies above the scale at which global transport begins, which
-    `critical_scale` estimates. Bisection finds it, to a relative 10⁻⁴, between 0 and the scale at
-    which the largest |κ| is 2: an orbit escapes at k_N, and none escapes one bisection step
-    below.
+    `critical_scale` estimates. Bisection finds it, to a relative accuracy of 10⁻⁴, between 0 and
+    the scale at which the largest |κ| is 2: an orbit escapes at k_N, and none escapes one bisection
+    step below.
 
     Parameters
     ----------
@@ -265,7 +268,7 @@ def onset_scale(
     Returns
     -------
     float
-        NaN if nothing escapes even where the largest |κ| is 2.
+        k_N; NaN if nothing escapes even at the scale at which the largest |κ| is 2.
 
     Raises
     ------
@@ -274,8 +277,9 @@ def onset_scale(
 
     Notes
     -----
-    Scales with and without an escape interleave around k_N, in an interval that widens as steps and
-    orbits decrease (some 20% with 50 steps of 20 orbits); k_N is one of its points.
+    Scales with and without an escape interleave around k_N, in an interval that widens as the
+    numbers of steps and orbits decrease (to some 20% with 50 steps of 20 orbits); k_N is one point
+    of this interval.
 
     Examples
     --------
@@ -297,9 +301,10 @@ def critical_scale(
     """Estimate the scale at which global transport begins on the ray κ = s·profile.
 
     1. Compute k_N, the `onset_scale` for N = n_max steps.
-    2. Compute k_{N/8}, and extrapolate by k_N - k_c ~ N^(-1/η), η = 3.012 = ln(αβ)/ln δ from the
-       scaling constants of MacKay (Physica D 7 (1983) 283).
-    3. Compute k_{N/64}, and compare the bias with the one that the law predicts from there.
+    2. Compute k_{N/8}, and extrapolate by the law k_N - k_c ~ N^(-1/η), η = 3.012 = ln(αβ)/ln δ
+       from the scaling constants of MacKay (Physica D 7 (1983) 283).
+    3. Compute k_{N/64}, and compare the bias with the one that the law predicts from k_{N/64} and
+       k_{N/8}.
 
     Parameters
     ----------
@@ -311,11 +316,12 @@ def critical_scale(
     Returns
     -------
     CriticalScale
-        upper: k_N, where an escape was seen. value: extrapolated. error: upper - value, the bias,
-        plus its difference from the predicted one. lower is NaN, because the absence of escapes
-        shows nothing. omega is None. Without a value the status is NOT_CONVERGED if the error would
-        exceed the value, because the law does not hold yet (use more steps or orbits), and
-        NO_BREAKUP if nothing escapes even where the largest |κ| is 2.
+        upper: k_N, where an escape was seen. value: the extrapolated scale. error: the bias,
+        upper - value, plus its difference from the predicted bias. lower is NaN, because the
+        absence of escapes shows nothing. omega is None. The value is NaN with status NOT_CONVERGED
+        if the error would exceed it, because the law does not hold yet (use more steps or orbits),
+        and with status NO_BREAKUP if nothing escapes even at the scale at which the largest |κ| is
+        2.
 
     Raises
     ------
@@ -337,7 +343,7 @@ def critical_scale(
     ratio = 8 ** (1 / _ETA)
     bias, predicted = (before - upper) / (ratio - 1), (earlier - before) / (ratio - 1) / ratio
     value, error, status = upper - bias, bias + abs(bias - predicted), Status.OK
-    if not error < value:  # NaN too, if nothing escapes in N/64 steps
+    if not error < value:  # also if it is NaN: nothing escapes in N/64 steps
         value, error, status = np.nan, np.nan, Status.NOT_CONVERGED
     return CriticalScale(value, error, np.nan, upper, None, status, METHOD)
 
@@ -345,7 +351,7 @@ def critical_scale(
 def _onset_scales(
     profile: ArrayLike, steps: Sequence[int], n_orbits: int, window: ArrayLike, precision: str
 ) -> list[float]:
-    """Compute k_N for each N of `steps`, which decrease; NaN where nothing escapes."""
+    """Compute k_N for each N in `steps`, a decreasing sequence; NaN where nothing escapes."""
     profile = direction(profile)
     x, y = ensemble(n_orbits)
     *_, lo, hi, shift = _checked(profile, x, y, 1, window)
@@ -371,12 +377,12 @@ def _onset_scales(
 def boundary(
     escape_time: ArrayLike, kappa1: ArrayLike, kappa2: ArrayLike, angles: ArrayLike, n: int
 ) -> FloatArray:
-    """Find where rays from the origin enter {n* ≤ n}, in a field over the (κ1, κ2) plane.
+    """Find where rays from the origin enter {n* ≤ n}, given n* on a grid in the (κ1, κ2) plane.
 
     Parameters
     ----------
     escape_time : array_like, shape (kappa2.size, kappa1.size)
-        First escape times; NaN or masked where they are not known.
+        First escape times; NaN or masked where unknown.
     kappa1, kappa2 : array_like, one-dimensional
         Equally spaced cell centres, increasing, at least two each.
     angles : array_like
@@ -388,14 +394,13 @@ def boundary(
     -------
     ndarray, shape of angles
         Distance from the origin at which the ray first passes from a cell without transport into
-        one with it, to within one cell. NaN if it meets no such pair of cells in the plane, or if
-        an unknown cell precedes the first one with transport.
+        one with it, to within one cell. NaN if the ray meets no such pair of cells in the plane, or
+        if an unknown cell precedes the first one with transport.
 
     Raises
     ------
     ValueError
-        If an argument is not made of numbers or has the wrong shape, or centres are not equally
-        spaced.
+        If an argument is not numeric or has the wrong shape, or centres are not equally spaced.
 
     Examples
     --------
@@ -422,10 +427,10 @@ def boundary(
     scale = np.full(angles.shape, np.nan)
     for i, radians in np.ndenumerate(np.deg2rad(angles)):
         direction = np.array([[np.cos(radians)], [np.sin(radians)]])
-        # Eight samples per cell: the ray skips at most the corner of a cell.
+        # With eight samples per cell, the ray misses at most the corner of a cell.
         along = np.arange(0, reach, 1 / (8 * np.abs(direction / width).max()))
         cells = (along * direction - first) / width + 0.5
-        # Keep samples that rounding moves beyond the edges.
+        # Keep samples that rounding errors move just beyond the edges.
         inside = ((cells > -1e-9) & (cells < ends + 1e-9)).all(axis=0)
         column, row = np.clip(cells[:, inside].astype(int), 0, ends - 1)
         along, times = along[inside], escape_time[row, column]
@@ -436,7 +441,7 @@ def boundary(
 
 
 def _centres(name: str, values: ArrayLike) -> FloatArray:
-    """Check equally spaced, increasing centres of cells."""
+    """Check that cell centres are equally spaced and increasing, and return them as floats."""
     centres = floats(name, values)
     if centres.ndim != 1 or centres.size < 2:
         raise ValueError(
@@ -474,14 +479,15 @@ _PRECISIONS = {"double": (np.float64, SINE), "single": (np.float32, SINGLE_SINE)
 def kick_series(kappas: FloatArray, series: Sequence[float] | FloatArray = SINE) -> FloatArray:
     """Compute the coefficients of y' = y + u·Σ c_k u²ᵏ for forcings of shape (..., P).
 
-    They are those of the sine times -κ, followed by 1/4: shape (..., P, len(series) + 1).
+    Each kick has the coefficients of the sine times -κ, followed by 1/4; the shape of the result is
+    (..., P, len(series) + 1).
     """
     quarter = np.full((*kappas.shape, 1), 0.25)
     return np.concatenate([-kappas[..., None] * np.array(series), quarter], axis=-1)
 
 
 def polynomial(c: FloatArray, p: int, v: FloatArray) -> FloatArray:
-    """Evaluate Σ c_k vᵏ of kick p; the precision of c fixes the number of terms."""
+    """Evaluate Σ c_k vᵏ for kick p; the precision of c fixes the number of terms."""
     raise NotImplementedError("polynomial is compiled inside kernels only")
 
 
@@ -509,7 +515,7 @@ def kick_on_lanes(c, p, x, y):
 
 @njit(nogil=True)
 def advance(c, x, y, start, n, reach):
-    """Advance the 64 orbits from `start` on by n steps, in place; reach gets their largest |y|."""
+    """Advance 64 orbits from index `start` by n steps, in place; set reach to their largest |y|."""
     own_frame()
     xs = load(x, start)
     ys = load(y, start)
@@ -532,7 +538,7 @@ def advance(c, x, y, start, n, reach):
 
 @njit(nogil=True)
 def _replay(c, x, y, n, lo, hi):
-    """Return the first of steps 0, …, n at which one orbit is outside, or n + 1."""
+    """Return the first of steps 0, …, n at which an orbit is outside the window, or n + 1."""
     for t in range(n + 1):
         if y < lo or y > hi:
             return t
@@ -545,17 +551,17 @@ def _replay(c, x, y, n, lo, hi):
 def _park(x, y, lane):
     """Park a lane at (x, y) = (0, 0), a fixed point for every forcing.
 
-    A parked lane leaves only a window that excludes this point, and is never replayed.
+    A parked lane is outside only if the window excludes this point; even then it is not replayed.
     """
     x[lane], y[lane] = -0.25, 0.0
 
 
 @kernel
 def _escape_times(c, x0, y0, n_max, lo, hi, only_first, block_steps, max_chunk_steps, times):
-    """Write n* of every orbit to `times`, inf if beyond n_max.
+    """Write n* of every orbit to `times`; inf if it exceeds n_max.
 
-    With `only_first`, orbits that escape later than the first may be left at inf. Survivors are
-    packed together after each chunk of steps.
+    With `only_first`, the entries of orbits that escape later than the first may remain inf.
+    Survivors are packed together after each chunk of steps.
     """
     # Copy and fill element by element: Numba takes seconds to compile slices.
     orbit, size = np.empty(x0.size, np.int64), (x0.size + LANES - 1) // LANES * LANES
@@ -574,7 +580,7 @@ def _escape_times(c, x0, y0, n_max, lo, hi, only_first, block_steps, max_chunk_s
     alive = x0.size
     n = 0
     while n < last and alive > 0:
-        # A quarter of the steps so far, at least one block.
+        # A quarter of the steps so far, but at least one block.
         chunk = min(max(n // 4, block_steps), max_chunk_steps, last - n)
         for start in range(0, alive, LANES):
             done = 0
@@ -605,12 +611,12 @@ def _escape_times(c, x0, y0, n_max, lo, hi, only_first, block_steps, max_chunk_s
 
 @kernel
 def _first_escapes(c, x, y, sizes, n_max, lo, hi, block_steps, max_chunk_steps, escapes):
-    """Write the first escape of each nested ensemble (columns) for each forcing (rows)."""
+    """Write the first escape times of nested ensembles (columns) for each forcing (rows)."""
     times = np.empty(x.size)
     for i in range(c.shape[0]):
         first, start = np.inf, 0
         for j in range(sizes.size):
-            if first > 0:  # a larger ensemble matters only at times before the smaller one's
+            if first > 0:  # the added orbits matter only if one escapes before all others
                 added, most = slice(start, sizes[j]), int(min(n_max, first - 1))
                 _escape_times(
                     c[i],

@@ -1,16 +1,16 @@
-"""Which circles exist under one forcing: residues down the Farey tree.
+"""Search for circles that exist under one forcing, by residues along the Farey tree.
 
 Between neighbours p/q and p'/q', |pq' - p'q| = 1, all fractions have periods of q + q' or longer,
-and the simplest is the *mediant* (p + p')/(q + q'). A path of mediants leads to every ω. If its
-circle exists, the residues of the minimax orbits along the path decay to 0. At the breakup of a
-noble they stay near 0.25 (Greene), and below and above it the values of ln(R/0.25) of two
-neighbours add up, approximately, to that of their mediant. So no circle exists between neighbours
-with large residues, and for a forcing beyond its last breakup a hundred mediants exclude all ω.
+and the simplest is the *mediant* (p + p')/(q + q'). A path of mediants leads to every ω. If the
+circle of ω exists, the residues of the minimax orbits along the path decay to 0. At the breakup of
+a noble circle they stay near 0.25 (Greene). Below and above the breakup, the values of ln(R/0.25)
+of two neighbours add up, approximately, to that of their mediant. So no circle exists between
+neighbours with large residues, and beyond the last breakup a hundred mediants exclude all ω.
 
-The orbit of a mediant is joined from those of its neighbours (`nasm.action`). This is not a proof:
-a circle within a relative distance δ of its breakup is resolved only by periods of order 1/δ. But
-the tree has no gaps, whereas converse KAM samples starts, and with three kicks or more survivors
-may be confined to intervals of 10⁻⁶.
+The orbit of a mediant is joined from those of its neighbours (`nasm.action`). The search proves
+nothing: a circle within a relative distance δ of its breakup is resolved only by periods of order
+1/δ. But the tree has no gaps, whereas converse KAM samples starts, and its survivors may be
+confined to intervals of width 10⁻⁶ for three kicks or more.
 """
 
 from collections.abc import Sequence
@@ -43,44 +43,45 @@ from nasm.types import OmegaLike
 __all__ = ["TreeSettings", "circle_exists", "find_existing_circle"]
 
 LONGEST_PERIOD = 3000
-"""Period of the convergents whose residues show whether a circle exists."""
+"""Period of the convergents whose residues decide whether a circle exists."""
 
 _GAMMA = parse("gamma")
 
 
 @dataclass(frozen=True)
 class TreeSettings:
-    """Which residues of a Farey tree exclude circles, which show one, and how far it is searched.
+    """Which residues exclude circles, which show one, and how far the Farey tree is searched.
 
     Attributes
     ----------
     max_products : tuple of (period, product)
-        A circle may be between two neighbours if the product of their residues is below that of the
-        first entry whose period exceeds the longer of theirs. On the paths to the last circles of
-        100 forcings of up to six kicks products were at most 0.26 from period 10 on, with 11 kicks
-        one was 0.80; below period 10 they were at most 1.3, on 143 paths with up to 33 kicks.
+        A circle may exist between two neighbours if the product of their residues is below the
+        limit in the first entry whose period exceeds both of theirs. On the paths to the last
+        circles of 100 forcings of up to six kicks, products were at most 0.26 from period 10 on;
+        with 11 kicks, one was 0.80. Below period 10 they were at most 1.3, on 143 paths with up to
+        33 kicks.
     max_residue : float
-        Largest residue of a long orbit next to a circle that exists: at most 1.1 on the paths to
-        those 100 circles, and once 1.57 with 11 kicks.
+        Largest residue that a long orbit may have next to a circle that exists. On the paths to
+        those 100 circles it was at most 1.1; with 11 kicks it was once 1.57.
     any_residue_period : int
-        Period below which any residue may be next to a circle: one was 49.
+        Period below which an orbit next to a circle may have any residue; one residue was 49.
     small_residue : float
-        Residue of neighbours below which the noble between them is tested itself.
+        If the residues of neighbours are below this value, the noble between them is tested itself.
     max_mediants : int
-        Most mediants that are tried; judged forcings took up to 1700.
+        Maximum number of mediants tried; forcings that were decided took up to 1700.
     scanned_period : int
-        Period up to which the highest maximum of the action is sought, rather than the one next to
-        those of the neighbours.
+        Up to this period, the highest maximum of the action is sought; for longer orbits, the one
+        next to the maxima of the neighbours.
     rescanned_period : int
-        The same if an orbit cannot be joined from those of its neighbours.
+        The same limit for an orbit that cannot be joined from those of its neighbours.
     lost_residue : float
-        Value that replaces the residue of a lost short orbit, in the order of the search.
+        Residue assumed for a lost short orbit when the order of the search is determined.
     first_period : int
         Shortest period of the convergents whose residues are compared.
     vanishing_residue : float
         Residue below which rounding may hide a decrease.
     longest_ratio : int
-        Multiple of `longest` up to which periods are used, if shorter ones do not decide.
+        Periods up to this multiple of `longest` are used if shorter ones do not decide.
 
     Examples
     --------
@@ -133,22 +134,24 @@ def find_existing_circle(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     deepest : int
-        Period of neighbours between which the search does not continue, 10 to 10⁶. The noble
-        between them is tested by `circle_exists` instead.
+        The search does not continue between neighbours one of which has a period above this, 10 to
+        10⁶; the noble between them is tested by `circle_exists` instead.
     settings : TreeSettings
-        What residues exclude, and how far the tree is searched.
+        Which residues exclude circles, and how far the tree is searched.
 
     Returns
     -------
     omega : RotationNumber or None
-        A noble in [0, P/2] per period whose circle exists, by `circle_exists`; None without one.
+        A noble in [0, P/2] per period whose circle exists according to `circle_exists`; None if
+        none was found.
     nobles : list of RotationNumber
-        If a circle was found on the way down, that one alone. Otherwise the nobles not excluded
+        If a circle was found on the way down, its noble alone. Otherwise the nobles not excluded
         down to `deepest`, or not reached, the simplest first; if all were excluded, the one that
-        took longest. Just beyond the last breakup the last circle is one of them.
+        took the longest orbit to exclude. Just beyond the last breakup, the noble of the last
+        circle is in the list.
     period : int
-        The longest period used. A circle that breaks at a relative distance δ below the scale takes
-        periods of order 1/δ to exclude.
+        The longest period used. To exclude a circle that breaks at a relative distance δ below the
+        forcing takes periods of order 1/δ.
 
     Examples
     --------
@@ -198,9 +201,9 @@ def find_existing_circle(
 
 
 def _may_enclose_circle(left, right, settings):
-    """Return True if a circle may exist between two neighbours, by their residues.
+    """Return True if a circle may exist between two neighbours, according to their residues.
 
-    A short orbit that is lost excludes nothing.
+    A lost short orbit excludes nothing.
     """
     residues, longer = (left.residue, right.residue), max(left.q, right.q)
     largest = next(most for period, most in settings.max_products if longer < period)
@@ -230,19 +233,19 @@ def circle_exists(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     longest : int
-        Residues of shorter orbits need not decrease yet. From this period on the answer is False as
-        soon as the last residue is not below the two before it. It is True as soon as the last
-        three are below 0.1 and the last is the smallest, or vanishes. All periods are less than
-        `settings.longest_ratio` times this one.
+        Residues of orbits with shorter periods need not decrease yet. From this period on, the
+        answer is False as soon as the last residue is not below the two before it. The answer is
+        True as soon as the last three residues are below 0.1 and the last of them is the smallest,
+        or vanishes. All periods are less than `settings.longest_ratio` times this one.
     known : sequence of Orbit
-        Minimax orbits of convergents of ω that are known already.
+        Known minimax orbits of convergents of ω.
     settings : TreeSettings
-        From which period on residues are compared, and up to which.
+        Sets the range of periods whose residues are compared.
 
     Returns
     -------
     bool
-        True if the residues of the last three minimax orbits show a decrease. False also if long
+        True if the residues of the last three minimax orbits show a decrease. Also False if long
         orbits are lost, which happens far beyond the breakup.
 
     Examples
@@ -270,7 +273,7 @@ def circle_exists(
         *_, before, residue = residues
         if residue > before and residue > 1.5:
             return False
-        # Next to an exchange of orbits residues pass through 0, and three may be small by chance.
+        # Where two orbits exchange roles, residues pass through 0; three may be small by chance.
         if max(residues[-3:]) < 0.1 and (_fall(residues) or residue < settings.vanishing_residue):
             return True
     return _fall(residues)
@@ -281,7 +284,7 @@ def _fall(residues):
 
 
 def _integer_neighbours(ordered, period, settings):
-    """Return pairs of neighbours between which all ω from 0 to P/2 lie."""
+    """Return pairs of Farey neighbours that together enclose all ω from 0 to P/2."""
     nodes = [_scanned(ordered, Fraction(p), settings) for p in range((period + 1) // 2 + 1)]
     if period % 2:
         nodes[-1] = _between(ordered, *nodes[-2:], settings)
@@ -318,9 +321,9 @@ def _node(fraction, orbit, settings):
 
 
 def _nobles(kappa, one, other):
-    """Return the noble whose path continues from two neighbours in golden steps.
+    """List the noble whose path from two neighbours continues in golden steps.
 
-    If there is one between them by `half_shift_nobles`, it precedes that noble.
+    If `half_shift_nobles` yields a noble between the neighbours, it comes first in the list.
     """
     (p, q), (r, s) = sorted(
         (node.fraction.as_integer_ratio() for node in (one, other)), key=lambda f: f[1]

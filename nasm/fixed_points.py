@@ -5,13 +5,14 @@ Primary points exist at all strengths: (0, 0), (1/2, 0), (0, ±1/2), (1/2, ±1/2
     R = -(κ1 + κ2)/2 - κ1κ2/4,    (κ1 + κ2)/2 - κ1κ2/4,
         (κ2 - κ1)/2 + κ1κ2/4,     (κ1 - κ2)/2 + κ1κ2/4;
 
-a point is stable iff 0 < R < 1. At R = 0 the point (1/2, 0) undergoes a pitchfork, on the curve
-κ1 + κ2 = κ1κ2/2, beyond which there are secondary points x = 1/2 ± z/2π, the solutions of
+a point is stable iff 0 < R < 1. The point (1/2, 0) undergoes a pitchfork bifurcation where its
+R = 0, on the curve κ1 + κ2 = κ1κ2/2. Beyond this curve there are secondary points x = 1/2 ± z/2π,
+the solutions of
 
     κ1 sin z + κ2 sin(z - (κ1/2) sin z) = 0,     2y = (κ1/2π) sin z.              (38)
 
 The cubic expansion in z gives z² = (6κ1 + 6κ2 - 3κ1κ2) / (κ1 - κ1κ2/2 + κ2(1 - κ1/2)³). The paper's
-Eq. (39) has +3κ1κ2, with which z would not vanish at the pitchfork.
+Eq. (39) has +3κ1κ2 instead, with which z would not vanish at the pitchfork.
 """
 
 from itertools import pairwise
@@ -30,7 +31,7 @@ PRIMARY = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
 
 
 def _strengths(kappa1: ArrayLike, kappa2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Check both, and return them as float arrays of one shape."""
+    """Check both strengths, and return them as float arrays of one shape."""
     kappa1, kappa2 = np.broadcast_arrays(floats("kappa1", kappa1), floats("kappa2", kappa2))
     for name, values in (("kappa1", kappa1), ("kappa2", kappa2)):
         if not np.isfinite(values).all():
@@ -69,12 +70,12 @@ def residue(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> FloatArray:
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     x, y : array_like
-        Fixed points of one period, mod 1, in turns; it is not checked that they are fixed.
+        Fixed points of one period, mod 1, in turns; whether they are fixed is not checked.
 
     Returns
     -------
     ndarray
-        Of the broadcast shape; the points are stable if 0 < R < 1.
+        R, of the broadcast shape; a point is stable if 0 < R < 1.
 
     Examples
     --------
@@ -96,13 +97,14 @@ def secondary(
     kappa1, kappa2 : array_like
         Finite strengths. Their shapes broadcast.
     n_samples : int
-        Number of equal parts of (0, π), 2 to 10⁶, in each of which a change of sign is sought.
+        Number of equal parts into which (0, π) is divided, 2 to 10⁶; a change of sign is sought in
+        each of them.
 
     Returns
     -------
     z : ndarray, at least one-dimensional
-        The smallest solution of Eq. (38b) in (0, π), with z = 2πx - π. NaN if the sign changes
-        in none of the parts.
+        The smallest solution of Eq. (38b) in (0, π), with z = 2πx - π. NaN if no part contains a
+        change of sign.
     x, y : ndarray
         The point, in turns.
 
@@ -117,7 +119,7 @@ def secondary(
     n_samples = count("n_samples", n_samples, 2, 10**6)
     grid = np.linspace(0.0, np.pi, n_samples + 1)
     left, right, sign = np.full((3, *kappa1.shape), np.nan)
-    # Both ends are solutions too, primary fixed points: the slope there gives the sign nearby.
+    # Both ends are also solutions, the primary points; the slope there gives the sign nearby.
     before = kappa1 + kappa2 * (1 - kappa1 / 2)
     for low, high in pairwise(grid):
         if high < np.pi:
@@ -127,7 +129,7 @@ def secondary(
         first = np.isnan(left) & (before * after < 0)
         left[first], right[first], sign[first] = low, high, np.sign(before)[first]
         before = after
-    # So many bisections leave an interval of the size of a rounding error.
+    # This many bisections reduce the interval to the size of a rounding error.
     for _ in range(np.finfo(float).nmant + 2):
         z = (left + right) / 2
         on_the_left = np.sign(secondary_equation(kappa1, kappa2, z)) == sign
@@ -152,7 +154,7 @@ def secondary_equation(kappa1: ArrayLike, kappa2: ArrayLike, z: ArrayLike) -> Fl
 def cubic_estimate(kappa1: ArrayLike, kappa2: ArrayLike) -> FloatArray:
     """Estimate z of the secondary point to third order, by the corrected Eq. (39).
 
-    NaN if it is not real.
+    Return NaN where z is not real.
 
     Examples
     --------

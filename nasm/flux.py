@@ -1,25 +1,26 @@
 """The flux through a broken circle: the difference in action of two periodic orbits.
 
-A circle that breaks leaves a cantorus, and orbits pass through its gaps. The area that passes
-upwards in one step of T, equal to that downwards, is
+A circle that breaks leaves a cantorus, through whose gaps orbits pass. In one step of T the same
+area passes upwards and downwards,
 
     ΔW = lim ΔW_{p/q},    ΔW_{p/q} = W(minimax orbit) - W(minimizing orbit),
 
-over the convergents p/q of ω (MacKay, Meiss & Percival, Physica D 13 (1984) 55), with the action
+where the limit is taken over the convergents p/q of ω (MacKay, Meiss & Percival, Physica D 13
+(1984) 55), and W is the action
 
     W = Σ_n (x_{n+1} - x_n)²/2 - (κ_n/4π²) cos 2πx_n
 
-over the Pq sites of a period. While the circle exists ΔW_{p/q} tends to 0 faster than any power of
-1/q; beyond its breakup it has a positive limit, which grows like (κ - κ_c)^3.01 for noble ω
-(MacKay's ln(αβ)/ln δ). The two actions share most of their digits, so they are not subtracted. Let
-d_n be the distance from a site of the minimizing orbit to the next site of the minimax orbit. Since
-the minimizing orbit is stationary,
+summed over the Pq sites of a periodic orbit. While the circle exists, ΔW_{p/q} tends to 0 faster
+than any power of 1/q; beyond its breakup it has a positive limit, which grows like (κ - κ_c)^3.01
+for noble ω (the exponent is MacKay's ln(αβ)/ln δ). The two actions share most of their digits, so
+they are not subtracted from each other. Instead, let d_n be the distance from a site of the
+minimizing orbit to the next site of the minimax orbit. Since the minimizing orbit is stationary,
 
     ΔW_{p/q} = Σ (d_{n+1} - d_n)²/2 + (κ_n/4π²) [2 cos 2πx_n sin² πd_n
                                                   + sin 2πx_n (sin 2πd_n - 2πd_n)].
 
 This is the flux through the widest gap of the minimizing orbit. Far beyond the breakup, or next to
-a forcing of shorter period, a cantorus may have other gaps too, whose flux is larger.
+a forcing of shorter period, a cantorus may also have other gaps, with a larger flux.
 """
 
 from dataclasses import dataclass
@@ -49,14 +50,14 @@ __all__ = ["Flux", "FluxSettings", "action_difference", "flux"]
 
 @dataclass(frozen=True)
 class FluxSettings:
-    """Relative changes of ΔW from one convergent to the next.
+    """Limits on the relative change of ΔW from one convergent to the next.
 
     Attributes
     ----------
     target_change : float
-        Change at which the search ends.
+        The search ends once the change is no larger than this.
     max_change : float
-        Change that is accepted if the search cannot be continued.
+        Largest change that is accepted if the search cannot be continued.
 
     Examples
     --------
@@ -77,13 +78,13 @@ DEFAULT_SETTINGS = FluxSettings()
 class Flux(Result):
     """Flux through the cantorus of ω, per step of T (one period of the forcing).
 
-    It prints on one line, with the digits that the error allows; notebooks show it as a table.
+    It prints on one line, with the digits that the error justifies; notebooks show it as a table.
 
     Attributes
     ----------
     value : float
-        Area, in turns times y: 0 to within `error` while the circle exists; NaN if status is not
-        OK.
+        Area, in turns times y; it is 0 to within `error` while the circle exists, and NaN if status
+        is not OK.
     error : float
         Estimated absolute error.
     period : int
@@ -132,7 +133,7 @@ def flux(
     q_max: int = 30_000,
     settings: FluxSettings = DEFAULT_SETTINGS,
 ) -> Flux:
-    """Compute ΔW for successive convergents of ω, until it converges or is lost in rounding.
+    """Compute ΔW for successive convergents of ω, until it converges or is lost in rounding errors.
 
     Parameters
     ----------
@@ -141,18 +142,18 @@ def flux(
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     q_max : int
-        Longest period used, up to 10⁶. At a relative distance of 10⁻³ or more beyond the breakup
-        30 000 suffices, at 10⁻⁴ or more 200 000.
+        Longest period used, up to 10⁶. A period of 30 000 suffices at a relative distance of 10⁻³
+        or more beyond the breakup, and one of 200 000 at 10⁻⁴ or more.
     settings : FluxSettings
         Criteria for the convergence of ΔW.
 
     Returns
     -------
     Flux
-        error: the last change, which bounds later ones as they shrink faster than geometrically,
-        plus the rounding of the sum. status: RATIONAL; NOT_CONVERGED next to the breakup, if orbits
-        up to q_max do not decide on which side of it kappa is; DISORDERED if longer orbits were
-        lost before changes fell below 1%.
+        error: the last change, plus the rounding error of the sum; the last change bounds later
+        ones, because they shrink faster than geometrically. status: OK; RATIONAL if ω is;
+        NOT_CONVERGED next to the breakup, if orbits up to q_max do not show on which side of it
+        kappa is; DISORDERED if longer orbits were lost before changes fell below 1%.
 
     Raises
     ------
@@ -172,7 +173,7 @@ def flux(
     if omega.is_rational:
         return Flux(np.nan, np.nan, 0, omega, Status.RATIONAL)
     steps = kappa.size // short.size
-    # Up to the end of the prefix, the convergents are those of other numbers too.
+    # Up to the end of the prefix, other numbers have the same convergents.
     min_period = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
     orbits = ConvergentOrbits(short, 0 * short, distinct_convergents(short_omega, q_max))
     value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
@@ -183,9 +184,9 @@ def flux(
             n_lost = 0
         except LostError:
             difference, rounding, n_lost = np.nan, 0.0, n_lost + 1
-            if n_lost == 1:  # longer ones may be found again
+            if n_lost == 1:  # longer orbits may be found again
                 continue
-        if not difference > -rounding:  # orbits are lost, or closer to each other than rounding
+        if not difference > -rounding:  # orbits are lost, or differ only by rounding errors
             status = Status.DISORDERED
             break
         value, error, period = difference, abs(difference - value) + rounding, chain.q
@@ -211,7 +212,7 @@ def action_difference(kappa: ArrayLike, p: int, q: int) -> float:
     Returns
     -------
     float
-        In turns times y; NaN if one of the two orbits is not found.
+        In turns times y; NaN if either of the two orbits is not found.
 
     Examples
     --------
@@ -226,13 +227,13 @@ def action_difference(kappa: ArrayLike, p: int, q: int) -> float:
 
 
 def _difference(minimizing: Orbit, minimax: Orbit) -> tuple[float, float]:
-    """Compute ΔW of two orbits and a bound of its rounding error."""
+    """Compute ΔW of two orbits and a bound on its rounding error."""
     u, kappa = minimizing.u, np.resize(minimizing.kappa, minimizing.u.size)
     if minimax.residue == 0:  # the reduced action is flat to rounding
         return 0.0, FLAT * u.size**0.5 / minimizing.chain.q
     x, d = minimizing.chain.theta + u, minimax.u - u
     bend = 2 * cos2pi(x) * sin2pi(d / 2) ** 2 + sin2pi(x) * (sin2pi(d) - TWO_PI * d)
     terms = np.stack([(np.roll(d, -1) - d) ** 2 / 2, kappa / TWO_PI**2 * bend])
-    # That of the sum and of the minimizing orbit, whose sites are stationary to one ulp.
+    # Errors of the sum, and of the minimizing orbit, whose sites are stationary to one ulp.
     rounding = np.finfo(float).eps * (np.abs(terms).sum() + np.linalg.norm(d))
     return float(terms.sum()), float(rounding)

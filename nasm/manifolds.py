@@ -1,18 +1,20 @@
 """Stable and unstable manifolds of the minimizing p/q orbit, and the turnstiles of its resonance.
 
-The minimizing orbit is hyperbolic, R < 0. Along the unstable direction v of one of its points z,
+The minimizing orbit is hyperbolic, R < 0. With the unstable direction v at one of its points z, the
+curve
 
     W(t) = T^{qk}(z + ε λ^{t-k} v) - (pk, 0),    k = ⌊t⌋,
 
-with a small ε and λ > 1 the eigenvalue of DT^q, is its unstable manifold up to about ε², since T^q
-attracts points to it. T⁻¹ is T with the kicks in reverse order in the coordinates (y - x, y), so
-the stable manifold is the image of an unstable one.
+where ε is small and λ > 1 is the eigenvalue of DT^q, is the unstable manifold of z up to about ε²,
+since T^q attracts points to the manifold. In the coordinates (y - x, y), T⁻¹ is T with the kicks in
+reverse order, so the stable manifold is the image of an unstable one.
 
-The manifolds of neighbouring points of the orbit cross on a homoclinic orbit that minimizes the
-action and on a minimax one. Between one point of the former and the next they enclose two lobes of
-equal area, the *turnstile*: in each step of T one passes upwards, one downwards. Both orbits are
-the limits of the periodic orbits of (np + p')/(nq + q'), with p'/q' the Farey neighbour of p/q
-above or below, so that the area is that of `flux.action_difference`.
+The manifolds of neighbouring points of the orbit cross at the points of two homoclinic orbits: one
+minimizes the action, the other is a minimax orbit. Between one point of the minimizing orbit and
+the next they enclose two lobes of equal area, the *turnstile*: in each step of T one lobe passes
+upwards and the other downwards. Both homoclinic orbits are limits of periodic orbits of
+(np + p')/(nq + q'), where p'/q' is the Farey neighbour of p/q above or below it, so the area is
+that of `flux.action_difference`.
 
 MacKay, Meiss & Percival, Physica D 13 (1984) 55; 27 (1987) 1.
 """
@@ -46,14 +48,14 @@ class ManifoldSettings:
     Attributes
     ----------
     epsilon : float
-        ε of the module, the distance at which a branch begins, in turns.
+        Distance from the periodic point at which a branch begins, in turns: the ε above.
     max_miss : float
-        Distance by which the image of a point of a periodic orbit under T^q may miss it, relative
-        to the norm of DT^q.
+        Largest distance from a point of a periodic orbit to its image under T^q, relative to the
+        norm of DT^q, or to 1 if that is larger.
     max_points : int
         Maximum number of points on a curve.
     max_period : int
-        Longest period of the orbits that approximate the homoclinic ones of a turnstile.
+        Longest period of the orbits that approximate the homoclinic orbits of a turnstile.
     max_length : float
         Maximum length of a manifold up to its turnstile, in turns.
 
@@ -100,21 +102,21 @@ def unstable(
     length : float
         Length of the branch, in turns, > 0.
     spacing : float
-        Largest distance from each of its points to the next, in turns, > 0.
+        Largest distance from each point of the branch to the next, in turns, > 0.
     toward : {1, -1}
-        1 for the branch that begins to the right, -1 for that to the left.
+        1 for the branch that begins to the right, -1 for the one to the left.
     settings : ManifoldSettings
         How the branch begins, and how many points it may have.
 
     Returns
     -------
     x, y : ndarray, shape (n,)
-        Points on the lift, starting at (x, y); a branch of more than 2·10⁵ points is cut short.
+        Points on the lift, starting at (x, y); a branch is cut short at settings.max_points.
 
     Raises
     ------
     ValueError
-        If the point is not on a p/q orbit, or not hyperbolic.
+        If the point is not on a p/q orbit, or is not hyperbolic.
 
     Examples
     --------
@@ -197,7 +199,7 @@ def _branch(
     toward: int,
     settings: ManifoldSettings,
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute a branch of the unstable manifold, arguments checked."""
+    """Compute a branch of the unstable manifold; the arguments are already checked."""
     kicks, epsilon, max_points = np.tile(kappa, q), settings.epsilon, settings.max_points
     values, vectors = np.linalg.eig(step_tangent(kicks, x, y))
     largest = int(np.argmax(values.real))
@@ -238,10 +240,10 @@ class Turnstile(Result):
     Attributes
     ----------
     area : float
-        Area of a lobe, in turns times y: this much passes upwards in each step of T, and as much
-        downwards.
+        Area of a lobe, in turns times y: in each step of T this area passes upwards, and the same
+        area downwards.
     lobes : tuple of two ndarrays, shape (2, n)
-        x and y of their edges, on the lift.
+        x and y along the boundary of each lobe, on the lift.
     """
 
     area: float
@@ -278,15 +280,16 @@ def turnstile(
     above : bool
         True for the upper edge.
     spacing : float
-        Distance between points on the edges of the lobes, in turns, from 10⁻⁵ to 0.1.
+        Distance between points on the boundaries of the lobes, in turns, from 10⁻⁵ to 0.1.
     settings : ManifoldSettings
         How the manifolds begin, and how far they are followed.
 
     Raises
     ------
     LostError
-        If the orbits that tend to the homoclinic ones are not found, or differ only by rounding, as
-        they do where R is about 0.
+        If the orbits that tend to the homoclinic ones are not found, are longer than
+        settings.max_period, or differ only by rounding errors, as they do where R is about 0; or if
+        the manifolds do not come close to them within settings.max_length.
 
     Examples
     --------
@@ -300,7 +303,7 @@ def turnstile(
     if not resonant.residue < 0:
         raise LostError(f"the minimizing orbit of {p}/{q} is not hyperbolic up to rounding: R = 0")
     neighbour = _neighbour(p, q, above)
-    # λ^n = 1/eps: up to rounding, the homoclinic orbits of a turnstile are periodic ones.
+    # With λ^n = 1/eps, the homoclinic orbits of a turnstile are periodic orbits up to rounding.
     n = ceil(-np.log(np.finfo(float).eps) / np.arccosh(1 - 2 * resonant.residue))
     long = n * p + neighbour.numerator, n * q + neighbour.denominator
     if long[1] > settings.max_period:
@@ -317,12 +320,12 @@ def turnstile(
     ends = np.array(resonant.points())
     offsets = (minimizing_points[:, :, None] - ends[:, None] + 0.5) % 1 - 0.5
     m = int(np.hypot(*offsets).min(axis=1).argmax())
-    # In time: from next to a point of the p/q orbit, past the middle of a gap, to the next point.
+    # In time: from near a point of the p/q orbit, past the middle of a gap, to near the next point.
     start, first, last, end = (
         _at(minimizing_points, m + j * q, long, j * p) for j in (-n // 2, 0, 1, n // 2)
     )
     onward = 1 if above else -1
-    if not above:  # a minimax orbit is to the right of the minimizing one
+    if not above:  # the minimax orbit is to the right of the minimizing one
         m += q
     middle = _at(minimax_points, m, long, p * (not above))
     crossings = [first, middle, last]
@@ -337,7 +340,7 @@ def turnstile(
 
 
 def _at(points: FloatArray, i: int, long: tuple[int, int], shift: int) -> FloatArray:
-    """Return point i of an orbit of p, q = `long`, on the lift, `shift` turns to the left."""
+    """Return point i of the orbit of (p, q) = `long`, on the lift, `shift` turns to the left."""
     turns, i = divmod(i, long[1])
     return points[:, i] + [turns * long[0] - shift, 0.0]
 
@@ -381,5 +384,5 @@ def _pieces(
 def _neighbour(p: int, q: int, above: bool) -> Fraction:
     """Return the Farey neighbour of p/q with the least denominator, above or below it."""
     sign = 1 if above else -1
-    denominator = -sign * pow(p, -1, q) % q or 1  # q·p' - p·q' = sign; 1 if q = 1
+    denominator = -sign * pow(p, -1, q) % q or 1  # q·p' - p·q' = sign; q' = 1 if q = 1
     return Fraction((p * denominator + sign) // q, denominator)

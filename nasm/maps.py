@@ -1,4 +1,4 @@
-"""The nonautonomous standard map, the inverses of its kicks, and its tangent.
+"""The nonautonomous standard map, the inverses of its kicks, and its tangent map.
 
     S_κ :  y' = y + (κ/2π) sin 2πx,   x' = x + y'                              (6)
     T   =  S_{κ_{P-1}} ∘ … ∘ S_{κ_1} ∘ S_{κ_0}                                 (4)
@@ -13,7 +13,7 @@ Conventions
   the paper's T_{κ1κ2}, with κ1 = κ_0; P = 1 is the standard map.
 - One *step* is one period, P kicks. Rotation numbers are per step.
 - The functions take numbers or arrays that broadcast together. `kick` and `unkick` can also be
-  called inside Numba kernels: they check and convert nothing.
+  called inside Numba kernels: they neither check nor convert their arguments.
 """
 
 from fractions import Fraction
@@ -31,14 +31,14 @@ __all__ = ["forcing", "kick", "rotating_forcing", "step", "step_tangent", "twist
 TWO_PI = 2 * np.pi
 
 MAX_STRENGTH = 1e6
-"""Largest |κ|: far beyond any barrier, and far from where products of strengths overflow."""
+"""Largest |κ|: far beyond any barrier, and far too small for products of strengths to overflow."""
 
 MAX_PERIOD = 64
-"""Maximum number of kicks of a plane, and of a forcing without a dominant symmetry line: `barriers`
-then takes minutes, even for 1%."""
+"""Maximum number of kicks of a plane, and of a forcing without a dominant symmetry line: with that
+many kicks `barriers` takes minutes, even at a tolerance of 1%."""
 
 MIN_SIZE = 1e-300
-"""Least size of a ray's profile, its largest |κ|: scales of about 1/size must still be floats."""
+"""Minimum size (largest |κ|) of a ray's profile: scales of about 1/size must still be floats."""
 
 
 @register_jitable
@@ -53,7 +53,7 @@ def kick(
     Parameters
     ----------
     kappa, x, y : floats or arrays
-        Strength of the kick, and points, in turns; x on the lift.
+        Strength of the kick, and coordinates of the points, in turns; x is on the lift.
     theta : float or array
         Phase of the kick, in turns: sin 2π(x - θ) replaces sin 2πx.
 
@@ -110,7 +110,7 @@ def step(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, Floa
 
     Examples
     --------
-    An orbit that starts at x = 0 is not kicked there; the second kick acts at x = 1/4.
+    A kick does not change y at x = 0, where this orbit starts; the second kick acts at x = 1/4.
 
     >>> from nasm.maps import step
     >>> x, y = step((0.3, 0.5), 0.0, 0.25)
@@ -179,7 +179,7 @@ def rotating_forcing(
     mean, amplitude : float
         κ̄ and Δκ.
     frequency : Fraction or str
-        Ω = p/q, exactly, with q ≤ 10⁶. The forcing has P = q kicks.
+        Ω = p/q, an exact fraction with q ≤ 10⁶. The forcing has P = q kicks.
     phase : float
         φ0, in turns.
 
@@ -203,7 +203,7 @@ def rotating_forcing(
     mean, amplitude, phase = real("mean", mean), real("amplitude", amplitude), real("phase", phase)
     exact = fraction("frequency", frequency)
     turns = [exact * n % 1 for n in range(exact.denominator)]
-    # In (-1/2, 1/2], so that times n and -n get the same strength to the last bit.
+    # Reduce to (-1/2, 1/2], so that kicks n and -n have the same strength to the last bit.
     nearest = [float(turn - 1 if 2 * turn > 1 else turn) for turn in turns]
     return forcing(mean + amplitude * cos2pi(np.asarray(nearest) + phase))
 
@@ -214,7 +214,7 @@ def direction(profile: ArrayLike) -> FloatArray:
     Raises
     ------
     ValueError
-        If it is zero, or so small that the scales of the ray are too large for floats.
+        If the profile is zero, or so small that the scales of the ray are too large for floats.
     """
     strengths = forcing(profile, "profile")
     size = np.abs(strengths).max()
@@ -229,14 +229,14 @@ def direction(profile: ArrayLike) -> FloatArray:
 
 
 def segment(start: ArrayLike | None, profile: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Check a segment of forcings κ = start + s·profile, and return both as arrays of shape (P,).
+    """Check a segment of forcings κ = start + s·profile; return start and profile as arrays.
 
-    A start of None means 0.
+    Both arrays have the shape (P,). A start of None means 0.
 
     Raises
     ------
     ValueError
-        If they differ in length, or as for `direction`.
+        If start and profile differ in length, or if `direction` refuses the profile.
     """
     profile = direction(profile)
     start = np.zeros_like(profile) if start is None else forcing(start, "start")
@@ -246,7 +246,7 @@ def segment(start: ArrayLike | None, profile: ArrayLike) -> tuple[FloatArray, Fl
 
 
 def forcing(kappa: ArrayLike, name: str = "kappa") -> FloatArray:
-    """Check a forcing, and return it as an array of shape (P,); a number is one kick.
+    """Check a forcing, and return it as an array of shape (P,); a single number means one kick.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def forcing(kappa: ArrayLike, name: str = "kappa") -> FloatArray:
     Raises
     ------
     ValueError
-        If it is something else, too large, or made of numbers that floats would round.
+        If kappa is anything else, is too large, or contains numbers that floats would round.
 
     Examples
     --------

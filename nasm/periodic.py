@@ -3,13 +3,14 @@
 A circle of ω exists as long as the residues of its convergents p_n/q_n tend to 0, and is broken
 where they grow (Greene, J. Math. Phys. 20 (1979) 1183). At the breakup
 
-    R_n(s) = R_{n+m}(s),      m the period of the continued fraction of ω,
+    R_n(s) = R_{n+m}(s),      where m is the period of the continued fraction of ω,
 
-whatever the common value. Those crossings converge like q^-2.04, and geometrically from one period
-of the tail to the next, so that Aitken's rule gains several digits.
+whatever the common value is. These crossings converge like q^-2.04, and geometrically from one
+period of the tail to the next, so Aitken's extrapolation gains several digits.
 
-The orbits are those of `nasm.action`: for every p/q a *minimax* one, R > 0, and a *minimizing* one,
-R < 0. Both families become unstable at the breakup; they are computed independently.
+The orbits are those of `nasm.action`: for every p/q a *minimax* orbit, R > 0, and a *minimizing*
+orbit, R < 0. The minimax orbits become unstable at the breakup. Both families are computed
+independently.
 """
 
 from dataclasses import dataclass, replace
@@ -46,24 +47,25 @@ class ResidueSettings:
     Attributes
     ----------
     sheet_period : int
-        Period from which orbits resolve the sheets of a boundary; residues are compared along the
-        ray for the first pair of orbits that long.
+        Period from which orbits resolve the sheets of a boundary; along the ray, residues are
+        compared for the first pair of orbits at least this long.
     single_sheet_period : int
-        The same with one or two kicks, whose boundaries have one sheet.
+        The same for forcings of one or two kicks, whose boundaries have one sheet.
     min_broken_residue : float
-        Least residue of that pair that shows a breakup. Where the dominant line changes, residues
-        pass through 0.
+        Smallest residue in that pair that shows a breakup; smaller ones may be due to a change of
+        the dominant line, where residues pass through 0.
     min_residue : float
-        Smaller residues are rounding errors.
+        Residues below this value are rounding errors.
     rounding : float
-        Relative error of a crossing due to rounding, over the period: at 10⁵ κ_G was off by 2.7e-12
-        or less.
+        Relative rounding error of a crossing, divided by the period; at a period of 10⁵, the error
+        of κ_G was at most 2.7e-12.
     max_log_ratio : float
-        Logarithm of a ratio of residues; a larger one shows that they do not cross.
+        Largest logarithm of the ratio of residues at a crossing; a larger one shows that they do
+        not cross.
     max_period_ratio : float
-        Ratio of consecutive periods up to which orbits are joined from shorter ones.
+        Largest ratio of consecutive periods for which orbits are joined from shorter ones.
     max_trusted_ratio : float
-        Predicted ratio of steps between crossings that needs no confirmation by a measured one.
+        Largest predicted ratio of steps between crossings that is trusted without a measured ratio.
 
     Examples
     --------
@@ -89,8 +91,8 @@ DEFAULT_SETTINGS = ResidueSettings()
 def residue(kappa: ArrayLike, p: int, q: int) -> float:
     """Compute Greene's residue R of the minimax orbit of p/q.
 
-    0 < R < 1 is elliptic, R > 1 hyperbolic with reflection. The minimizing orbit, R < 0, is the
-    other one of `action.ordered_orbits`.
+    The orbit is elliptic if 0 < R < 1, and hyperbolic with reflection if R > 1.
+    `action.ordered_orbits` also returns the minimizing orbit, with R < 0.
 
     Parameters
     ----------
@@ -102,8 +104,8 @@ def residue(kappa: ArrayLike, p: int, q: int) -> float:
     Returns
     -------
     float
-        0 if R vanishes to rounding. NaN if the orbit is not found, which implies nothing about the
-        circles near p/q; `action.ordered_orbits` says why.
+        R; 0 if it vanishes to rounding. NaN if the orbit is not found, which implies nothing about
+        the circles near p/q; the error of `action.ordered_orbits` states the reason.
 
     Examples
     --------
@@ -128,8 +130,8 @@ def critical_scale(
 ) -> CriticalScale:
     """Compute the scale at which the circle of ω breaks on κ = start + s·profile, s ≥ 0.
 
-    The `crossings` of the residues of its convergents are extrapolated by Aitken's rule: those of
-    minimax orbits and, with three kicks or more, also those of minimizing orbits.
+    The `crossings` of the residues of its convergents are extrapolated by Aitken's method, for
+    minimax orbits and, with three kicks or more, also for minimizing orbits.
 
     Parameters
     ----------
@@ -138,22 +140,22 @@ def critical_scale(
     profile : array_like, shape (P,)
         Direction of the ray.
     q_max : int
-        Longest period used, up to 10⁶. For noble ω 1500 gives nine digits, 6000 eleven.
+        Longest period used, up to 10⁶. For noble ω, 1500 yields nine digits, and 6000 eleven.
     start : array_like, shape (P,), optional
         Start of the segment; default 0. The circle should exist there: the result is the first
-        breakup, found in steps of a fiftieth of the twist region, |κ| < 2.
+        breakup beyond it, sought in steps of a fiftieth of the twist region, |κ| < 2.
     between : pair of floats, optional
-        Scales known to enclose the breakup. They replace that search. Status NOT_CONVERGED,
-        OUTSIDE or NO_BREAKUP if residues do not cross between them, because the orbits are too
-        short or the breakup is elsewhere.
+        Scales known to enclose the breakup, which replace that search. The status is NOT_CONVERGED,
+        OUTSIDE or NO_BREAKUP if residues do not cross between these scales, because the orbits are
+        too short or the breakup is elsewhere.
     settings : ResidueSettings
         Which residues show a breakup, and which orbits are compared.
 
     Returns
     -------
     CriticalScale
-        lower and upper are NaN: Greene's criterion shows neither. Status NEAR_CUSP if the
-        longest orbits found do not resolve a cusp nearby.
+        lower and upper are NaN, because Greene's criterion shows neither bound. The status is
+        NEAR_CUSP if the longest orbits found do not resolve a cusp nearby.
 
     Raises
     ------
@@ -162,9 +164,10 @@ def critical_scale(
 
     Notes
     -----
-    `_limit` estimates the error. Next to a cusp it is doubled until periods reach four times that
-    from which orbits resolve the cusp. With two families it is at least their difference. Residues
-    of long orbits decrease with q just below the value, and increase just above it.
+    `_limit` estimates the error. Next to a cusp, the error is doubled unless periods reach four
+    times the one from which orbits resolve the cusp. If two families of orbits are used, it is at
+    least the difference of their values. Residues of long orbits decrease with q just below the
+    value, and increase just above it.
 
     Examples
     --------
@@ -192,14 +195,15 @@ def crossings(
 ) -> tuple[FloatArray, FloatArray]:
     """Compute the scales at which consecutive convergents have equal residues, R_n(s) = R_{n+m}(s).
 
-    The orbits are minimax ones. If the forcing repeats itself up to a symmetry, the shorter map is
-    used: on κ1 = κ2 the standard map, at ω/2. Parameters and errors are those of `critical_scale`.
+    The orbits are minimax orbits. If the forcing repeats itself up to a symmetry, the shorter map
+    is used: on κ1 = κ2, the standard map at ω/2. Parameters and errors are those of
+    `critical_scale`.
 
     Returns
     -------
     q, scales : ndarrays, shape (n,)
-        The longer of the two periods, and the crossing. Empty without a result; the status of
-        `critical_scale` says why.
+        The longer of the two periods, and the scale of the crossing. Both are empty if there is no
+        result; the status of `critical_scale` then states the reason.
 
     Examples
     --------
@@ -256,7 +260,7 @@ def _breakup(omega, start, profile, q_max, settings, between=None):
         return other, no_crossings
     error = max(abs(scale.value - other.value), min(scale.error, other.error))
     scale = replace(min(scale, other, key=attrgetter("error")), error=error)
-    # Between two sheets of the boundary residues may cross although no circle breaks.
+    # Between two sheets of the boundary, residues may cross although no circle breaks.
     step = max(4 * scale.error, 2 * scale.value / fractions[n].denominator)
     decays_below, decays_above = (
         _residues_decay(orbits, n, n + period, scale.value + sign * step) for sign in (-1, 1)
@@ -271,9 +275,10 @@ def _residue(orbits, n, scale):
 
 
 def _residues_decay(orbits, shorter, longer, scale):
-    """Return whether the longer of two minimax orbits has the smaller residue.
+    """Return True if the longer of two minimax orbits has the smaller residue.
 
-    False if orbits are lost far beyond the breakup; None if one is lost that should be found.
+    Return False if an orbit is lost far beyond the breakup; None if one is lost that should be
+    found.
     """
     try:
         residues = [_residue(orbits, n, scale) for n in (shorter, longer)]
@@ -309,7 +314,7 @@ def _first_breakup(orbits, shorter, longer, settings):
 
 
 def _estimate(crossings, profile, settings):
-    """Return the CriticalScale of `_crossings`, without ω."""
+    """Return the CriticalScale that follows from the result of `_crossings`, without ω."""
     (periods, scales), status, tail, cusp = crossings
     if status is not Status.OK:
         return no_answer(None, status)
@@ -325,8 +330,9 @@ def _estimate(crossings, profile, settings):
 def _crossings(orbits, omega, kind, near, limits, settings):
     """Return the crossings of orbits of one kind near a scale.
 
-    Returns ((periods, scales), status, (m, ratio), period): m is the length of the tail of ω, ratio
-    that of steps m crossings apart, and period the one that resolves a cusp nearby.
+    Return ((periods, scales), status, (m, ratio), period): m is the length of the tail of ω,
+    `ratio` the ratio of steps m crossings apart, and `period` the one from which orbits resolve a
+    cusp nearby.
     """
     period, chains = len(omega.tail), orbits.chains
     fractions = list(islice(convergents(omega), len(omega.prefix) + period + 60))
@@ -335,14 +341,14 @@ def _crossings(orbits, omega, kind, near, limits, settings):
     is_trusted = abs(ratio) < settings.max_trusted_ratio
     n_needed = max(2 * period, 3) if is_trusted else 2 * period + 2
     crossings, status, longest, cusp = [], Status.NOT_CONVERGED, 0, 0.0
-    n_disordered = 0  # pairs whose orbits are lost; longer ones, joined from them, will be too
+    n_disordered = 0  # pairs with lost orbits; longer orbits, joined from them, are lost too
     first = next((n for n, chain in enumerate(chains) if chain.q >= 3), len(chains))
     for n in range(first, len(chains) - period):
         pair, scales = (n, n + period), [scale for _, scale in crossings]
         scale = _crossing(orbits, *pair, kind, near, scales, limits, settings)
         if isinstance(scale, Status):
             if len(crossings) >= n_needed:
-                break  # longer orbits are out of reach; there are enough without them
+                break  # longer orbits are out of reach, but there are enough crossings
             # Near a cusp the shortest orbits do not converge to the limit yet: start again.
             crossings, status = [], scale
             n_disordered += scale is Status.DISORDERED
@@ -356,7 +362,7 @@ def _crossings(orbits, omega, kind, near, limits, settings):
     if longest < cusp and (chains[-1].q < cusp or len(crossings) < n_needed):
         status = Status.NEAR_CUSP
     elif len(crossings) >= n_needed:
-        # Before the prefix and one tail are complete, these are convergents of other numbers too.
+        # Up to the end of the prefix and one tail, other numbers have the same convergents.
         is_complete = crossings[-1][0] >= fractions[len(omega.prefix) - 1 + period].denominator
         status = Status.OK if is_complete else Status.NOT_CONVERGED
     crossings = np.array(crossings).T if status is Status.OK else np.empty((2, 0))
@@ -375,9 +381,9 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
             residues = [abs(orbits.at(n, scale, kind).residue) for n in pair]
         except LostError as error:
             if error.is_far_beyond:
-                return 100.0  # as where both overflow
+                return 100.0  # the value for residues that both overflow
             raise
-        # Far below the breakup both are rounding errors, even their signs.
+        # Far below the breakup, both residues and even their signs are rounding errors.
         if min(residues) <= settings.min_residue:
             return -100.0
         if max(residues) == inf:
@@ -408,7 +414,7 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
             return Status.DISORDERED
         slope = steps[0][1] / steps[0][0]
         residues = [orbits.at(n, scale, kind).refined_residue() for n in pair]
-        if np.abs(residues).min() < 10 * settings.min_residue:  # the crossing is due to -100 above
+        if np.abs(residues).min() < 10 * settings.min_residue:  # an artefact of the -100 above
             return Status.NOT_CONVERGED
         remainder = _logarithm(*residues)
         if abs(remainder) > settings.max_log_ratio:
@@ -418,12 +424,12 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
             residues = [orbits.at(n, scale + step, kind).refined_residue() for n in pair]
             step *= remainder / (remainder - _logarithm(*residues))
         return scale + step
-    except (LostError, ValueError):  # from `root`, which met another orbit on its way back
+    except (LostError, ValueError):  # raised if `root` meets another orbit
         return Status.DISORDERED
 
 
 def _logarithm(shorter, longer):
-    """Return ln of the ratio of two residues; LostError if their signs differ, as near a cusp."""
+    """Return ln of the ratio of two residues; raise LostError if signs differ, as near a cusp."""
     if not shorter * longer > 0:
         raise LostError(f"residues {shorter} and {longer} have different signs")
     return log(longer / shorter)
@@ -448,9 +454,10 @@ def torus_scale(
 ) -> CriticalScale:
     """Compute where a torus of the rotating map breaks, from the residue of one long orbit.
 
-    The orbit has the rotation vector (p/q, Ω): κ_n = s·(κ̄ + Δκ cos 2πnΩ), and p/q turns per kick.
-    If both fractions are close to an incommensurate pair, it approximates the two-dimensional torus
-    of that pair, and its residue changes from tiny to huge where the torus breaks.
+    The orbit has the rotation vector (p/q, Ω): it advances by p/q turns per kick under
+    κ_n = s·(κ̄ + Δκ cos 2πnΩ). If both fractions are close to an incommensurate pair, it
+    approximates the two-dimensional torus of that pair, and its residue changes from tiny to huge
+    where the torus breaks.
 
     Parameters
     ----------
@@ -463,16 +470,16 @@ def torus_scale(
     -------
     CriticalScale
         value : scale at which |R| of either symmetric orbit first reaches 1/4, in steps of a
-        hundredth of the range |κ| < 2. error : the distance to |R| = 1, or to where the orbit is
-        lost; at least 2·value/√N for an orbit of N kicks, which resolves the torus only to 1/√N
-        turns. omega : the rotation number per period of the forcing. lower and upper are NaN.
-        Status DISORDERED if the orbit is lost earlier.
+        hundredth of the range |κ| < 2. error : the distance to the scale at which |R| = 1 or the
+        orbit is lost, but at least 2·value/√N for an orbit of N kicks, which resolves the torus
+        only to 1/√N turns. omega : the rotation number per period of the forcing. lower and upper
+        are NaN. The status is DISORDERED if the orbit is lost before |R| reaches 1/4.
 
     Notes
     -----
     On 60 rays, for approximants of four pairs with N from 263 to 10 252, the error covered the
-    difference to longer ones, N up to 73 396, in 98.6% of 420 cases; the worst was 1.04 times as
-    large.
+    difference from the values of longer approximants, with N up to 73 396, in 98.6% of 420 cases;
+    in the worst case, the difference was 1.04 times the error.
 
     Examples
     --------
@@ -485,7 +492,7 @@ def torus_scale(
     exact_omega = rational(fraction("omega", omega) * profile.size)
     (short,), number = shorten([profile], exact_omega)
     (*_, turns) = convergents(number)
-    # x_0 stays on a symmetry line, because forcings of cosines are the same both ways from 0.
+    # x_0 stays on a symmetry line, because a forcing of cosines is symmetric about kick 0.
     arguments = (chain := Chain(short.size, turns)), (0 * short, short), 0, 0
     orbits = [Orbit(*arguments, np.full(chain.n_sites, a), 0.0, 0.0) for a in (0.0, 0.5)]
 
@@ -513,9 +520,10 @@ def torus_scale(
 
 
 def cusp_period(kappa: ArrayLike) -> float:
-    """Compute the period from which orbits resolve a forcing next to a cusp from the cusp itself.
+    """Compute the period from which orbits distinguish a forcing next to a cusp from the cusp.
 
-    It is 5·d^-0.6, d the least of `distances_to_shorter`, see `CUSP_EXPONENT`; inf at a cusp.
+    It is 5·d^-0.6 with the least d of `distances_to_shorter` (see `CUSP_EXPONENT`), and inf at a
+    cusp.
 
     Examples
     --------
@@ -528,14 +536,14 @@ def cusp_period(kappa: ArrayLike) -> float:
 
 
 def _limit(scales, period, ratio):
-    """Return the limit of crossings and its error; ratio is that of steps a tail apart.
+    """Return the limit of crossings and its error; `ratio` is the ratio of steps one tail apart.
 
-    The value is Aitken's, from the last crossings a period apart, and converges like |ratio|^(3/2)
-    per period. The error is the largest difference of consecutive values over a whole period and
-    one more, each scaled by how much it should have shrunk by now; with fewer of them, also the
-    difference from the value by the last step and the ratio. If Aitken's ratio is not near `ratio`,
-    or not known, that latter value is used, and the error is at least as large as the last two
-    steps.
+    The value is Aitken's limit of the last crossings that are a period apart; it converges like
+    |ratio|^(3/2) per period. The error is the largest difference between consecutive values over a
+    whole period and one more, each scaled by how much it should have shrunk by now. If there are
+    fewer such values, the error also covers the difference from the limit that follows from the
+    last step and `ratio`. If Aitken's ratio is unknown or not near `ratio`, the latter limit is the
+    value, and the error is at least as large as the last two steps.
     """
     ends = range(len(scales), 2 * period, -1)[: period + 2]
     extrapolated = [_aitken(*scales[end - 1 - 2 * period : end : period]) for end in ends]
@@ -558,6 +566,6 @@ def _aitken(first, second, third):
     step, next_step = second - first, third - second
     if step == next_step:
         return third, 1.0
-    # Not next_step², which overflows for large scales, of small profiles.
+    # Avoid next_step², which overflows at the large scales of small profiles.
     limit = third - next_step * (next_step / (next_step - step))
     return limit, next_step / step if step != 0 else 0.0

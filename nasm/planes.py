@@ -2,14 +2,14 @@
 
     κ(a, b) = origin + a·first + b·second,     three vectors of length P
 
-The (κ1, κ2) plane of the paper is origin (0, 0), first (1, 0), second (0, 1); that of a rotating
-map, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), has first (1, …, 1) and second (cos 2π(φ0 + nΩ))_n
+The (κ1, κ2) plane of the paper has origin (0, 0), first (1, 0) and second (0, 1); that of a
+rotating map, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), has first (1, …, 1) and second (cos 2π(φ0 + nΩ))_n
 (arXiv:1606.04824, Eqs. (4) and (53)).
 
 Two forcings are equivalent if one is a shift, the reversal, the negative or the alternation of the
-other; they share their circles up to symmetry (Sec. III and `nasm.symmetries`). The symmetry group
-of the square has eight elements. Each is tested: those that map every forcing of the plane to an
-equivalent one are used to `fold` its rays.
+other; they share their circles up to symmetry (Sec. III and `nasm.symmetries`). Each of the eight
+elements of the symmetry group of the square is tested; those that map every forcing of the plane to
+an equivalent one are used to `fold` its rays.
 """
 
 import json
@@ -32,8 +32,8 @@ from nasm.types import FloatArray, IntArray
 
 __all__ = ["Plane", "from_json", "pairs", "parse", "rotating", "three_kicks", "two_kicks"]
 
-_AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # matched by no other name in a cube
-_MAX_NAME_LENGTH = 60  # the name is part of the names of files
+_AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # no other name in a cube matches it
+_MAX_NAME_LENGTH = 60  # the name is part of file names
 _ROUNDING = 1e-14  # of cosines, relative to the largest strength
 
 TWO_KICKS_AXES = {
@@ -59,7 +59,7 @@ class Plane:
     Parameters
     ----------
     name : str
-        At most 60 letters.
+        At most 60 characters.
     axes : dict of str to str
         Name and description of the coordinates a and b; the names begin with "kappa".
     origin, first, second : sequence of float, shape (P,)
@@ -140,7 +140,7 @@ class Plane:
         Parameters
         ----------
         angle : array_like
-            Degrees, from the axis of a to that of b.
+            Degrees, counted from the axis of a towards that of b.
 
         Returns
         -------
@@ -170,11 +170,11 @@ class Plane:
 
     @cached_property
     def symmetries(self) -> tuple[tuple[bool, int, int], ...]:
-        """Elements of the square's group that map each forcing of the plane to an equivalent one.
+        """Symmetries of the square that map each forcing of the plane to an equivalent one.
 
-        Tuple of (mirrored, turn, omega_shift): the ray at `angle` is equivalent to that at
-        turn + angle degrees, turn - angle if mirrored, and its circle of ω to that of
-        ω + omega_shift there, up to the sign of ω and multiples of P.
+        Each is a tuple (mirrored, turn, omega_shift). The ray at `angle` is equivalent to the ray
+        at turn + angle degrees, or at turn - angle if mirrored. Its circle of ω corresponds to the
+        circle of ω + omega_shift on that ray, up to the sign of ω and multiples of P.
         """
         vectors = np.array([self.origin, self.first, self.second])
         elements = []
@@ -228,7 +228,7 @@ class Plane:
         omega_shift : ndarray of int, shape of angle
             The circle of ω on the ray at `angle` breaks at the same scale as that of
             ω + omega_shift on the folded ray. For two kicks the mirrors κ1 → -κ1 and κ2 → -κ2 add
-            1, Eqs. (24) to (28); the swap and -κ add nothing.
+            1, Eqs. (24) to (28); swapping the kicks and κ → -κ add nothing.
 
         Examples
         --------
@@ -280,8 +280,8 @@ def rotating(frequency: Fraction | str, phase: Fraction | str | int = 0) -> Plan
 
     Notes
     -----
-    Cosines that should be equal, opposite, 0 or 1 are so to the last bit. Symmetric forcings, and
-    those of a shorter period, are therefore recognized.
+    Cosines that should be equal, opposite, 0 or 1 are exactly so, to the last bit. Symmetric
+    forcings, and those of a shorter period, are therefore recognized.
 
     Examples
     --------
@@ -300,7 +300,7 @@ def rotating(frequency: Fraction | str, phase: Fraction | str | int = 0) -> Plan
 
 
 def _cosine(turn: Fraction) -> float:
-    """Compute cos 2πt of a Fraction from 0 to 1/2, exactly opposite at 1/2 - t."""
+    """Compute cos 2πt of a Fraction t from 0 to 1/2; its value at 1/2 - t is exactly opposite."""
     if turn > Fraction(1, 4):
         return -_cosine(Fraction(1, 2) - turn)
     rest = Fraction(1, 4) - turn
@@ -331,8 +331,8 @@ def pairs(delay: Fraction | str) -> Plane:
     Notes
     -----
     Both strengths are in units of the period, as in the physics literature: the momentum p changes
-    by (K/2π) sin 2πx, and x by p in a time of 1. In a time of 1/q it changes by y = p/q, so that
-    the forcing has q kicks: the first is K/q, the a-th after it K_α/q, and the others are 0.
+    by (K/2π) sin 2πx, and x by p in a time of 1. In a time of 1/q, x changes by y = p/q, so the
+    forcing has q kicks: the first is K/q, the a-th after it is K_α/q, and the others are 0.
 
     References
     ----------
@@ -378,9 +378,9 @@ def from_json(text: str) -> Plane:
 
 
 def parse(text: str) -> Plane:
-    """Parse the text of a plane.
+    """Parse a text that names a plane.
 
-    It is "two-kicks", "rotating:1/3,1/48" (a frequency, and a phase if it is not 0),
+    The text is "two-kicks", "rotating:1/3,1/48" (a frequency, and a phase if it is not 0),
     "three-kicks:0.2" or "pairs:1/3".
 
     Raises

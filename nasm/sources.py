@@ -21,7 +21,7 @@ _ROOT = Path(__file__).parent
 
 
 def _stamps(folder: str | Path) -> dict[str, tuple[int, int, int]]:
-    """Return times and sizes of the .py files in a folder and below; ctime cannot be set back."""
+    """Return the times and sizes of all .py files below a folder; ctime cannot be set back."""
     stamps: dict[str, tuple[int, int, int]] = {}
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -36,7 +36,7 @@ def _stamps(folder: str | Path) -> dict[str, tuple[int, int, int]]:
 def _current() -> dict[str, tuple[int, int, int]]:
     try:
         return _stamps(_ROOT)
-    except OSError:  # in a zip archive, or removed
+    except OSError:  # the package is in a zip archive, or was removed
         return {}
 
 
@@ -56,7 +56,7 @@ def are_unchanged() -> bool:
 
 
 def digest() -> "_Hash":
-    """Compute the SHA-256 of the names and contents of all files, as a hashlib object.
+    """Return a hashlib object: the SHA-256 of the names and contents of all files.
 
     Examples
     --------

@@ -1,9 +1,9 @@
 """Starts that survive converse KAM longest, and the rotation numbers of their orbits.
 
-Converse KAM eliminates every start beyond the breakup in a number of steps that grows as the
+Beyond the breakup, converse KAM eliminates every start in a number of steps that grows as the
 breakup is approached. The *longest-lived start* is close to the remains of the last circle, and the
-weighted Birkhoff average of its orbit is a rotation number to about six digits: the nobles near it
-are candidates for the last circle.
+weighted Birkhoff average of its orbit yields a rotation number to about six digits: the noble
+numbers near this value are candidates for the last circle.
 """
 
 from math import inf
@@ -23,8 +23,8 @@ from nasm.types import FloatArray
 __all__ = ["eliminates", "longest_lived", "longest_lived_start"]
 
 LONGEST_LIFETIME = 1.6
-"""Steps, times the relative distance beyond the breakup, in which converse KAM eliminates all
-starts: about twice those of `transversal.EXCESS_BOUNDS`, as some orbits linger."""
+"""Product of the relative distance beyond the breakup and the steps that converse KAM needs to
+eliminate all starts. It is about twice `transversal.EXCESS_BOUNDS`, as some orbits linger."""
 
 
 def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLived:
@@ -35,14 +35,14 @@ def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLi
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     n_max : int
-        Most steps (periods of the forcing).
+        Maximum number of steps (periods of the forcing).
     until : float
         The `time.thread_time` after which a start on a transversal counts as a survivor.
 
     Returns
     -------
     LongestLived
-        Its kicks are inf if starts survive n_max steps on every line or transversal.
+        Its `kicks` is inf if starts survive n_max steps on every line or transversal.
 
     Examples
     --------
@@ -59,16 +59,16 @@ def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLi
 
 
 def longest_lived_start(kappa: ArrayLike, n_max: int) -> tuple[float, float, float]:
-    """Find the start by `longest_lived`, and move it to the beginning of its period.
+    """Find the longest-lived start, and map it back to the beginning of the period.
 
-    Beyond the breakup it is close to the remains of the last circle.
+    Beyond the breakup this start is close to the remains of the last circle.
 
     Returns
     -------
     x, y : float
         The start.
     steps : float
-        Steps until it is eliminated; inf if starts survive n_max steps, of which this is one.
+        Steps until the start is eliminated; inf if it survives n_max steps, as other starts may.
 
     Examples
     --------
@@ -88,8 +88,8 @@ def longest_lived_start(kappa: ArrayLike, n_max: int) -> tuple[float, float, flo
 def eliminates(kappa: ArrayLike, n_max: int) -> bool:
     """Return True if converse KAM eliminates all starts within n_max steps.
 
-    The starts are on the dominant line or, if there is none, on a transversal. That is strong
-    evidence, not a proof, that no circle exists.
+    The starts are on the dominant line or, if there is none, on a transversal. Their elimination is
+    strong evidence, not a proof, that no circle exists.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def candidates(
     distance: float = 2e-5,
     number: int = 3,
 ) -> list[RotationNumber]:
-    """Return the nobles close to the rotation number of an orbit, averaged over n steps.
+    """Return the noble numbers close to the rotation number of an orbit, averaged over n steps.
 
     Parameters
     ----------
@@ -118,10 +118,10 @@ def candidates(
     n : int
         Steps to average over.
     distance : float
-        Of a noble from that average, in turns per period, at most. The average is good to six
-        digits.
+        Largest distance of a noble number from the average, in turns per period. The average is
+        accurate to six digits.
     number : int
-        Most nobles to return of each kind, the simplest ones.
+        Maximum number of noble numbers of each kind; the simplest are returned.
 
     Returns
     -------

@@ -7,7 +7,8 @@ the paper's map P = 2. Under the same κ, (-x, -y) has the rotation number -ω, 
 
 The symmetries of the forcing generate the symmetry group of the square on the (κ1, κ2) plane. The
 boundary of global transport, CB_gt, is invariant under the whole group; that of one circle, CB_ω,
-is invariant up to ω → ω + 1. `nasm.planes` determines which of them another plane of forcings has.
+is invariant up to ω → ω + 1. `nasm.planes` determines which of these symmetries another plane of
+forcings has.
 """
 
 from collections.abc import Iterator, Sequence
@@ -56,7 +57,7 @@ def negate(
     Returns
     -------
     kappa, x, y : ndarray
-        The image of the forcing, shape (P,), and those of the points, of the broadcast shape.
+        The images of the forcing, shape (P,), and of the points, in their broadcast shape.
 
     Examples
     --------
@@ -74,10 +75,10 @@ def alternate(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Alternate signs: κ_n → (-1)ⁿ κ_n and y → y + 1/2, for even P; ω → ω + P/2.
 
-    For P = 2 this is Eq. (21), (κ1, κ2) → (κ1, -κ2): between kicks x advances by one half more.
+    For P = 2 this is Eq. (21), (κ1, κ2) → (κ1, -κ2): between kicks x advances by an extra 1/2.
 
-    If only the sites c, c + m, c + 2m, … are kicked, c < m = `spacing`, their signs alternate, and
-    (x, y) → (x - c/2m, y + 1/2m); ω → ω + P/2m. P must be an even multiple of m.
+    If only the sites c, c + m, c + 2m, … are kicked, c < m = `spacing`, the signs of their kicks
+    alternate, and (x, y) → (x - c/2m, y + 1/2m); ω → ω + P/2m. P must be an even multiple of m.
 
     Parameters
     ----------
@@ -150,7 +151,8 @@ def ray(angle: ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray, shape (*angle.shape, 2)
-        On the axes one component is exactly 0; on the diagonals both are equal to the last bit.
+        On the axes one component is exactly 0; on the diagonals their moduli are equal to the last
+        bit.
 
     Examples
     --------
@@ -171,7 +173,7 @@ def ray(angle: ArrayLike) -> FloatArray:
 def equivalent_forcings(vectors: FloatArray) -> Iterator[tuple[int, FloatArray]]:
     """Apply every alternation, reversal, negation and shift to all rows of `vectors` alike.
 
-    Yield (shift of ω, image of the rows); first the images for which ω is unchanged.
+    Yield (shift of ω, image of the rows); the images with unchanged ω come first.
     """
     period = vectors.shape[1]
     alternations = [(0, vectors)]
@@ -183,10 +185,11 @@ def equivalent_forcings(vectors: FloatArray) -> Iterator[tuple[int, FloatArray]]
 
 
 def dominant_centre(kappa: ArrayLike) -> tuple[float, float]:
-    """Find the symmetry centre whose orbits are the minimax ones, R > 0, for all ω if one exists.
+    """Find the symmetry centre whose orbits are minimax (R > 0) for all ω, if such a centre exists.
 
-    The centre is on a site with the largest |κ|, at x = 1/2 if κ > 0 there and at x = 0 if κ < 0.
-    Without such a site it is a centre between two sites, and the sum of all κ determines x.
+    Among the sites that are centres, this is the one with the largest |κ|, at x = 1/2 if κ > 0
+    there and at x = 0 if κ < 0. If no site is a centre, the centre lies between two sites, and the
+    sign of the sum of all κ determines x.
 
     Parameters
     ----------
@@ -213,7 +216,7 @@ def dominant_centre(kappa: ArrayLike) -> tuple[float, float]:
     (1, 0.5)
     """
     strengths = forcing(kappa)
-    # Strengths in descending order: with long forcings, only the first sites need to be tried.
+    # The strongest kicks first: with long forcings, only the first few sites need to be tried.
     sites = np.argsort(-np.abs(strengths), kind="stable").tolist()
     for site in chain(sites, (site + 0.5 for site in sorted(sites))):
         mirror = int(2 * site) - np.arange(strengths.size)
@@ -227,27 +230,28 @@ def dominant_centre(kappa: ArrayLike) -> tuple[float, float]:
 
 
 def primitive(kappa: ArrayLike) -> FloatArray:
-    """Return the shortest period of the forcing, an array."""
+    """Return one period of the forcing, the shortest, as an array."""
     strengths = forcing(kappa)
     sizes = _divisors(strengths.size)
     return next(strengths[:n] for n in sizes if (strengths[n:] == strengths[:-n]).all())
 
 
 def symmetry_lines(kappa: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Compute points of the symmetry lines: orbits through them are their own mirror images.
+    """Compute points on the symmetry lines: orbits through these are their own mirror images.
 
     Parameters
     ----------
     kappa : array_like, shape (P,)
         A forcing with a symmetry centre c, first kick first.
     y : array_like
-        Parameter along each line, in turns. The image of a line under y → y + 1 is a line too.
+        Parameter along each line, in turns. The image of a line under y → y + 1 is
+        also a symmetry line.
 
     Returns
     -------
     x, y : ndarray, shape (4, *y.shape)
-        Points before the first kick, in turns, x on the lift: first those of the lines x_c = 0 and
-        x_c = 1/2, mapped back from site c to site 0, then those of the other centre, c + P/2.
+        Points before the first kick, in turns, x on the lift: first those on the lines x_c = 0 and
+        x_c = 1/2, mapped back from site c to site 0, then those for the other centre, c + P/2.
 
     Raises
     ------
@@ -266,7 +270,7 @@ def symmetry_lines(kappa: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArr
     y, lines = floats("y", y), []
     other = (site + strengths.size / 2) % strengths.size
     for centre, a in product((site, other), (0.0, 0.5)):
-        point = a + y * (centre % 1), y  # between two sites x_c is their mean
+        point = a + y * (centre % 1), y  # between two sites, x_c is the mean of x at both
         for strength in strengths[: int(np.ceil(centre))][::-1]:
             point = unkick(strength, *point)
         lines.append(np.broadcast_arrays(*point))
@@ -278,8 +282,8 @@ def shorten(
 ) -> tuple[list[FloatArray], RotationNumber]:
     """Find the shortest forcings with the same orbits up to symmetry, and ω per their period.
 
-    On κ1 = κ2 one step is two of the standard map, at ω/2. On κ1 = -κ2 the same holds up to
-    `alternate`.
+    On κ1 = κ2 one step consists of two steps of the standard map, with rotation number ω/2. On
+    κ1 = -κ2 the same holds up to the symmetry `alternate`.
 
     Parameters
     ----------
@@ -313,11 +317,11 @@ def shorten(
 def half_shift_nobles(
     kappa: ArrayLike, value: float, width: float, n: int, max_distance: float = 3e-6
 ) -> list[RotationNumber]:
-    """List rotation numbers ω close to a float for which (ω + 1)/2 is noble.
+    """List the rotation numbers ω close to `value` for which (ω + 1)/2 is noble.
 
-    Under an antiperiodic forcing, κ_{j+P/2} = -κ_j exactly or nearly, a period is two steps of half
-    a period followed by x → x + 1/2, and (ω + 1)/2 is the rotation number of one of these steps.
-    Under (1, 1, -1, -1) the circle of [0;(4)] = 2γ - 1 breaks last.
+    Under an antiperiodic forcing, κ_{j+P/2} = -κ_j exactly or nearly, a period consists of applying
+    one map twice: half a period, followed by x → x + 1/2. The rotation number of this map is
+    (ω + 1)/2. Under (1, 1, -1, -1) the circle of [0;(4)] = 2γ - 1 breaks last.
 
     Parameters
     ----------
@@ -336,7 +340,7 @@ def half_shift_nobles(
     Returns
     -------
     list of RotationNumber
-        Those with the shortest prefix of (ω + 1)/2 first.
+        Sorted by the length of the prefix of (ω + 1)/2, the shortest first.
 
     Examples
     --------
@@ -352,7 +356,7 @@ def half_shift_nobles(
 
 
 def lengthen(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Map points back from the forcing that `shorten` returns for kappa to kappa itself.
+    """Map points under the forcing that `shorten` returns for kappa back to points under kappa.
 
     Parameters
     ----------
@@ -364,7 +368,7 @@ def lengthen(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, 
     Returns
     -------
     x, y : ndarray
-        Those of the same orbit under kappa.
+        Points of the same orbit under kappa.
 
     Examples
     --------
@@ -384,20 +388,20 @@ def lengthen(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, 
 def distances_to_shorter(kappa: ArrayLike, rounding: float = 1e-15) -> FloatArray:
     """Compute the distances of a forcing from those that `shorten` shortens.
 
-    There is one for each shorter period, and one from antiperiodic forcings, κ_{j+P/2} = -κ_j,
-    unless kappa is one of them to rounding.
+    There is at least one for each shorter period, and one from antiperiodic forcings,
+    κ_{j+P/2} = -κ_j, if P is even, unless kappa is one of them to rounding.
 
     Parameters
     ----------
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     rounding : float
-        Distance from antiperiodic forcings that is explained by the rounding of cosines.
+        Largest distance from antiperiodic forcings that the rounding of cosines can explain.
 
     Returns
     -------
     ndarray, shape (n,)
-        The largest change of a strength, relative to the largest |κ|.
+        Each distance is the largest change of a strength, relative to the largest |κ|.
     """
     strengths = forcing(kappa)
     size = np.abs(strengths).max()
@@ -417,9 +421,9 @@ def _distance_to_antiperiodic(kappa: FloatArray) -> float:
 
 
 def _shortest(kappas: FloatArray) -> tuple[int, int, FloatArray]:
-    """Return (period, spacing, rows) of the shortest period of forcings, the rows of an array.
+    """Return (period, spacing, rows) for the shortest period of the forcings in the rows.
 
-    The spacing m is that of the kicks whose signs must alternate to reach this period, or 0.
+    The spacing is that of the kicks whose signs must alternate to reach this period, else 0.
     """
     exact = (
         (length, spacing, rows) for change, length, spacing, rows in _shorter(kappas) if change == 0
@@ -430,10 +434,10 @@ def _shortest(kappas: FloatArray) -> tuple[int, int, FloatArray]:
 def _shorter(kappas: FloatArray) -> Iterator[tuple[float, int, int, FloatArray]]:
     """Yield (change, period, spacing, rows) for each shorter period.
 
-    `change` is the largest change of a strength that leads to that period; the others are as
-    `_shortest` returns them. Forms of a shorter period are the forcings themselves, made periodic,
-    and, for each spacing m, the sites m apart that include the largest |κ|, with alternating signs
-    and all others 0.
+    `change` is the largest change of a strength that is needed to reach that period; the other
+    values are as in `_shortest`. A shorter period is reached by the forcings themselves, made
+    periodic, or, for each spacing m, by their alternated form: the sites m apart that include the
+    largest |κ| have alternating signs, and all others are 0.
     """
     period, size = kappas.shape[1], np.abs(kappas)
     largest = int(size.max(axis=0).argmax())
@@ -466,9 +470,9 @@ def per_period(
     Parameters
     ----------
     omega : RotationNumber
-        Per period of `short`.
+        Rotation number per period of `short`.
     profile, short : ndarrays, shapes (P,) and (P',)
-        The forcing, and its shorter form by `shorten`.
+        The forcing, and its shorter form from `shorten`.
     zero : RotationNumber
         ω under `short` that corresponds to ω = 0 under `profile`.
 
@@ -497,8 +501,9 @@ def degenerate_partner(omega: OmegaLike, profile: ArrayLike) -> RotationNumber |
 
     y → y + 1/2 changes the sign of every other kick (`alternate`) and takes ω to ω + P/2. The two
     circles break together if another symmetry restores the signs: a shift in time, time reversal or
-    x → x + 1/2. This is the case if every other kick is zero, or under (1, 1, -1, -1). So γ and
-    1 - γ break together on the axes of the (κ1, κ2) plane, where the paper writes γ.
+    x → x + 1/2. This is the case if every other kick is zero, or under (1, 1, -1, -1). So the
+    circles of γ and 1 - γ break together on the axes of the (κ1, κ2) plane; the paper writes γ
+    there.
 
     Examples
     --------

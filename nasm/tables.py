@@ -1,4 +1,4 @@
-"""Results as tables that a notebook shows."""
+"""Results as text and as tables for notebooks."""
 
 from collections.abc import Mapping
 from enum import Enum
@@ -39,7 +39,7 @@ def status_text(status: Enum) -> str:
 
 
 def html_table(rows: Mapping[str, str], caption: str = "") -> str:
-    """Write a table of two columns as HTML, without empty rows.
+    """Write a table of two columns as HTML, leaving out empty rows.
 
     Examples
     --------

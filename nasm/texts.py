@@ -1,7 +1,8 @@
 """Numbers as text: parse "0.525", "3/8" and "1e-3", and write values with their errors.
 
-Texts may come from untrusted sources, and a short one can denote a number too large to compute
-with: 1e-99999999 has a denominator of 10⁸ digits. So digits are counted before a text is converted.
+Strings may come from untrusted sources, and a short one can denote a number too large to compute
+with: 1e-99999999 has a denominator of 10⁸ digits. Digits are therefore counted before a string is
+converted.
 """
 
 import re
@@ -21,13 +22,13 @@ __all__ = [
 ]
 
 MAX_DIGITS = 100
-"""Maximum number of digits of an integer, and of a decimal number on either side of its point."""
+"""Maximum number of digits of an integer, or on either side of a decimal point."""
 
 _DIGITS = rf"\d{{1,{MAX_DIGITS}}}"
 _DECIMAL = rf"(?:{_DIGITS}(?:\.(?:{_DIGITS})?)?|\.{_DIGITS})"
 _FRACTION = re.compile(rf"[+-]?(?:{_DIGITS}/{_DIGITS}|{_DECIMAL}(?:[eE][+-]?\d{{1,3}})?)")
 FORM_OF_FRACTION = f"write one like 3/8 or 0.375, with at most {MAX_DIGITS} digits"
-_MAX_LENGTH = 80  # of a value in a message
+_MAX_LENGTH = 80  # characters of a value in a message
 
 
 def parse_float(text: str) -> float:
@@ -53,7 +54,7 @@ def parse_float(text: str) -> float:
 
 
 def parse_fraction(text: str) -> Fraction:
-    """Parse an exact fraction, "3/8", "0.375" or "3e-3".
+    """Parse an exact fraction, such as "3/8", "0.375" or "3e-3".
 
     Raises
     ------
@@ -78,7 +79,7 @@ def parse_integer(text: str, low: int, high: int) -> int:
     Raises
     ------
     ValueError
-        If the text is something else, or the number is not from low to high.
+        If the text is not a whole number, or the number is not from low to high.
 
     Examples
     --------
@@ -93,7 +94,7 @@ def parse_integer(text: str, low: int, high: int) -> int:
 
 
 def short_repr(value: object) -> str:
-    """Return the repr of a value for a message, abbreviated.
+    """Return the repr of a value, abbreviated for a message.
 
     Examples
     --------
@@ -108,12 +109,12 @@ def short_repr(value: object) -> str:
 
 
 def abbreviate(text: str) -> str:
-    """Shorten a text of more than 80 characters to its beginning and its length."""
+    """Replace a text of more than 80 characters by its beginning and its length."""
     return text if len(text) <= _MAX_LENGTH else f"{text[:40]}… ({len(text)} characters)"
 
 
 def rounded_value(value: float, error: float) -> str:
-    """Write a value with its error, both rounded to the second digit of the error.
+    """Write a value with its error, both rounded to the second significant digit of the error.
 
     Examples
     --------
@@ -128,9 +129,10 @@ def rounded_value(value: float, error: float) -> str:
 
 
 def rounded_bracket(lower: float, upper: float) -> tuple[str, str]:
-    """Write the ends of a bracket, rounded outwards to the second digit of its width.
+    """Write the ends of a bracket, rounded outwards to the second significant digit of its width.
 
-    An end that is NaN becomes an empty text, and the other one then has six digits.
+    An end that is not finite becomes an empty string; the other end is then written with six
+    digits.
 
     Examples
     --------

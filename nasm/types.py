@@ -14,4 +14,4 @@ IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 
 OmegaLike: TypeAlias = RotationNumber | str
-"""A rotation number, or its text: "gamma", "[0;2,(1)]"."""
+"""A rotation number, or a string that denotes one, such as "gamma" or "[0;2,(1)]"."""

@@ -1,8 +1,8 @@
 """Is transport global under one forcing, or does a barrier exist?
 
-The boundary on the ray through the forcing only shows where to search, and how hard. The answer
-comes from the forcing itself: a circle is certified under it, or converse KAM eliminates all
-starts.
+The boundary on the ray through the forcing only determines where to search, and how hard. The
+answer comes from the forcing itself: either a circle is certified under it, or converse KAM
+eliminates all starts.
 """
 
 from __future__ import annotations
@@ -36,32 +36,32 @@ __all__ = ["Answer", "Evidence", "Verdict", "VerdictSettings", "verdict"]
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """How much effort `verdict` makes.
+    """Settings for the effort that `verdict` makes.
 
     Attributes
     ----------
     first_tol : float
-        First tolerance of the boundary, with three or more kicks.
+        First tolerance of the boundary, with three or more kicks per period.
     clear_distance : float
         Distance |value - 1| of the forcing from the boundary above which `first_tol` suffices.
     tols : tuple of float
-        Tolerances of the boundary, tried in turn until its error is less than the distance.
+        Tolerances of the boundary, tried in turn until its error is below the distance |value - 1|.
     unrelated_ratio : float
-        Lower end of the boundary's bracket above which a tighter tolerance cannot change the
-        verdict.
+        If the boundary has no value and its bracket begins above this multiple of the forcing, a
+        tighter tolerance cannot change the verdict.
     min_steps, max_steps : int
-        Steps of converse KAM: max_steps take a second or two, and suffice down to 4·10⁻⁶ above the
-        boundary.
+        Limits on the number of steps of converse KAM: max_steps take a second or two, and suffice
+        if the forcing is at least 4·10⁻⁶ above the boundary.
     max_points : int
         Maximum number of points of a circle that is farther from its breakup than the first of
         `tols`.
     min_distance : float
-        Distance below the boundary within which certificates fail, after 5 s.
+        Distance below the boundary within which attempts to certify a circle fail, after 5 s.
     proof_seconds : float
-        CPU seconds of a proof.
+        CPU seconds for a proof.
     n_orbits, n_kicks : int
-        Orbits of direct iteration under long periods, and kicks of each; they take a few CPU
-        seconds.
+        Number of orbits for direct iteration under long periods, and kicks of each orbit; these
+        take a few CPU seconds.
 
     Examples
     --------
@@ -143,7 +143,7 @@ class Verdict(Result):
         What the answer rests on.
     boundary : CriticalScale
         Breakup of the last barrier on the ray s·kappa, s = 1 being the forcing itself. Its omega is
-        that of the circle, if one exists; otherwise that of the last circle that broke.
+        that of the circle, if one exists; otherwise that of the last circle to break.
     circle : tuple of two ndarrays, shape (n,), or None
         x and y of the circle at the start of a period, x on the lift, y up to an integer. None
         unless evidence is CIRCLE or CIRCLE_PROVED.
@@ -213,12 +213,14 @@ def verdict(
 ) -> Verdict:
     """Decide whether a barrier exists under a forcing, or transport is global.
 
-    1. Find the boundary on the ray through kappa, the more precisely the nearer it is to kappa;
-       with three or more kicks, to 1% first.
-    2. Below it, certify the circle under kappa itself, unless converse KAM eliminates all starts.
-    3. Above it, apply converse KAM under kappa itself, with as many steps as the distance needs.
-    4. With `prove`, prove that the circle exists, and up to which multiple of kappa; or that
-       transport is global. Each takes up to 20 CPU seconds.
+    1. Find the boundary on the ray through kappa, more precisely if it is closer to kappa; with
+       three or more kicks, to 1% first.
+    2. If kappa is below the boundary, certify the circle under kappa itself, unless converse KAM
+       eliminates all starts.
+    3. If kappa is above the boundary, apply converse KAM under kappa itself, with as many steps as
+       the distance requires.
+    4. With `prove`, try to prove that the circle exists under kappa, and under all multiples of
+       kappa up to some scale; or that transport is global. Each proof takes up to 20 CPU seconds.
 
     Parameters
     ----------
@@ -226,16 +228,16 @@ def verdict(
         Strengths of the kicks, first kick first. Beyond 64 kicks no circle is sought: the answer is
         TRANSPORT, by converse KAM or by an orbit that escapes, or UNDECIDED.
     prove : bool
-        Evidence is CIRCLE_PROVED or TRANSPORT_PROVED if a proof succeeds.
+        Whether to try proofs. If one succeeds, evidence is CIRCLE_PROVED or TRANSPORT_PROVED.
     settings : VerdictSettings
-        How much effort is made.
+        How much effort to make.
 
     Returns
     -------
     Verdict
-        UNDECIDED at relative distances from the boundary of less than 1.5·10⁻⁵ below it or 4·10⁻⁶
-        above it, and where the methods fail or contradict each other; its boundary then contains
-        the bracket.
+        UNDECIDED if kappa is below the boundary by a relative distance of less than 1.5·10⁻⁵, or
+        above it by less than 4·10⁻⁶, or if the methods fail or contradict each other; `boundary`
+        then contains the bracket.
 
     Raises
     ------
@@ -300,7 +302,7 @@ def verdict(
         and not survivors.eliminates(short, settings.min_steps)
     ):
         answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
-    if boundary.upper == inf:  # the boundary is out of the range of floats, in units of kappa
+    if boundary.upper == inf:  # in units of kappa, the boundary is beyond the range of floats
         boundary = no_answer(boundary.omega, Status.NO_BREAKUP)
     if boundary.omega is not None:
         boundary = replace(boundary, omega=per_period(boundary.omega, kappa, short, zero))
@@ -308,7 +310,7 @@ def verdict(
     if prove:
         seconds = settings.proof_seconds
         answer, evidence, proof = _prove(kappa, short, circle, answer, evidence, seconds)
-        is_ray = boundary.value > 1 and size >= MIN_SIZE  # as a profile must be
+        is_ray = boundary.value > 1 and size >= MIN_SIZE  # a profile must not be smaller
         if circle is not None and evidence is Evidence.CIRCLE_PROVED and is_ray:
             from nasm.proofs.patches import proved_below
 
@@ -382,7 +384,7 @@ def _prove(
 def _circle_under(
     kappa: FloatArray, boundary: CriticalScale, settings: VerdictSettings
 ) -> circles.InvariantCircle | None:
-    """Return a certified circle under kappa; None without one, or if converse KAM excludes it."""
+    """Return a certified circle under kappa; None if none is found or converse KAM excludes all."""
     if survivors.eliminates(kappa, settings.min_steps):
         return None
     omega, distance = boundary.omega, 1 - 1 / boundary.value
@@ -394,7 +396,7 @@ def _circle_under(
         return circles.InvariantCircle(omega, kappa, u, error, Status.OK)
     if omega is not None:
         omegas = [omega]
-    else:  # as next to a cusp, where residues give no value
+    else:  # e.g. next to a cusp, where residues give no value
         beyond = boundary.upper * kappa
         start = survivors.longest_lived(beyond, 2 * settings.min_steps)
         omegas = survivors.candidates(beyond, start)

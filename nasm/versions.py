@@ -15,9 +15,10 @@ __all__ = ["show_versions"]
 def show_versions() -> None:
     """Print the versions that a bug report needs, one per line.
 
-    They are those of this program and of Python, the machine, and all libraries that the program
-    or one of its extras may use; "not installed" marks those of extras that are absent. `digest`
-    identifies the sources of `nasm`, which differ from the release if they were edited.
+    These are the versions of this program, of Python, and of all libraries that the program or one
+    of its extras may use; a library that is absent is marked "not installed". The machine is named,
+    too. `digest` identifies the source files of `nasm`: it differs from that of the release if they
+    were edited.
 
     Examples
     --------
@@ -45,7 +46,7 @@ def show_versions() -> None:
 
 
 def _libraries() -> list[str]:
-    """Return the names of the libraries that this program declares, without those of tests."""
+    """Return the names of the libraries that are declared, except those for tests and docs."""
     try:
         declared = requires(DISTRIBUTION) or []
     except PackageNotFoundError:  # a copy of the sources that is not installed

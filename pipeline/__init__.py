@@ -1,10 +1,10 @@
-"""Cubes of results, computed tile by tile on any dask cluster, and kept where they can be resumed.
+"""Cubes of results, computed tile by tile on any dask cluster, and stored so they can be resumed.
 
     job = pipeline.last_barrier([0, 30, 45])     one cube and how it is computed
     barrier = pipeline.fill(job, "out")          compute what is missing; an xarray Dataset
 
-`jobs` makes jobs; README.md explains clusters, stores and jobs of your own. Modules are imported
-when they are first used; `__init__.pyi` lists them.
+The functions of `pipeline.jobs` return jobs; README.md explains clusters, stores and how to define
+jobs of your own. Modules are imported when they are first used; `__init__.pyi` lists them.
 """
 
 import lazy_loader

@@ -1,9 +1,9 @@
 """Jobs for `pipeline.fill`: one cube each, and the functions that compute its tiles.
 
-Arguments are checked here. A cube has the same name and settings as that of the command, so that
-`fill` resumes what `python -m workflows.NAME` has begun, and vice versa.
+Arguments are checked here. A cube has the same name and settings as the one that the command
+computes, so that `fill` resumes what `python -m workflows.NAME` has begun, and vice versa.
 
-A plane is a Plane or a text as for --plane, like "rotating:1/3" (`nasm.planes.parse`). Angles are
+A plane is a Plane or a string as for --plane, like "rotating:1/3" (`nasm.planes.parse`). Angles are
 directions of rays in the plane, in degrees.
 """
 
@@ -39,7 +39,7 @@ P = ParamSpec("P")
 
 
 def _recorded(maker: Callable[P, Job]) -> Callable[P, Job]:
-    """Wrap a maker so that its jobs store the text of their call, for the cube's `history`."""
+    """Wrap a maker of jobs so that each job stores the call that made it, for `history`."""
 
     @functools.wraps(maker)
     def record(*args: P.args, **options: P.kwargs) -> Job:
@@ -53,7 +53,7 @@ def _recorded(maker: Callable[P, Job]) -> Callable[P, Job]:
 
 
 def _text(argument: object) -> str:
-    """Return an argument as a short text: the value of a list or number, else its name or type."""
+    """Return an argument as a short string: the value of a list or number, else a name or type."""
     if isinstance(argument, np.ndarray | np.generic):
         argument = argument.tolist()
     if argument is None or isinstance(argument, str | float | int | list | tuple | range | dict):
@@ -78,9 +78,10 @@ def escape(
     plane : Plane or str
         The plane of forcings.
     first, second : Axis or str
-        Cells along its two axes, "LO:HI:N".
+        Cells along the two axes of the plane, "LO:HI:N".
     n_max : int
-        Steps (periods of the forcing) after which an orbit counts as not escaping, 1 to 10¹².
+        Maximum number of steps (periods of the forcing), 1 to 10¹²; orbits inside the window up to
+        then count as not escaping.
     n_orbits : int or sequence of int
         Orbits per forcing, 1 to 10⁸; several increasing numbers are nested ensembles.
     precision : {"double", "single"}
@@ -122,27 +123,28 @@ def over_plane(
     seconds: float = 1e-3,
     tile: int = 8,
 ) -> Job:
-    """Return the Job of your own function over a plane of forcings; the cube has its name.
+    """Return the Job of your own function over a plane of forcings; the cube is named after it.
 
     Parameters
     ----------
     function : callable
-        κ, an array of the P strengths of a forcing → a number, or a sequence of one number for each
-        variable. It is sent to the workers together with your own code that it refers to; the
-        packages that it imports must be installed there. The cube holds a digest of its text, and
-        of the functions, modules and constants of your own that it refers to; if one of these has
-        changed, the cube is refused.
+        Maps κ, an array of the P strengths of a forcing, to a number, or to a sequence with one
+        number for each variable. The function is sent to the workers together with your own code
+        that it refers to; packages that it imports must be installed there. The cube stores a
+        digest of the function's text, and of your own functions, modules and constants that it
+        refers to; if one of these has changed, the existing cube is refused.
     plane : Plane or str
         The plane of forcings.
     first, second : Axis or str
-        Cells along its two axes, "LO:HI:N".
+        Cells along the two axes of the plane, "LO:HI:N".
     variables : mapping of str to str, optional
-        Name and description of each number; by default a single one, with the name of the function
-        and the first line of its docstring.
+        Name and description of each variable; by default there is a single one, with the name of
+        the function and the first line of its docstring.
     seconds : float
-        CPU seconds per forcing; cheap forcings are computed many at a time.
+        Expected CPU seconds per forcing; if they are few, many forcings share a tile.
     tile : int
-        Minimum number of cells along each side of a tile. If a worker dies, one tile is lost.
+        Minimum number of cells along each side of a tile. If a worker dies, the work on one tile
+        is lost.
 
     Examples
     --------
@@ -187,7 +189,7 @@ def frequency_map(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     x, y : Axis or str
-        Cells "LO:HI:N" at whose centres orbits start; x in turns, y in turns per kick.
+        Cells, "LO:HI:N"; orbits start at their centres. x is in turns, y in turns per kick.
     n_max : int
         Steps (periods of the forcing) to average over, 4 to 10⁹.
     tile : int
@@ -211,7 +213,8 @@ def last_barrier(angles: ArrayLike, tol: float = 2e-5, plane: Plane | str = "two
     """Return the Job of the last barrier on rays, bracketed from both sides: the cube `barrier`.
 
     The cube holds the rays onto which the symmetries of the plane fold `angles`.
-    `pipeline.cubes.barrier.unfolded(cube, angles)` returns all rays, and the last circles as texts.
+    `pipeline.cubes.barrier.unfolded(cube, angles)` returns all rays, with the last circles as
+    strings.
 
     Parameters
     ----------
@@ -233,7 +236,7 @@ def last_barrier(angles: ArrayLike, tol: float = 2e-5, plane: Plane | str = "two
 
 @_recorded
 def last_barriers(profiles: Iterable[ArrayLike], tol: float = 1e-3) -> Job:
-    """Return the Job of the last barriers of single forcings of any period: the cube `forcings`.
+    """Return the Job of last barriers for a list of forcings of any period: the cube `forcings`.
 
     Parameters
     ----------
@@ -273,9 +276,9 @@ def breakdown(
     angles : array_like
         Directions of rays, in degrees.
     tol : float or None
-        Target error of the scale for continuation, 10⁻⁷ to 0.1; where continuation does not reach
-        it, residues are tried: the cube `breakdown`. If None, residues alone are used: the cube
-        `breakdown_residue`.
+        Target error of the scale, 10⁻⁷ to 0.1. Circles are continued, and where that does not reach
+        the target, residues are tried; the cube is `breakdown`. If None, only residues are used;
+        the cube is `breakdown_residue`.
     q_max : int
         Longest period of the orbits whose residues are used, 10 to 10⁶.
     plane : Plane or str
@@ -307,7 +310,7 @@ def transport(
     angles : array_like
         Directions of rays, in degrees.
     n_max : int
-        Steps (periods of the forcing) of each orbit, 64 to 10¹².
+        Steps (periods of the forcing) for which each orbit is iterated, 64 to 10¹².
     n_orbits : int
         Orbits per forcing, 1 to 10⁸.
     plane : Plane or str
@@ -335,7 +338,7 @@ def flux(barrier: xr.Dataset, excesses: ArrayLike, q_max: int = 30_000) -> Job:
     excesses : array_like
         Scales relative to that of the breakup, minus 1; positive.
     q_max : int
-        Longest period of the orbits, 100 to 10⁶; 10 divided by the least excess is long enough.
+        Longest period of the orbits, 100 to 10⁶; 10 divided by the smallest excess is enough.
 
     Examples
     --------
@@ -367,7 +370,7 @@ def diffusion(
     n_orbits : int
         Orbits per forcing, 64 to 10⁶.
     n_max : int
-        Longest time, in steps, 2¹³ to 10¹².
+        Longest time, in steps (periods of the forcing), 2¹³ to 10¹².
 
     Examples
     --------
@@ -386,7 +389,7 @@ def diffusion(
 
 @_recorded
 def tori(vectors: Iterable[tuple[float, float]], angles: ArrayLike, tol: float = 1e-3) -> Job:
-    """Return the Job of the breakup of tori of rotating maps of irrational frequency: cube `tori`.
+    """Return the Job of the breakup of tori in rotating maps of irrational frequency: cube `tori`.
 
     Parameters
     ----------
@@ -417,7 +420,7 @@ def proved_barrier(
 ) -> Job:
     """Return the Job of proved bounds on the onset of transport: the cube `proved_barrier`.
 
-    It needs the extra `proof`. The theorems are in nasm/proofs/README.md.
+    Computing it needs the extra `proof`. The theorems are in nasm/proofs/README.md.
 
     Parameters
     ----------
@@ -441,14 +444,14 @@ def proved_barrier(
 
 
 def _plane(plane: Plane | str) -> Plane:
-    """Return the Plane that a text describes, or the Plane itself."""
+    """Return the Plane that a string describes; return a Plane unchanged."""
     if not isinstance(plane, Plane | str):
         raise ValueError(f"plane={plane!r} must be a Plane or a text like 'two-kicks'")
     return planes.parse(plane) if isinstance(plane, str) else plane
 
 
 def _axis(axis: Axis | str) -> Axis:
-    """Return the Axis that a text describes, or the Axis itself."""
+    """Return the Axis that a string describes; return an Axis unchanged."""
     return axis if isinstance(axis, Axis) else parse_axis(axis)
 
 
@@ -462,7 +465,7 @@ def _angles(angles: ArrayLike) -> FloatArray:
 
 
 def _irrational(omega: OmegaLike) -> RotationNumber:
-    """Return the RotationNumber of an irrational number."""
+    """Return omega as a RotationNumber; ValueError if it is rational."""
     number = parse(omega) if isinstance(omega, str) else omega
     if number.is_rational:
         raise ValueError(

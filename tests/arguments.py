@@ -1,4 +1,4 @@
-"""Good arguments of the public functions of nasm, by their names."""
+"""Valid arguments of the public functions of nasm, by name."""
 
 import inspect
 
@@ -10,7 +10,7 @@ from nasm.numbers import parse
 
 GAMMA, KAPPA = parse("gamma"), (0.3, 0.4)
 
-# Good arguments by name and kind; tests make one of them bad.
+# Valid arguments by kind and name; tests replace one of them with an invalid value.
 FORCINGS = {
     "kappa": KAPPA,
     "kappas": [KAPPA],
@@ -54,7 +54,7 @@ TOLERANCES = {"distance": 0.01, "budget": 0.1}
 AXES = {"lo": 0, "hi": 1, "text": "0:1:4"}
 GOOD = FORCINGS | NUMBERS | STARTS | COUNTS | TOLERANCES | AXES
 
-# Functions that take other arguments.
+# Functions that need other values of some arguments.
 OTHERS = {
     escape.first_escape: {"x": np.zeros(5)},
     orbits.orbit: {"x": np.zeros(2)},
@@ -69,7 +69,7 @@ OTHERS = {
 
 
 def arguments(function):
-    """Good arguments of a function, without those that have a default."""
+    """Return valid arguments of a function for the parameters without a default."""
     parameters = inspect.signature(function).parameters.values()
     needed = {p.name: GOOD[p.name] for p in parameters if p.default is p.empty}
     return needed | OTHERS.get(function, {})

@@ -1,4 +1,4 @@
-"""Audits of proofs: programs with a changed line, and the checks that must notice it."""
+"""Audits of the proof programs: copies with changed lines, and checks that must notice them."""
 
 import ast
 import inspect
@@ -20,44 +20,45 @@ from nasm.arithmetic.lanes import fma
 
 
 def changed(source, changes):
-    """The source after the changes (right, wrong), each of which must match in exactly one place.
+    """Return the source with `right` replaced by `wrong` for each of the changes (right, wrong).
 
-    White space is ignored, so that a line may be wrapped differently.
+    Each `right` must match in exactly one place. White space is ignored, so that a line may be
+    wrapped differently.
     """
     for right, wrong in changes:
         tokens = re.findall(r"\w+|[^\w\s]", right)
         pattern = r"\s*".join(map(re.escape, tokens))
-        source, found = re.subn(pattern, lambda _, wrong=wrong: wrong, source)
-        if found != 1:
+        source, n_changes = re.subn(pattern, lambda _, wrong=wrong: wrong, source)
+        if n_changes != 1:
             raise LookupError(
-                f"{right!r} fits at {found} places: a table of changes is out of date"
+                f"{right!r} fits at {n_changes} places: a table of changes is out of date"
             )
     return source
 
 
 def mutant(module, *changes):
-    """The module with changes of its source."""
+    """Return a copy of a module, run from its source after the changes."""
     other = types.ModuleType("mutant")
-    with pytest.MonkeyPatch.context() as patch:  # of one key: what is imported meanwhile is kept
-        patch.setitem(sys.modules, "mutant", other)  # where dataclasses look for it
+    with pytest.MonkeyPatch.context() as patch:  # restores this key only, not other imports
+        patch.setitem(sys.modules, "mutant", other)  # dataclasses look it up there
         exec(changed(inspect.getsource(module), changes), vars(other))
     return other
 
 
-ULP, COS_ERROR = 2.0**-53, 2.03e-14  # rounding; cos 2πx, as tests prove over its range
-LONGEST = 1e11  # kicks of a box
+ULP, COS_ERROR = 2.0**-53, 2.03e-14  # error bounds: of rounding, and of cos 2πx as tests prove
+LONGEST = 1e11  # maximum lifetime of a box, in kicks
 
 
 @njit
 def fused(a, b, c):
-    """A true fma, for floats."""
+    """Compute ab + c on floats with a single rounding."""
     return fma(a, b, c)
 
 
 def in_python(functions, *changes, fma=fused):
-    """The last of some kernels, after changes of the sources, as a Python function on floats.
+    """Return the last of `functions`, after changes to their sources, as plain Python on floats.
 
-    It returns the values of the kernel, and all variables of the kernel by name.
+    Calling it returns the values of the kernel, followed by a dict of all its variables.
     """
     source = "".join(inspect.getsource(function.py_func) for function in functions)
     program = ast.parse(changed(source, changes))
@@ -81,11 +82,12 @@ def in_python(functions, *changes, fma=fused):
 class Kernel:
     """What audits need to know about a kernel.
 
-    functions : the last one is one kick; it calls the others. names : of the numbers of a state.
-    known : for each part of the known displacement of an orbit, Σ factor·displacement, the names of
-    the displacement, its last difference, and its sum in Q; the factors are the parameters, then
-    their products. places : (σ,) or, in cells, (σ, σ_0, σ_1) of orbits in a box. rounding : of x̂
-    in one kick, as (coefficient of |κ|, constant).
+    functions : the last one applies one kick; it calls the others. names : names of the numbers of
+    a state. known : the known displacement of an orbit is Σ factor·displacement; for each term, the
+    names of the displacement, of its last difference, and of its sum in Q. The factors are the
+    parameters and then their products. places : orbits in a box that are tested, as (σ,) or, in
+    cells, (σ, σ_0, σ_1). rounding : bound on the rounding error of x̂ in one kick, as (coefficient
+    of |κ|, constant).
     """
 
     functions: tuple
@@ -99,7 +101,7 @@ class Kernel:
         return len(self.places[0]) == 3
 
     def state(self, numbers):
-        """The numbers by name, as balls."""
+        """Return the numbers of a state by name, as balls."""
         named = dict(zip(self.names, map(arb, numbers), strict=True))
         return {"x_low": arb(0), "y_low": arb(0)} | named
 
@@ -108,11 +110,11 @@ class Kernel:
         return place + [a * b for a, b in combinations_with_replacement(place, 2)]
 
     def swapped(self, parts):
-        """The parts of a cell after a kick, by which the two strengths change places."""
+        """Return the parts in their order after a kick, which in cells swaps the two strengths."""
         return [parts[i] for i in (0, 2, 1, 3, 5, 4, 8, 7, 6)] if self.cells else parts
 
     def sources(self, state, k, spread, sine, cosine):
-        """What a kick adds to the last differences, apart from κ cos times the displacements."""
+        """Return what a kick adds to each last difference, besides κ cos 2πx·displacement."""
         moves = [state[name] for name, *_ in self.known[: len(self.places[0])]]
         widths = [spread if i == 1 else arb(0) for i in range(len(moves))]
         squares, mixed = product(moves, moves), product(widths, moves)
@@ -122,16 +124,16 @@ class Kernel:
         ]
 
     def strength(self, strengths, place):
-        """κ, or κ + σ_0h in cells."""
+        """Return κ, or κ + σ_0h in cells."""
         return strengths[0] + (strengths[1] * arb(place[1]) if self.cells else arb(0))
 
     def largest(self, sums):
-        """The largest value of Σ factor·sum in a box."""
+        """Return the largest value of Σ factor·sum in a box."""
         return sum(map(abs, sums)) if self.cells else abs(sums[0]) + sums[1].max(arb(0))
 
 
 def product(f, g):
-    """The coefficients of the product of two linear forms, in the order of `factors`."""
+    """Return the coefficients of the product of two linear forms, in the order of `factors`."""
     pairs = combinations_with_replacement(range(len(f)), 2)
     return [f[i] * g[j] + f[j] * g[i] if i < j else f[i] * g[i] for i, j in pairs]
 
@@ -141,7 +143,7 @@ def combined(factors, state, names):
 
 
 def used(value, bound):
-    """The share of the bound that a value uses, > 1 if it is larger even by a single bit."""
+    """Return value/bound; it exceeds 1 if the value is larger by even a single bit."""
     if not bound > 0:
         return math.inf if value > 1e-30 else 0.0
     share = float((value / bound).mid())
@@ -149,15 +151,15 @@ def used(value, bound):
 
 
 def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
-    """Compare what one kick makes of a state with what it must, in arithmetic of many digits.
+    """Compare the state after one kick with what it must be, in multiprecision arithmetic.
 
-    strengths : k, and for cells h and those of the next kick. Returns by name the share of each
-    bound that is used, > 1 where a bound is too small; for a bad box, none.
+    strengths : k, and in cells also h, and k and h of the next kick. Returns by name the share of
+    each bound that is used; it exceeds 1 where a bound is too small. A bad box has no such shares.
 
-    1. Along any orbit of the box the chain holds up to a defect; A and B grow by its parts.
-    2. `rest` grows by all that may enlarge Q and is not in the sums; and all of it is paid.
-    3. A box that is too large, or has lost its Wronskian, is bad.
-    4. y, and the last differences of all solutions, change by the kick.
+    1. Any orbit of the box satisfies the chain up to a defect; A and B grow by its components.
+    2. `rest` grows by all that may increase Q beyond the sums; the payments cover both.
+    3. A box that is too large, or whose Wronskian is no longer accurate, is reported as bad.
+    4. The kick changes y and the last differences of all solutions by the right amounts.
     """
     ctx.prec = 256
     state, bad, inner = kick(*strengths, scale, tuple(numbers))
@@ -198,7 +200,7 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
             line -= 2 * pi * k * (sine * known + pi * cosine * straight**2)
             more = more.max(abs(change - line))
 
-    # Rounding, at worst, of x̂, of the solutions here and at the next site, of cos, and of V.
+    # Worst-case rounding errors: of x̂, of the solutions at this site and the next, of cos, of V.
     rounded = a["A"] * (abs(b["w"]) + abs(b["v"]) + abs(a["v"]))
     rounded += a["B"] * (abs(b[steps1[0]]) + abs(b["t"]) + abs(a["t"]))
     rounded += sum(abs(a[name]) for name in moves)
@@ -235,13 +237,13 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     record = b["paid"] - a["paid"]
     if kernel.cells:
         shares["records"] = used(b["paid"], paid)
-    elif record > 1e-9 * a["paid"]:  # later, records are limited by the rounding of their sum
+    elif record > 1e-9 * a["paid"]:  # smaller ones are lost in the rounding of their sum
         shares["records"] = used(record * (1 + LONGEST * ULP), payment + of_V)
     return shares
 
 
 def audit_of_kicks(kernel, *changes):
-    """Return the largest shares by name; stop where a bound is too small."""
+    """Return the largest share of each bound by name; stop at the first bound that is too small."""
     kick, largest = in_python(kernel.functions, *changes), {}
     for row in rows(kernel):
         for name, share in audit_of_a_kick(kernel, kick, *row).items():
@@ -252,7 +254,7 @@ def audit_of_kicks(kernel, *changes):
 
 
 def row_of_the_cube(kernel):
-    """A row in which the cubic term is nearly all of the defect, and W as small as allowed."""
+    """Return a row with a defect that is mainly cubic, and the smallest Wronskian allowed."""
     row = dict.fromkeys(kernel.names, 0.0)
     row |= {"x": -0.25, "y": 0.3, "v": 1.0, "V": 1.0, "t": 1e-4, kernel.known[0][1]: 1e-4}
     strengths = (1.9, 1e-10, 1.0, 0.0) if kernel.cells else (1.9,)
@@ -261,12 +263,13 @@ def row_of_the_cube(kernel):
 
 @cache
 def rows(kernel, count=400):
-    """Rows (strengths, scale, numbers) of kicks that test all parts of the bounds.
+    """Return rows (strengths, scale, numbers) for kicks that test all parts of the bounds.
 
-    Each part is the largest now and then, and nearly all that is due has been paid before.
+    Each part dominates in some of the rows. In some, nearly all that is due was paid before the
+    kick.
     """
     rng, kick = np.random.default_rng(1), in_python(kernel.functions)
-    found = [row_of_the_cube(kernel)]
+    results = [row_of_the_cube(kernel)]
 
     def size(low, high):
         return float(10 ** rng.uniform(low, high) * rng.choice([-1, 1]))
@@ -281,25 +284,25 @@ def rows(kernel, count=400):
         row |= {"v": size(-1, 3), "V": abs(size(-1, 2))}
         parts = 10 ** np.append(0, rng.uniform(-9, 0, len(kernel.known) + 1))
         parts = rng.permutation(parts)
-        parts[0] = max(parts[0], 0.5)  # else a box is bad
+        parts[0] = max(parts[0], 0.5)  # otherwise the box is bad
         parts[len(kernel.places[0]) :] *= rng.choice([1.0, abs(size(-9, 0))])
         parts *= rng.choice([abs(size(-18, -1)), 0.09, 0.12], p=[0.9, 0.05, 0.05]) / parts.sum()
         for (move, step, _), part in zip(kernel.known, parts, strict=False):
             row[move] = float(part * rng.choice([-1, 1]))
             row[step] = row[move] * rng.uniform(-3, 1)
-        if spread and rng.uniform() < 0.2:  # the kick leaves p where it was
+        if spread and rng.uniform() < 0.2:  # the kick leaves p unchanged
             row["zp"] = -spread * math.cos(2 * math.pi * row["x"]) / (2 * math.pi)
             row["p"] = 0.0
         row |= {"A": parts[-1] / abs(row["v"]), "B": parts[-2] / abs(row["t"])}
         row |= {"w": row["v"] * rng.uniform(-2, 2), "W": row["V"] * rng.uniform(-1, 1)}
         step = kernel.known[0][1]
-        if rng.uniform() < 0.2:  # v and t are nearly parallel, and their Wronskian is rounded
+        if rng.uniform() < 0.2:  # v and t are nearly parallel: their Wronskian is inexact
             row[step] = row["w"] * row["t"] / row["v"] * (1 + size(-13, -10))
         wronskian = row["v"] * row[step] - row["w"] * row["t"]
         if wronskian < 0:
             row |= {name: -row[name] for name in ("v", "w")}
         scale = float(1 / abs(wronskian) * rng.choice([1.0, 1.0, 1.0, 1.002]))
-        begun = rng.choice([0, 0.5])  # sums that have begun would hide small terms
+        begun = rng.choice([0, 0.5])  # sums that are not 0 would hide small terms
         for *_, name in kernel.known:
             row[name] = row["V"] ** 2 * size(-8, 8) * float(rng.uniform() < begun)
         row["rest"] = row["V"] ** 2 * abs(size(-12, 0)) * float(rng.choice([0, 1]))
@@ -308,5 +311,5 @@ def rows(kernel, count=400):
         due = kick(*strengths, scale, tuple(numbers))[0][paid]
         nearly = 1 - abs(size(-17, rng.choice([-13, 0])))
         numbers[paid] = float(due / (1 + 1e-14) * nearly * rng.choice([0, 1]))
-        found.append((strengths, scale, numbers))
-    return found
+        results.append((strengths, scale, numbers))
+    return results

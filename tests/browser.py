@@ -1,4 +1,4 @@
-"""The explorer in headless Chromium: a server, started as a user would, and its pages."""
+"""The explorer in headless Chromium: a server, started as by a user, and its pages."""
 
 import json
 import re
@@ -22,17 +22,17 @@ PATIENCE = 100_000  # milliseconds; kernels may have to be compiled first
 
 @pytest.fixture(scope="session")
 def served(store):
-    """The address of an explorer of `store` on a free port, and its process. Ctrl-C ends it."""
+    """Yield the address and the process of an explorer of `store`; stop it with Ctrl-C."""
     command = [sys.executable, "-m", "workflows.explore", "--port", "0", "--no-browser"]
     command += ["--out", str(store), "--workers", "1"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         try:
-            told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
-            yield re.search(r"http://localhost:\d+/", told).group(), process
+            output = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
+            yield re.search(r"http://localhost:\d+/", output).group(), process
             family = psutil.Process(process.pid).children(recursive=True)
             process.send_signal(signal.SIGINT)
-            _, said = process.communicate(timeout=60)
-            ended = process.returncode, said, psutil.wait_procs(family, 60)[1]
+            _, printed = process.communicate(timeout=60)
+            ended = process.returncode, printed, psutil.wait_procs(family, 60)[1]
             if ended != (0, "", []):
                 raise AssertionError(f"Ctrl-C left exit code, words and processes {ended}")
         finally:
@@ -41,7 +41,7 @@ def served(store):
 
 @pytest.fixture(scope="session")
 def store(tmp_path_factory, here, workers):
-    """A directory with escape times of a small plane, and a stand-in for the boundary."""
+    """Return a directory with escape times of a small plane, and a stand-in for the boundary."""
     from nasm.planes import two_kicks
     from pipeline.cubes.barrier import last_barrier
     from workflows.explore.field import View
@@ -55,7 +55,7 @@ def store(tmp_path_factory, here, workers):
     angles = Rays(first.plane).missing(View(first.a, first.b, (27, 27)))
     job = last_barrier(first.plane, angles, 0.1)
 
-    def alike(coords, settings):  # all rays would take seconds
+    def alike(coords, settings):  # repeats the first ray: computing all would take seconds
         one = job.compute({"angle": coords["angle"][:1]}, settings)
         return {name: values.repeat(coords["angle"].size, -1) for name, values in one.items()}
 
@@ -65,7 +65,7 @@ def store(tmp_path_factory, here, workers):
 
 @pytest.fixture(scope="session")
 def chromium():
-    """Headless Chromium, for all tests of the session."""
+    """Yield headless Chromium, shared by all tests of the session."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as driver:
@@ -88,7 +88,7 @@ def pages(chromium, url):
         tab = context.new_page()
         tab.set_default_timeout(PATIENCE)
         tab.on("pageerror", lambda error: failures.append(error))
-        tab.on("console", lambda said: said.type == "error" and failures.append(said.text))
+        tab.on("console", lambda message: message.type == "error" and failures.append(message.text))
         tab.goto(url + query)
         wait(tab, "window.Bokeh?.documents[0]?.is_idle")
         return tab
@@ -101,13 +101,13 @@ def pages(chromium, url):
 def wait(tab, condition, argument=None, timeout=PATIENCE):
     """Wait until a condition in JavaScript is true.
 
-    By default Playwright checks before each frame, so that frames are drawn all the time.
+    By default Playwright checks before each frame, which makes the browser draw all the time.
     """
     return tab.wait_for_function(condition, arg=argument, timeout=timeout, polling=50)
 
 
 def ready(tab, but="nothing"):
-    """Wait until no computation is going on, except for those in `but`, "this|that"."""
+    """Wait until nothing is being computed, except what `but` names, as in "this|that"."""
     wait(tab, """(but) => {
         const line = Bokeh.documents[0].get_model_by_name("status").text
         const words = line.match(/>(.*?)( …)?</)[1].replace(/ \\(.*?\\)/g, "")
@@ -117,7 +117,7 @@ def ready(tab, but="nothing"):
 
 
 def insist(gesture, happened):
-    """Repeat a gesture until happened(timeout=…), which waits for something, returns.
+    """Repeat a gesture until happened(timeout=…), which waits for its effect, returns.
 
     On a busy machine the mouse may pause for 0.3 s, which Bokeh takes for a long press.
     """
@@ -132,7 +132,7 @@ def insist(gesture, happened):
 
 
 def click(tab, label, at, happened):
-    """Click in a picture, at fractions of its width and height, until something has happened."""
+    """Click in a picture, at fractions of its width and height, until `happened` returns."""
     spot = spots(tab, label, at)[0]
     return insist(lambda: tab.mouse.click(*spot), happened)
 
@@ -164,8 +164,8 @@ def spots(tab, label, *parts):
 
 
 def columns(tab, name):
-    """The columns of a data source of the page, as lists of flat lists."""
-    # As text, which is faster than Playwright's own conversion of lists of numbers.
+    """Return the columns of a data source of the page, as lists; arrays in them are flattened."""
+    # Passed as text, which is faster than Playwright's own conversion of lists of numbers.
     return json.loads(tab.evaluate("""(name) => {
         const data = Bokeh.documents[0].get_model_by_name(name)?.data ?? {}
         const text = (x) => typeof x == "string" ? JSON.stringify(x)
@@ -176,7 +176,7 @@ def columns(tab, name):
 
 
 def picture(tab, label):
-    """Scroll to the first figure of a section; return x, y, width and height inside its axes."""
+    """Scroll to the first figure of a section; return x, y, width and height of its plot area."""
     return tab.evaluate("""(label) => {
         const section = document.querySelector(`section[aria-label="${label}"]`)
         const find = (view) => view.model.type == "Figure" ? view

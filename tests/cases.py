@@ -1,4 +1,4 @@
-"""Tables of cases, a third of them for the fast suite; and random continued fractions."""
+"""Tables of test cases, a third of which the fast suite runs; random continued fractions."""
 
 import pytest
 from hypothesis import strategies as st
@@ -7,9 +7,9 @@ from nasm.numbers import parse
 
 
 def thirds(table):
-    """Return the rows of a table, a list or a dict by name, as parameters.
+    """Return the rows of a table (a list, or a dict by name) as parameters for pytest.
 
-    Every third row is for the fast suite, the others for the slow one.
+    Every third row belongs to the fast suite, the others to the slow one.
     """
     named = table.items() if isinstance(table, dict) else ((None, row) for row in table)
     return [
@@ -19,7 +19,7 @@ def thirds(table):
 
 
 def spell(prefix, tail=()):
-    """Return the text of a continued fraction."""
+    """Return a continued fraction as a string."""
     first, *rest = prefix
     parts = [*map(str, rest), *([f"({','.join(map(str, tail))})"] if tail else [])]
     return f"[{first};{','.join(parts)}]" if parts else f"[{first}]"

@@ -1,18 +1,19 @@
-"""Draw one-token changes of the programs that prove, and see whether their tests notice them.
+"""Draw one-token changes of the proof programs, and check whether the tests notice them.
 
-    python tests/changes_of_proofs.py draw 53 100   # list the first 100 changes drawn by seed 53
-    python tests/changes_of_proofs.py table         # run the tests with the changes of the table
-    python tests/changes_of_proofs.py table 5 17    # only with these, by number
+    python tests/changes_of_proofs.py draw 53 100   # list the first 100 changes drawn with seed 53
+    python tests/changes_of_proofs.py table         # run the tests on each unsound change in it
+    python tests/changes_of_proofs.py table 5 17    # only on these, by number
 
 Changes are drawn from the code on which proofs rest, `PROVING`. Code that only chooses where to
-search, or reports results, is left out. A constant becomes another, a comparison, a sign or an
-operation its opposite, and a `demand` or a `raise` does nothing. Whether a change is unsound, so
-that something false could be called proved, is a human judgement. changes_of_proofs.toml records
-these judgements for the first changes of seed 53, in the order drawn, until 40 were unsound. Once
-the sources have changed, a seed draws different changes.
+search, or reports results, is left out. A constant is replaced by another one; a comparison, a sign
+or an operation, by its opposite; a `demand` or a `raise`, by nothing. A human judges whether a
+change is unsound, that is, whether something false could then be called proved.
+changes_of_proofs.toml records these judgements for the changes drawn with seed 53, in the order
+drawn, up to the fortieth unsound one. Once the sources have changed, a seed draws different
+changes.
 
 The changed program exists only in the memory of a forked process, never on disk. Tests that change
-lines themselves do not count: their tables would show only that a line differs.
+lines themselves are left out: they would fail only because a line differs from their tables.
 """
 
 import ast
@@ -34,7 +35,7 @@ import pytest
 
 HERE = Path(__file__).parent
 FORKED = multiprocessing.get_context("fork")
-# What tests import, except what may be changed: imported once, before processes are forked.
+# What tests import, except the modules that may be changed; imported once, before forking.
 COMMON = "distributed", "hypothesis", "matplotlib.figure", "xarray", "flint", "nasm.barriers"
 PROOFS = HERE.parent / "nasm" / "proofs"
 # For each module, the functions on which proofs rest; None means all.
@@ -100,12 +101,12 @@ def table():
 
 
 def of_row(row):
-    """Return the Change of a row; LookupError if the source lacks its line."""
+    """Return the Change of a row; raise LookupError if the source lacks its line."""
     lines = source(row["module"]).splitlines()
-    found = [i for i, line in enumerate(lines) if line.strip() == row["right"]]
-    if len(found) < row.get("occurrence", 1):
+    results = [i for i, line in enumerate(lines) if line.strip() == row["right"]]
+    if len(results) < row.get("occurrence", 1):
         raise LookupError(f"{row['right']!r} is no line: the table is out of date")
-    i = found[row.get("occurrence", 1) - 1]
+    i = results[row.get("occurrence", 1) - 1]
     column = len(lines[i]) - len(lines[i].lstrip())
     return Change(row["module"], i + 1, column, row["right"], row["wrong"])
 
@@ -140,17 +141,17 @@ def candidates(module):
 
 def draw(seed, count):
     """Return changes in random order, at most one per place."""
-    found, places = [change for module in PROVING for change in candidates(module)], set()
-    random.Random(seed).shuffle(found)
-    chosen = []
-    for change in found:
+    everything = [change for module in PROVING for change in candidates(module)]
+    random.Random(seed).shuffle(everything)
+    chosen, places = [], set()
+    for change in everything:
         if len(chosen) == count:
             break
         if change[:3] not in places:
             places.add(change[:3])
             try:
                 compile(change.applied(source(change.module)), "changed", "exec")
-            except SyntaxError:  # for example of x[*rows]
+            except SyntaxError:  # for example, from a change of x[*rows]
                 continue
             chosen.append(change)
     return chosen
@@ -214,7 +215,7 @@ class _First:
 
 
 class _Loader(SourceFileLoader):
-    """Loader of a module changed in memory, or with kernels that others keep on disk unchanged."""
+    """Load a module without using kernels cached on disk; apply the change if it is in this one."""
 
     def __init__(self, name, path, change):
         super().__init__(name, path)
@@ -225,7 +226,7 @@ class _Loader(SourceFileLoader):
         return compile(self.text, self.path, "exec", dont_inherit=True)
 
     def exec_module(self, module):
-        # Audits that read the source see the changed one.
+        # Audits that read the source must see the changed one.
         lines = self.text.splitlines(keepends=True)
         linecache.cache[self.path] = len(self.text), None, lines, self.path
         kernels = import_module("nasm.arithmetic.kernels")

@@ -25,7 +25,7 @@ def succeed(name, out, *options):
 
 
 def table(path, **where):
-    """Return the rows of a CSV table in which these columns have these texts."""
+    """Return the rows of a CSV table whose columns have the given values."""
     with open(path, encoding="utf-8", newline="") as file:
         rows = csv.DictReader(file)
         return [row for row in rows if all(row[key] == text for key, text in where.items())]
@@ -38,13 +38,13 @@ def snapshot(out):
 
 
 def follow(recipe, out):
-    """Run a recipe of the gallery in a directory; return what it prints. It must draw something."""
-    figures, said = [], StringIO()
-    with pytest.MonkeyPatch.context() as patch, chdir(out), redirect_stdout(said):
+    """Run a recipe of the gallery, which must draw, in a directory; return what it prints."""
+    figures, output = [], StringIO()
+    with pytest.MonkeyPatch.context() as patch, chdir(out), redirect_stdout(output):
         patch.setattr(plt, "show", lambda: figures.extend(map(plt.figure, plt.get_fignums())))
         runpy.run_path(str(recipe))
     drawn = [axes.has_data() for figure in figures for axes in figure.axes]
     plt.close("all")
     assert drawn
     assert all(drawn), recipe
-    return said.getvalue()
+    return output.getvalue()

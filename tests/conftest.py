@@ -24,13 +24,13 @@ LONGEST = ["test_every_command.py", "test_documents.py", "test_first_calls.py"]
 
 
 def pytest_collection_modifyitems(items):
-    """Run the files that take longest first: with -n, no other test is left beside the last one."""
+    """Run the longest files first; with -n, one that is started last would end up running alone."""
     items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
 @pytest.fixture(scope="session", autouse=True)
 def drawn_as_sketches():
-    """Draw sketches; `test_every_command` draws in full, and `test_figures` inspects figures."""
+    """Draw sketches, except where `test_every_command` and `test_figures` need full figures."""
     with sketches():
         yield
 

@@ -1,11 +1,11 @@
-"""Run commands at their smallest: `every_command.py OUT COMMAND,COMMAND,… RUNS [HIDDEN ...]`.
+"""Run commands as small as possible: `every_command.py OUT COMMAND,COMMAND,… RUNS [HIDDEN ...]`.
 
-RUNS is how often each command runs, in the same folder; after the first run, whatever computes
-raises an error. HIDDEN are packages that cannot be imported, as if an extra were not installed.
-Prints a JSON object {command: [exit code, what it printed, whether it looked for python-flint,
-faults of its figures on screen and in a column]}, of the last run, or of the one that failed. All
-sweeps share two workers, threads of this process. The explorer would run until it is stopped, if
-Bokeh is not hidden.
+RUNS is the number of times each command runs, in the same folder; after the first run, functions
+that compute raise an error. HIDDEN lists packages that cannot be imported, as if an extra were not
+installed. The script prints a JSON object {command: [exit code, what it printed, whether it looked
+for python-flint, faults of its figures on screen and in a column]}, for the last run of a command
+or the one that failed. All sweeps share two workers, which are threads of this process. Unless
+Bokeh is hidden, the explorer runs until it is stopped.
 """
 
 import json
@@ -54,7 +54,7 @@ SMALLEST = {
     "work_precision": "--method barriers --method barrier-proof --ray 45",
 }
 AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # these two keep no cubes
-LOOKING = "claims", "convergence", "proved_map"  # at some rays, for a second or two, to plan sweeps
+LOOKING = "claims", "convergence", "proved_map"  # compute some rays, in a second or two, for plans
 COMPUTING = {
     "pipeline.store": ["replace"],
     "pipeline.sweep.sweep": ["_Run"],
@@ -70,7 +70,7 @@ PROVING = ("ask", "proved_boundary", "proved_map", "work_precision")
 
 
 class Hidden:
-    """A finder of modules that hides some packages, and records what was looked for."""
+    """A module finder that hides some packages, and records which ones were looked for."""
 
     def __init__(self, packages):
         self.packages, self.asked = packages, set()
@@ -93,17 +93,17 @@ def compute_nothing(patch, but_look):
 
 
 def look_at_figures(patch):
-    """Draw each figure in a column too, and return the list that collects its faults."""
+    """Draw each figure for the screen and for a column; return the list that collects faults."""
     from figure_faults import faults
 
     from workflows.figures import style
 
-    found, save, drawn = [], style.save, style.drawn
+    problems, save, drawn = [], style.save, style.drawn
 
     def looked_at(figure, out, name, *options):
         paths = save(figure, out, name, *options)
         kind = "in a column" if style.in_column() else "on the screen"
-        found.extend(f"{name} {kind}: {fault}" for fault in faults(figure))
+        problems.extend(f"{name} {kind}: {fault}" for fault in faults(figure))
         return paths
 
     def twice(draw, out, name, caption="", column=False):
@@ -113,7 +113,7 @@ def look_at_figures(patch):
 
     patch.setattr(style, "save", looked_at)
     patch.setattr(style, "drawn", twice)
-    return found
+    return problems
 
 
 def main(out, commands, runs, *hidden):
@@ -123,12 +123,12 @@ def main(out, commands, runs, *hidden):
 
     from workflows.shared.cli import main_of
 
-    told = {}
+    output = {}
     with workers_here() as client:
         workers = ["--scheduler", client().scheduler.address]
         names = commands.split(",")
         for run, name in product(range(int(runs)), names):
-            if run and (name not in AGAIN or told[name][0]):
+            if run and (name not in AGAIN or output[name][0]):
                 continue
             there = Path(out, {"status": "last_barrier", "verify": "last_barrier"}.get(name, name))
             sweeps = "scheduler" in [option.name for option in main_of(name).params]
@@ -138,11 +138,11 @@ def main(out, commands, runs, *hidden):
                 else:
                     faults = look_at_figures(patch)
                 result = invoke(name, there, *shlex.split(SMALLEST[name]), *workers * sweeps)
-            said = f"{result.output}{result.exception or ''}"
-            asked, faults = told[name][2:] if run else ("flint" in finder.asked, faults)
-            told[name] = result.exit_code, said, asked, faults
+            printed = f"{result.output}{result.exception or ''}"
+            asked, faults = output[name][2:] if run else ("flint" in finder.asked, faults)
+            output[name] = result.exit_code, printed, asked, faults
             print(name, result.exit_code, file=sys.stderr, flush=True)
-    print(json.dumps(told))
+    print(json.dumps(output))
 
 
 if __name__ == "__main__":

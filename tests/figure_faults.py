@@ -1,4 +1,4 @@
-"""What is wrong with a saved figure as a reader sees it: `faults`."""
+"""Find what is wrong with a saved figure as a reader sees it: `faults`."""
 
 from itertools import combinations
 
@@ -13,7 +13,7 @@ from matplotlib.text import Text
 
 from workflows.figures import style
 
-_SMALL = 3.0  # points: what is drawn smaller may be cut by an axis, or lie under a text
+_SMALL = 3.0  # points: what is drawn smaller may be cut by an axis
 
 
 def faults(figure):
@@ -31,7 +31,7 @@ def faults(figure):
 
 
 def _drawn(figure, renderer):
-    """Return all texts that are drawn, and not clipped away."""
+    """Return all texts that are drawn and not clipped away."""
     drawn, draw = [], Text.draw
 
     def spy(text, *args, **options):
@@ -81,7 +81,7 @@ def _points(axes):
             continue
         xy = axes.transData.transform(np.column_stack(line.get_data(orig=False)).astype(float))
         xy = xy[np.isfinite(xy).all(axis=1)]
-        if line.get_linestyle() != "None" and len(xy) > 1:  # and the segments between
+        if line.get_linestyle() != "None" and len(xy) > 1:  # add points on the segments
             steps = np.linspace(0, 1, 20)[:, None, None]
             xy = (xy[:-1] * (1 - steps) + xy[1:] * steps).reshape(-1, 2)
         parts.append(xy)
@@ -112,7 +112,7 @@ def _on_data(figure, texts, renderer):
 
 
 def _covered(figure, texts, renderer):
-    """Yield texts under a legend that is not theirs."""
+    """Yield texts that lie under a legend and are not part of it."""
     for legend in figure.findobj(Legend):
         box, own = legend.get_window_extent(renderer).padded(-2), legend.findobj(Text)
         for text in texts:
@@ -151,7 +151,7 @@ def look(handle):
 
 
 def _alike(figure):
-    """Yield entries of one legend that differ only in their words."""
+    """Yield entries of one legend that differ only in their text."""
     for legend in figure.findobj(Legend):
         seen = {}
         for handle, text in zip(legend.legend_handles, legend.get_texts(), strict=True):

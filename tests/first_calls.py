@@ -1,7 +1,8 @@
-"""Name the kernels that tiles load after a worker's first call: `first_calls.py FILE`.
+"""List the kernels that tiles load after the warm-up of a job: `first_calls.py FILE`.
 
-FILE holds a pickled Job. Prints as a JSON list the kernels that its first tiles have to load or
-compile. This takes a process of its own: one that has planned the job may have loaded some already.
+FILE holds a pickled Job. The script prints, as a JSON list, the kernels that some tiles of the job
+still have to load or compile. It needs a process of its own: one that has planned the job may have
+loaded some of the kernels already.
 """
 
 import gc
@@ -19,7 +20,7 @@ N_TILES = 2
 
 
 def loaded():
-    """Return the kernels that this process has, with the types of their arguments."""
+    """Return the kernels loaded in this process, with the types of their arguments."""
     kernels = (each for each in gc.get_objects() if isinstance(each, Dispatcher))
     return {
         (f"{kernel.py_func.__module__}.{kernel.py_func.__name__}", str(types))
@@ -29,7 +30,7 @@ def loaded():
 
 
 def late(job):
-    """Return the names of kernels that tiles load after the first call."""
+    """Return the names of the kernels that tiles load after the warm-up."""
     tiles = np.argwhere(np.ones(job.cube.tile_counts))
     tiles = np.random.default_rng(0).permutation(tiles)[:N_TILES]
     job.warm_up()

@@ -1,6 +1,7 @@
-"""Check an installed copy: run `python tests/installed.py` with its Python, from another folder.
+"""Check an installed copy: run `python tests/installed.py` with its Python, in another folder.
 
-Every file that the packages need is there, identical to the checkout, and a command answers.
+Every file that the packages need must be installed, identical to the checkout, and a command must
+answer.
 """
 
 import subprocess

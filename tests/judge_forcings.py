@@ -1,25 +1,25 @@
 """Judge rows of `judged_forcings.csv`: `python tests/judge_forcings.py ROW ROW ...`.
 
-Of each row that is neither an image of another nor from the literature, the script shows by methods
-that know nothing of the search for the last barrier
+For each row that is neither an image of another row nor from the literature, the script shows, by
+methods independent of the search for the last barrier,
 
 1. a circle at `lower`: Newton's method in Fourier space converges on a finer grid (`nasm.circles`),
    starting from circles continued along the ray or from the sites of a long periodic orbit;
 2. no circle at `upper`, and none at some scales up to 1% above: converse KAM eliminates all starts
-   on a transversal within 10⁵ periods (`nasm.converse_kam`), or in rows of "proof" interval
+   on a transversal within 10⁵ periods (`nasm.converse_kam`), and in rows of "proof" interval
    arithmetic proves transport (`nasm.proofs.transport`);
-3. in rows of "residues", where the circle `omega` breaks: Greene's residues of the minimax orbits
-   of its convergents, which this module finds from the circle below, with code of its own. The
-   scales at which the residues of two convergents agree have the limit `value` (Aitken's
-   extrapolation; `error` is three times the larger of its last two changes).
+3. in rows of "residues" and "proof", where the circle `omega` breaks: Greene's residues of the
+   minimax orbits of its convergents, which this module computes with its own code, starting from
+   the circle below. The scales at which the residues of two convergents agree converge to `value`
+   (by Aitken's extrapolation; `error` is three times the larger of its last two changes).
 
-New rows are judged with
+New rows are judged by the options
 
-    --new CLASS PROFILE OMEGA NEAR [START]            residues of the circle OMEGA next to a scale
-    --bracket CLASS PROFILE OMEGA LOWER UPPER [START] OMEGA exists at LOWER, no circle from UPPER
+    --new CLASS PROFILE OMEGA NEAR [START]            OMEGA breaks near the scale NEAR, by residues
+    --bracket CLASS PROFILE OMEGA LOWER UPPER [START] OMEGA exists at LOWER, no circle at UPPER
 
-with strengths separated by spaces, and printed if the methods agree. OMEGA and the scales may come
-from any source.
+Strengths are separated by spaces. A new row is printed if the methods agree on it. OMEGA and the
+scales may come from any source.
 """
 
 import sys
@@ -35,11 +35,11 @@ from nasm.converse_kam import symmetry_line, transversal
 from nasm.numbers import convergents, distinct_convergents, parse
 from nasm.proofs import transport
 
-STEPS = 100_000  # of converse KAM
+STEPS = 100_000  # limit of converse KAM, in periods of the forcing
 ABOVE = (0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)  # relative distances above upper; no circle there either
 NEAREST = (1e-4, 3e-4, 1e-3)  # distances below a breakup at which circles are certified
-SHORTEST, SITES = 20, 6000  # periods of compared residues: shortest, and longest in kicks
-HULL = 60_000  # sites of the orbit from which Newton's method starts
+SHORTEST, SITES = 20, 6000  # compared orbits: minimum q, and maximum length in kicks
+HULL = 60_000  # maximum number of sites of the orbit from which Newton's method starts
 
 
 def eliminated(kappa, steps=STEPS):
@@ -50,18 +50,18 @@ def eliminated(kappa, steps=STEPS):
 
 
 def circle_below(omega, start, profile, breakup, distance):
-    """(scale, u) of a certified circle at or below breakup·(1 - distance), or (nan, None)."""
+    """Return (scale, u) of a certified circle up to breakup·(1 - distance), or (nan, None)."""
     return continuation.certified_circle(omega, profile, breakup, distance, start)
 
 
 def is_circle(omega, kappa):
-    """True if Newton's method certifies the circle of ω, from the sites of a long orbit."""
+    """True if Newton's method, started from a long periodic orbit, certifies the circle of ω."""
     u = hull(omega, kappa)
     return u is not None and circles.invariant_circle(omega, kappa, 65_536, u).certified
 
 
 def hull(omega, kappa):
-    """Deviations (P, n) of a long convergent's orbit with one site held; None if it is lost."""
+    """Return deviations (P, n) of a long periodic orbit, one site held; None if it is lost."""
     n_kicks, strongest = kappa.size, int(np.abs(kappa).argmax())
     kappa, chains = np.roll(kappa, -strongest), []
     for fraction in distinct_convergents(omega, HULL // n_kicks):
@@ -80,7 +80,7 @@ def hull(omega, kappa):
         chains.append((p, u))
     u = u.reshape(q, n_kicks).T
     phases = np.arange(q) * p % q
-    # In the order of phases, with ⟨u_0⟩ = 0, from the first kick of the period on.
+    # Sorted by phase, with ⟨u_0⟩ = 0, and beginning with the first kick of the period.
     size, mean = 16_384, u[-strongest % n_kicks].mean()
     modes = np.fft.rfft((u - mean)[:, np.argsort(phases)])[:, : size // 3] / u.shape[1]
     shift = np.full(n_kicks, float(omega) * strongest / n_kicks - mean)
@@ -111,7 +111,7 @@ def hold(kappa, p, q, u):
         for n in range(1, n_sites):
             pivot = curvature[n] - before
             if pivot < 1e-9:
-                pivot = 1.0  # not convex here: a step downhill
+                pivot = 1.0  # not convex here: step downhill
             before = inverse[n] = 1 / pivot
             along = force[n] = (force[n] + along) * before
         step = largest = 0.0
@@ -138,8 +138,9 @@ def hold(kappa, p, q, u):
 class MinimaxOrbits:
     """Minimax orbits of the convergents of a circle, on κ = start + s·profile.
 
-    u : deviations (P, n) of the circle at a scale just below its breakup. Orbits begin where the
-    circle is stretched most: their site there is moved across a gap. Then they are continued.
+    u : deviations (P, n) of the circle at a scale just below its breakup. An orbit is searched for
+    where the circle is stretched most: its site there is moved across a gap. The orbit is then
+    continued to other scales.
     """
 
     def __init__(self, omega, start, profile, u):
@@ -154,12 +155,12 @@ class MinimaxOrbits:
             self.fractions.append(fraction)
 
     def residue(self, i, scale):
-        """R of convergent i, NaN if the orbit is not found."""
+        """Return R of the orbit of convergent i; NaN if it is not found."""
         q, known = self.fractions[i].denominator, self.known.setdefault(i, {})
         for below in (0, 0.05, 0.1, 0.2, 0.4, 0.8) if not known else ():
             at = scale * (1 - below / q)
-            if found := self._sought(i, at):
-                known[at] = found
+            if result := self._sought(i, at):
+                known[at] = result
                 break
         if not known:
             return nan
@@ -169,12 +170,12 @@ class MinimaxOrbits:
             for _ in range(6):
                 step = np.clip(step, -0.05 / q * scale, 0.05 / q * scale)
                 target = scale if step == scale - at else at + step
-                if found := self._moved(i, target, known[at][0]):
+                if result := self._moved(i, target, known[at][0]):
                     break
                 step /= 3
             else:
                 return nan
-            known[target], at = found, target
+            known[target], at = result, target
         return known[scale][1]
 
     def _kappa(self, scale):
@@ -184,10 +185,10 @@ class MinimaxOrbits:
         """Return (u, R) of the orbit close to deviations u; None if it is lost or has R < 0."""
         (p, q), kappa, u = self.fractions[i].as_integer_ratio(), self._kappa(scale), u.copy()
         x_before, x = u[0], u[0] + 1e-3 / q
-        found, before, _ = hold(kappa, p, q, u)
+        result, before, _ = hold(kappa, p, q, u)
         u[0] = x
         ok, force, residue = hold(kappa, p, q, u)
-        if not (found and ok and force > before):  # the action has a minimum here, not a maximum
+        if not (result and ok and force > before):  # the action has a minimum here, not a maximum
             return None
         for _ in range(30):
             if abs(x - x_before) < 1e-12 / q or abs(force) < 3e-17 or force == before:
@@ -260,9 +261,9 @@ class MinimaxOrbits:
 
 
 def breakup(omega, start, profile, near, tolerance=1e-5):
-    """Locate by residues where a circle breaks near a scale, from a certified circle below.
+    """Locate by residues the breakup of a circle near a scale, from a certified circle below it.
 
-    Returns value, error and the scale of that circle; NaN if the residues do not settle.
+    Returns value, error and the scale of that circle; NaN if the residues do not converge.
     """
     for distance in NEAREST:
         below, u = circle_below(omega, start, profile, near, distance)
@@ -303,7 +304,7 @@ def _has_circle(omega, start, profile, scale, breakup):
 def doubts(row):
     """List, in sentences, what the methods do not confirm about a row."""
     start = np.zeros(len(row.profile)) if row.start is None else np.array(row.start)
-    profile, found = np.array(row.profile), []
+    profile, result = np.array(row.profile), []
     if row.image_of is not None:
         number, operations = row.image_of
         expected = image_row(row.number, row.kind, table()[number], operations)
@@ -311,24 +312,24 @@ def doubts(row):
     if row.method == "literature":
         return []
     if not _has_circle(parse(row.omega), start, profile, row.lower, row.value):
-        found.append(f"no circle of {row.omega} is certified at lower={row.lower!r}")
+        result.append(f"no circle of {row.omega} is certified at lower={row.lower!r}")
     if row.method == "proof" and not transport.prove(row.upper * profile, 300).proved:
-        found.append(f"transport is not proved at upper={row.upper!r}")
+        result.append(f"transport is not proved at upper={row.upper!r}")
     for above in ABOVE:
         scale = row.upper * (1 + above)
         if not eliminated(start + scale * profile):
-            found.append(f"a start survives {STEPS} steps at {scale!r}")
+            result.append(f"a start survives {STEPS} steps at {scale!r}")
     if row.method in ("residues", "proof"):
         value, error, _ = breakup(parse(row.omega), start, profile, row.value)
         if not abs(value - row.value) <= error + row.error:
-            found.append(f"the residues' limit is {value!r} ± {error:.1g}")
-    return found
+            result.append(f"the residues' limit is {value!r} ± {error:.1g}")
+    return result
 
 
 def new_row(kind, profile, omega, near, start=None):
-    """Return the Row of a ray whose last circle is said to be `omega`, breaking near a scale.
+    """Return the Row of a ray whose last circle, `omega`, is said to break near a scale.
 
-    None if the methods do not agree on it.
+    Return None if the methods do not agree on it.
     """
     profile, omega = np.array(profile, float), parse(omega)
     first = np.zeros(profile.size) if start is None else np.array(start, float)
@@ -367,8 +368,8 @@ def main(arguments):
         return
     rows = table()
     for number in map(int, arguments or rows):
-        found = doubts(rows[number])
-        print(rows[number].text(), *(found or ["confirmed"]), sep="\n    ", flush=True)
+        result = doubts(rows[number])
+        print(rows[number].text(), *(result or ["confirmed"]), sep="\n    ", flush=True)
 
 
 if __name__ == "__main__":

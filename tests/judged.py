@@ -33,7 +33,7 @@ class Row:
 
     @property
     def image_of(self):
-        """(number, operations) of the row of which this is an exact image, see `image`; or None."""
+        """Number of the row whose exact image this is, and operations (see `image`); or None."""
         if not self.method.startswith("image of "):
             return None
         number, operations = self.method.removeprefix("image of ").split(": ")
@@ -72,9 +72,11 @@ def table():
 
 
 def image(row, operations):
-    """Return the ray whose barriers break with a row's: profile, start, factor and shift of s.
+    """Return profile and start of an image of a row's ray, and the factor and shift of its scales.
 
-    operations : text, one or more of these in the order of application, with "; " between:
+    A barrier of the row that breaks at s has an image that breaks at factor·s - shift.
+
+    operations : one or more of these strings, in the order of application, separated by "; ":
         "shift n"    begin the period n kicks later,
         "reverse"    last kick first: time is reversed,
         "negate"     κ → -κ: x → x + 1/2,

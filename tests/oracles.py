@@ -1,4 +1,4 @@
-"""Slow, obvious implementations and multiprecision arithmetic, to compare the package with."""
+"""Slow, obvious implementations and multiprecision arithmetic to test the package against."""
 
 import math
 import tomllib
@@ -19,7 +19,7 @@ KAPPA_G = LITERATURE["kappa_G"]["value"]
 
 @njit
 def kick(kappa, x, y):
-    """Return S_κ, Eq. (6), with the library's sine in radians."""
+    """Apply S_κ, Eq. (6), using the standard library's sine in radians."""
     y = y + kappa / (2 * math.pi) * math.sin(2 * math.pi * x)
     return x + y, y
 
@@ -42,7 +42,7 @@ def escape_time(kappa, x, y, n_max, window=(-2.0, 2.3)):
 
 
 def second_variation(kappa, site, x, y, n):
-    """Return the smallest eigenvalue of the second variation, at sites |k| < n about (x, y)."""
+    """Return the smallest eigenvalue of the second variation on the sites |k| < n around (x, y)."""
     at = [(site, x)]
     ahead, p, behind, q = x, y, x, y
     for k in range(1, n):
@@ -64,7 +64,7 @@ def exact_step(kappa, x, y):
 
 
 def continued_fraction(prefix, tail, terms=400):
-    """[prefix; (tail)] at mpmath's working precision, from its first `terms` partial quotients."""
+    """Return [prefix; (tail)] from `terms` partial quotients, at mpmath's working precision."""
     quotients = list(islice(chain(prefix, cycle(tail)), terms))
     value = mpmath.mpf(quotients[-1])
     for a in reversed(quotients[:-1]):
@@ -73,13 +73,13 @@ def continued_fraction(prefix, tail, terms=400):
 
 
 def nearest_float(value):
-    """Round an mpf once, to double."""
+    """Round an mpf to the nearest double, in a single rounding."""
     with mpmath.workprec(53):
         return float(+value)
 
 
 def point(circle, theta):
-    """K(θ) by sums over all modes: x_0 = θ + u_0(θ), and y_0 = x_0 - x_{-1}."""
+    """Return K(θ) by sums over all modes: x_0 = θ + u_0(θ), and y_0 = x_0 - x_{-1}."""
     n_kicks, n = circle.u.shape
 
     def deviation(site, theta):
@@ -126,8 +126,8 @@ def _residue_along(kappa, x, y, p):
 def residue(kappa, p, q):
     """Return R of the ordered minimax orbit of p/q; NaN where `action` finds none.
 
-    The orbit found is a witness; all that matters is checked here: it closes, its points have the
-    order of the rotation, and R > 0 up to rounding, as for no minimizing orbit.
+    The orbit found is only a witness. All that matters is checked here: it closes, its points are
+    in the order of the rotation, and R > 0 up to rounding, unlike for any minimizing orbit.
     """
     try:
         _, minimax = action.ordered_orbits(kappa, p, q)
@@ -149,8 +149,8 @@ RESOLVED = 1e-4  # error of residues in floats, for orbits of some 10⁴ kicks
 def residues_fall(omega, kappa, q):
     """Return whether the residues of minimax orbits fall, as they do if a circle exists.
 
-    They must fall by half or more from the first convergent of period q or longer to the one a tail
-    further on. None where an orbit is not found and the other does not answer, by a residue > 1.
+    They must at least halve from the first convergent of period q or longer to the convergent one
+    tail later. Return None if an orbit is not found, unless the later one has a residue > 1.
     """
     omega = as_rotation_number(omega)
     longer = [f for f in islice(convergents(omega), 100) if f.denominator >= q]

@@ -8,14 +8,14 @@ A search is a function of (profile, tol, start=None) that returns a CriticalScal
 the script prints
 
     cases, answered  rows searched, and those with a value (status OK or WIDE);
-    value            false values: further from the table's value than both errors together;
+    value            false values: farther from the table's value than both errors together;
     lower            false lower ends: above a scale beyond which no circle exists;
     upper            false upper ends: below a scale at which a circle exists;
     width            (upper - lower)/value, median and largest;
     CPU              seconds, median and largest.
 
 Each contradiction and each row without a value is listed with its number. The exit code is 1 if
-there is a contradiction. Rows not reached within the minutes of CPU time are listed.
+there is a contradiction. Rows not reached within the CPU time of --minutes are listed.
 """
 
 import argparse
@@ -68,11 +68,11 @@ def score(search, row, tol):
     begun = time.process_time()
     start = {} if row.start is None else {"start": row.start}
     try:
-        found = search(row.profile, tol, **start)
-    except Exception as error:  # a row that breaks a search is a result
+        result = search(row.profile, tol, **start)
+    except Exception as error:  # to fail on a row is also a result
         print(f"row {row.number}: {type(error).__name__}: {error}", file=sys.stderr)
         return Score(row, None, time.process_time() - begun, ())
-    return Score(row, found, time.process_time() - begun, contradictions(row, found))
+    return Score(row, result, time.process_time() - begun, contradictions(row, result))
 
 
 def summary(name, scores):

@@ -22,7 +22,7 @@ _SERVERS = "master", "volume", "filer", "s3"  # each has a port, and another for
 
 @contextmanager
 def serving(folder):
-    """Serve the objects in a folder, with the environment set to use them.
+    """Serve objects stored in a folder, with the environment set so that obstore uses the server.
 
     Yields two functions: one kills the server as a crash would, the other starts it again.
     """
@@ -58,7 +58,7 @@ def serving(folder):
     try:
         start()
         with environment(address):
-            from_url("s3://cubes").put("begin", b"")  # makes the bucket
+            from_url("s3://cubes").put("begin", b"")  # creates the bucket
             yield kill, start
     finally:
         kill()
@@ -72,7 +72,7 @@ def free_ports(n):
 
 @contextmanager
 def environment(address):
-    """Set what obstore needs to use the server: our credentials, given as a user would."""
+    """Set the variables by which a user gives obstore the server's address and credentials."""
     variables = {
         "AWS_ENDPOINT_URL": address,
         "AWS_ALLOW_HTTP": "true",

@@ -1,8 +1,8 @@
 """Ordered periodic orbits by brute force, to test `nasm.action` without using any of it.
 
-A chain of N = Pq sites x_j, x_{j+N} = x_j + p, is an orbit if x_{j+1} - 2x_j + x_{j-1} equals the
-kick (κ_j/2π) sin 2πx_j at each site. It is ordered if at each site its q points are in the order of
-a rotation.
+A chain of N = Pq sites x_j with x_{j+N} = x_j + p is an orbit if x_{j+1} - 2x_j + x_{j-1} equals
+the kick (κ_j/2π) sin 2πx_j at each site. It is ordered if, for each site of the period, its q
+points are in the order of a rotation.
 """
 
 import math
@@ -13,7 +13,7 @@ from numba import njit
 
 
 def residue(kappa, x):
-    """R from the product of the tangent maps, in mpmath's precision."""
+    """Return R from the product of the tangent maps, at mpmath's working precision."""
     matrix = mpmath.eye(2)
     for strength, at in zip(kappa, x, strict=True):
         c = mpmath.mpf(strength) * mpmath.cospi(2 * at)
@@ -39,12 +39,12 @@ def hessian(kappa, x):
 
 
 def on_symmetry_lines(kappa, p, q):
-    """Residues, to 25 digits, of the ordered orbits that have a point on a symmetry line.
+    """Return residues, computed to 25 digits, of ordered orbits with a point on a symmetry line.
 
-    Under one or two kicks: x_j + x_{-j} = 2c about a site, or with one kick x_j + x_{-1-j} = 2c
-    about the midpoint of two sites, where 2c = 0 or 1.
+    This works for one or two kicks. The orbits satisfy x_j + x_{-j} = 2c about a site or, with one
+    kick, x_j + x_{-1-j} = 2c about the midpoint of two sites, where 2c = 0 or 1.
     """
-    n_sites, found = len(kappa) * q, []
+    n_sites, result = len(kappa) * q, []
     centres = [(site, twice, 0) for site in range(len(kappa)) for twice in (0, 1)]
     centres += [(0, twice, 1) for twice in (0, 1) if len(kappa) == 1]
     for site, twice, between in centres:
@@ -63,7 +63,8 @@ def on_symmetry_lines(kappa, p, q):
             return x[middle // 2] + x[(middle + 1) // 2] - twice - p
 
         exact = (lambda x: mpmath.sinpi(2 * x)), mpmath.pi
-        # The half of a distance d; ordered orbits are within a turn of the rotation.
+        # d is the distance to the next site, halved if the centre is between two sites. Ordered
+        # orbits stay within one turn of the rotation.
         d = (p / n_sites + np.linspace(-0.7, 0.7, 140_001)) / (1 + between)
         values = miss(d, lambda x: np.sin(2 * np.pi * x), np.pi)
         for i in np.flatnonzero(values[1:] * values[:-1] <= 0):
@@ -75,8 +76,8 @@ def on_symmetry_lines(kappa, p, q):
                     continue
                 x = chain(at, n_sites, *exact)
                 if is_ordered(x, len(kappa), p, q):
-                    found.append(residue(strengths, x))
-    return found
+                    result.append(residue(strengths, x))
+    return result
 
 
 @njit
@@ -92,7 +93,7 @@ def _forces(kappa, p, x, force):
 def _minimize_others(kappa, p, x):
     """Minimize the action over all sites but x_0, in place; return whether that converges.
 
-    By Newton's method where the action is convex, and one site after the other where it is not.
+    Newton's method is used where the action is convex; elsewhere sites are moved one by one.
     """
     n = x.size
     force, inverse, step, last = np.empty(n), np.empty(n), np.empty(n), np.inf
@@ -127,12 +128,12 @@ def _minimize_others(kappa, p, x):
 
 
 def by_scan(kappa, p, q, per_gap=20):
-    """Residues of ordered orbits, found with x_0 on a dense grid for each site of the period.
+    """Return residues of ordered orbits, found by a dense scan over x_0 at each site of the period.
 
-    The other sites minimize the action; where the force on x_0 changes its sign, Newton's method
-    ends the search.
+    The other sites minimize the action; where the force on x_0 changes sign, Newton's method
+    converges to the orbit.
     """
-    kappa, found = np.asarray(kappa, float), []
+    kappa, result = np.asarray(kappa, float), []
     for site in range(kappa.size):
         strengths, before = np.tile(np.roll(kappa, -site), q), None
         force = np.empty(strengths.size)
@@ -143,9 +144,9 @@ def by_scan(kappa, p, q, per_gap=20):
                 continue
             _forces(strengths, p, x, force)
             if before is not None and before[1] * force[0] <= 0:
-                _polish(strengths, p, q, (before[0] + x) / 2, kappa.size, found)
+                _polish(strengths, p, q, (before[0] + x) / 2, kappa.size, result)
             before = x.copy(), force[0]
-    return found
+    return result
 
 
 def _polish(strengths, p, q, x, period, found):
@@ -163,10 +164,10 @@ def _polish(strengths, p, q, x, period, found):
 
 
 def misses(orbit, kappa, p, q, kind):
-    """What is wrong with an Orbit, if anything.
+    """Return what is wrong with an Orbit; "" if nothing is.
 
-    It must be at rest and in order; the action must have one negative curvature at a minimax orbit,
-    and otherwise none.
+    The force on each site must vanish, and the orbit must be ordered. The Hessian of the action
+    must have one negative eigenvalue at a minimax orbit, and none at a minimizing one.
     """
     x, strengths = orbit.sites(), np.tile(np.roll(kappa, -orbit.site), q)
     force = np.empty(x.size)

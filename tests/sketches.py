@@ -10,7 +10,7 @@ SAVE = Figure.savefig
 
 @contextmanager
 def sketches():
-    """Draw figures once and at low resolution: PDFs, which take as long again, are left empty."""
+    """Draw figures once, at low resolution; leave PDFs, which would take as long again, empty."""
 
     def save(figure, file, **how):
         if how["format"] != "pdf":

@@ -1,4 +1,4 @@
-"""Ordered orbits by the action: high precision, symmetric shooting, copies, and continuation."""
+"""Ordered orbits found by the action, against high precision, brute force and continuation."""
 
 import mpmath
 import numpy as np
@@ -17,7 +17,7 @@ ASYMMETRIC = np.array((1, 0.7, 0.3))
 
 
 @pytest.mark.parametrize("family", ["minimizing", "minimax"])
-def test_residues_without_a_symmetry_agree_with_fifty_digits(family):
+def test_residues_without_a_symmetry_agree_with_a_fifty_digit_computation(family):
     kappa, p, q = 0.4 * ASYMMETRIC, 37, 29
     orbit = dict(zip(("minimizing", "minimax"), action.ordered_orbits(kappa, p, q), strict=True))
     orbit = orbit[family]
@@ -39,24 +39,25 @@ def test_residues_without_a_symmetry_agree_with_fifty_digits(family):
     assert orbit.refined_residue() == pytest.approx(expected, rel=1e-14)
 
 
-def test_a_breakup_beyond_a_near_miss_is_found_by_residues_but_not_by_norms():
+def test_a_breakup_beyond_a_near_miss_is_found_by_residues_not_by_norms():
     # The ray passes 4e-4 below another sheet of the boundary, at 0.5195. Circles below it seem
-    # about to break there; the residues of long orbits fall beyond it and rise at the end.
+    # about to break there; the residues of long orbits fall beyond it and rise only at the breakup.
     omega, profile = parse("[0;1,2,1,3,1,2,(1)]"), rotating_forcing(*ray(160), "1/3", 0)
     by_norms = continuation.critical_scale(omega, profile, 1e-3)
     assert by_norms.status is Status.UNDECIDED
     assert by_norms.lower < 0.5195
-    found = periodic.critical_scale(omega, profile)
-    assert found.status is Status.OK
-    assert found.error < 1e-6
-    assert by_norms.lower < found.value
-    for scale in (0.523, found.value - 0.002):
+    result = periodic.critical_scale(omega, profile)
+    assert result.status is Status.OK
+    assert result.error < 1e-6
+    assert by_norms.lower < result.value
+    for scale in (0.523, result.value - 0.002):
         assert oracles.residues_fall(omega, scale * profile, 800)
-    assert oracles.residues_fall(omega, (found.value + 0.002) * profile, 800) is False
+    assert oracles.residues_fall(omega, (result.value + 0.002) * profile, 800) is False
 
 
-def test_far_beyond_the_breakup_orbits_are_lost_and_do_not_get_residue_0():
-    # The first place tried in the gap had no ordered orbit, which was mistaken for a flat action.
+def test_far_beyond_the_breakup_orbits_are_lost_or_have_large_residues():
+    # No ordered orbit passes the first place tried in the gap. This was once mistaken for a flat
+    # action.
     kappa = 0.5585 * np.array([0.0494274894847, 0.792760428306, -0.139033252069, 0.792760428306])
     for fraction in distinct_convergents(parse("[0;1,4,1,4,(1)]"), 200)[-3:]:
         residue = periodic.residue(kappa, fraction.numerator, fraction.denominator)
@@ -74,14 +75,14 @@ def test_short_orbits_are_found_where_a_symmetric_guess_is_on_a_saddle(kappa, p,
     assert flux.action_difference(kappa, p, q) > 0
 
 
-def test_the_residue_of_period_two_is_kappa_squared_over_4_at_each_call():
+def test_the_residue_of_period_two_is_kappa_squared_over_4_on_every_call():
     for _ in range(2):
         assert periodic.residue((2.5,), 1, 2) == pytest.approx(2.5**2 / 4, rel=1e-14)
 
 
-def test_a_pass_that_is_not_a_maximum_along_any_single_site_is_found():
-    # Beyond R = 1 of 2/5 of the standard map, seen as two kicks, two sites fall at once: with
-    # either of them held fixed, a negative curvature remains.
+def test_a_minimax_orbit_that_is_not_a_maximum_along_any_site_is_found():
+    # This is 2/5 of the standard map beyond R = 1, treated as two kicks. Two sites go downhill at
+    # once: with either of them held fixed, a negative curvature remains.
     kappa, p, q = (1.1723, 1.1723), 4, 5
     for kind, orbit in enumerate(action.ordered_orbits(kappa, p, q)):
         assert not short_orbits.misses(orbit, kappa, p, q, kind)
@@ -89,7 +90,7 @@ def test_a_pass_that_is_not_a_maximum_along_any_single_site_is_found():
 
 
 def _random_cases(n_profiles, kicks, n_fractions, seed):
-    """Yield kappa, p, q up to twice the breakup of the last circle, also for repeated forcings."""
+    """Yield kappa, p, q up to twice the breakup of the last circle; repeat some forcings."""
     random = np.random.default_rng(seed)
     for n in range(n_profiles):
         period = kicks[n % len(kicks)]
@@ -125,11 +126,12 @@ def test_every_short_orbit_is_found_up_to_twice_the_breakup(judge, kicks, n_prof
             judged += 1
             agreed += np.isclose(residue, others, rtol=1e-6).any()
     assert judged > 0.7 * len(cases)
-    # Beyond R = 1 there may be several passes; under repeated kicks some lie on no symmetry line.
+    # Beyond R = 1 there may be several minimax orbits; under repeated kicks some of them
+    # lie on no symmetry line.
     assert agreed > 0.9 * judged
 
 
-def test_no_orbit_is_joined_twice_at_a_scale(monkeypatch):
+def test_no_orbit_is_joined_twice_at_the_same_scale(monkeypatch):
     # Orbits with residue 0 are not followed from scale to scale; they used to be joined again for
     # each longer orbit.
     joined, calls = action.joined, []
@@ -145,7 +147,7 @@ def test_no_orbit_is_joined_twice_at_a_scale(monkeypatch):
     assert len(calls) == len(set(calls)) > 3
 
 
-def test_only_the_loss_of_long_orbits_is_taken_as_evidence_of_broken_circles(monkeypatch):
+def test_only_the_loss_of_long_orbits_is_evidence_of_broken_circles(monkeypatch):
     kappa, omega = (0.3, 0.2, 0.25), parse("[1;4,(1)]")
     assert farey.circle_exists(omega, kappa)
     scanned = action.ConvergentOrbits.scan
@@ -162,5 +164,5 @@ def test_only_the_loss_of_long_orbits_is_taken_as_evidence_of_broken_circles(mon
     assert np.isnan(periodic.residue((0.5,), 1, 6))
     assert farey.circle_exists(omega, kappa)
     assert farey.find_existing_circle(kappa)[0] is not None
-    found = periodic.critical_scale("gamma", (1.0, 0.0))
-    assert found.status is not Status.OK or found.value == pytest.approx(0.48581770302, abs=1e-9)
+    result = periodic.critical_scale("gamma", (1.0, 0.0))
+    assert result.status is not Status.OK or result.value == pytest.approx(0.48581770302, abs=1e-9)

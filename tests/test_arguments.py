@@ -1,9 +1,9 @@
 """Bad arguments: each is refused with a message that states its value and the remedy.
 
 The tables below are grouped by argument. A row names the functions that take the argument, bad
-values of it, and a part of the message, where {name} and {value} are those of the argument and …
-is any text. To add a case, add a value to a row or a row to its argument; all other arguments are
-valid ones, from `arguments.py`.
+values of it, and a part of the message, where {name} and {value} stand for those of the argument
+and … for any text. To add a case, add a value to a row or a row to its argument; `arguments.py`
+supplies valid values of all other arguments.
 """
 
 import inspect
@@ -313,17 +313,17 @@ def test_a_bad_argument_is_refused_with_its_value_and_the_remedy(function, name,
 
 
 def functions_of(argument):
-    """Public functions of nasm whose first argument has this name."""
+    """Return the public functions of nasm whose first argument has this name."""
     modules = [import_module(module.name) for module in walk_packages(nasm.__path__, "nasm.")]
     functions = [f for module in modules for f in vars(module).values() if inspect.isfunction(f)]
     ours = {f for f in functions if f.__module__.startswith("nasm.") and f.__name__[0] != "_"}
     return {f for f in ours if [*inspect.signature(f).parameters][:1] == [argument]}
 
 
-# A torus has a pair of numbers; no_answer passes its argument on.
+# A torus has a pair of rotation numbers; no_answer passes its argument on unchecked.
 WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, critical.no_answer}
 _barrier = proofs.barrier
-WITH_OMEGA -= {_barrier.inequalities, _barrier.turns}  # checked before
+WITH_OMEGA -= {_barrier.inequalities, _barrier.turns}  # their callers check omega
 WITH_OMEGA = {f for f in WITH_OMEGA if f.__module__ != "nasm.tori.newton"}
 
 

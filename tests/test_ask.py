@@ -1,4 +1,4 @@
-"""Forcings from files, in tables, as JSON, and with more kicks than the circle search allows."""
+"""The command `ask`: forcings in files and tables, JSON, and periods too long for the search."""
 
 import json
 
@@ -19,7 +19,7 @@ SHORT = np.array([0.3, 0.2, 0.25])
 
 
 def lengthened(kicks):
-    """The kicks repeated 23 times, one of them changed by a negligible amount."""
+    """Return the kicks repeated 23 times, with one of them changed by a negligible amount."""
     kappa = np.tile(kicks, 23)
     kappa[-1] += 1e-9
     return kappa
@@ -36,8 +36,8 @@ def lengthened(kicks):
     ],
 )
 def test_a_file_holds_one_forcing_or_one_in_each_line(text, forcings):
-    found, is_table = forcings_in(text.encode())
-    assert [forcing.tolist() for forcing in found] == forcings
+    result, is_table = forcings_in(text.encode())
+    assert [forcing.tolist() for forcing in result] == forcings
     assert is_table == (len(forcings) > 1)
 
 
@@ -50,7 +50,7 @@ def test_a_file_holds_one_forcing_or_one_in_each_line(text, forcings):
         ("0.3 nan\n1 2", "line 1"),
     ],
 )
-def test_the_error_for_a_file_of_anything_else_names_the_line(text, reason):
+def test_the_error_for_an_invalid_file_names_the_line(text, reason):
     with pytest.raises(ValueError, match=reason):
         forcings_in(text.encode())
 
@@ -61,13 +61,13 @@ def test_json_contains_the_verdict(tmp_path):
     expected = verdict((0.3, 0.2))
     for words in ("0.3", "0.2"), (str(kicks),):
         result = invoke("ask", tmp_path / "out", *words, "--json", "--quiet")
-        found = json.loads(result.stdout)
-        assert (found["answer"], found["kappa"]) == (expected.answer.value, [0.3, 0.2])
-        assert (found["value"], found["omega"]) == (
+        answer = json.loads(result.stdout)
+        assert (answer["answer"], answer["kappa"]) == (expected.answer.value, [0.3, 0.2])
+        assert (answer["value"], answer["omega"]) == (
             expected.boundary.value,
             str(expected.boundary.omega),
         )
-        assert found["steps"] is None
+        assert answer["steps"] is None
     assert not (tmp_path / "out").exists()
 
 
@@ -99,7 +99,7 @@ def test_a_table_is_answered_line_by_line_and_keeps_answers_if_interrupted(tmp_p
         (("missing.csv",), "no such file"),
     ],
 )
-def test_a_file_beside_other_arguments_is_refused(words, reason, tmp_path, monkeypatch):
+def test_a_file_with_conflicting_arguments_is_refused(words, reason, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "many.csv").write_text("0.3,0.2\n1.2,0.9\n")
     (tmp_path / "kicks.txt").write_text("0.3\n0.2\n")
@@ -107,7 +107,7 @@ def test_a_file_beside_other_arguments_is_refused(words, reason, tmp_path, monke
     assert (result.exit_code, reason in " ".join(result.output.split())) == (2, True), result.output
 
 
-def test_upper_of_a_long_period_is_just_above_that_of_the_short_one():
+def test_upper_for_a_long_period_is_just_above_that_for_the_short_one():
     short, long = critical_scale(SHORT, 1e-3), critical_scale(lengthened(SHORT), 1e-3)
     assert long.status is Status.TOO_LONG
     assert np.isnan([long.value, long.error, long.lower]).all()
@@ -115,18 +115,18 @@ def test_upper_of_a_long_period_is_just_above_that_of_the_short_one():
     assert short.value < long.upper < 1.12 * short.value
 
 
-def test_under_a_long_period_transport_is_shown_and_barriers_are_not():
+def test_for_a_long_period_transport_is_shown_but_barriers_are_not():
     barrier, beyond = verdict(lengthened(SHORT)), verdict(lengthened(2 * SHORT))
     assert (barrier.answer, barrier.evidence) == (Answer.UNDECIDED, Evidence.NONE)
     assert (beyond.answer, beyond.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
     assert beyond.boundary.upper <= 1
 
 
-def test_a_failed_proof_under_a_long_period_says_what_the_theorem_requires(tmp_path):
-    found = verdict(lengthened(2 * SHORT), prove=True)
-    assert (found.answer, found.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
-    assert (found.proof.proved, "up to 64" in found.proof.reason) == (False, True)
-    np.savetxt(tmp_path / "long.txt", found.kappa)
+def test_a_failed_proof_for_a_long_period_says_what_the_theorem_requires(tmp_path):
+    answer = verdict(lengthened(2 * SHORT), prove=True)
+    assert (answer.answer, answer.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
+    assert (answer.proof.proved, "up to 64" in answer.proof.reason) == (False, True)
+    np.savetxt(tmp_path / "long.txt", answer.kappa)
     asked = str(tmp_path / "long.txt"), "--prove", "--json", "--quiet"
     result = invoke("ask", tmp_path / "out", *asked)
     assert json.loads(result.stdout)["answer"] == "transport"
@@ -138,19 +138,19 @@ def test_a_number_is_not_taken_for_a_file_of_that_name(tmp_path, monkeypatch):
     assert main_of("ask").make_context("ask", ["0.3", "-1e-2"]).params["kappa"] == (0.3, -0.01)
 
 
-def test_an_escape_shows_transport_where_a_search_finds_survivors(monkeypatch):
+def test_an_escape_shows_transport_even_if_the_search_finds_survivors(monkeypatch):
     survivor = aperiodic.last_survivor(aperiodic.around_strongest(SHORT))
     assert survivor.kicks == np.inf
     monkeypatch.setattr(aperiodic, "last_survivor", lambda _: survivor)
     monkeypatch.setattr(aperiodic, "critical_scale", lambda *_: critical_scale(SHORT, 1e-2))
-    found = verdict(lengthened(4 * SHORT))
-    assert (found.answer, found.evidence) == (Answer.TRANSPORT, Evidence.ESCAPE)
+    result = verdict(lengthened(4 * SHORT))
+    assert (result.answer, result.evidence) == (Answer.TRANSPORT, Evidence.ESCAPE)
     (x, y), n = escape.ensemble(64), 10_000
     assert escape.first_escape(np.tile(4 * SHORT, 23), x, y, [64], n)[0] < n
 
 
 def test_a_waveform_of_4096_kicks_has_an_upper_bound():
     phase = 2 * np.pi * np.arange(4096) / 4096
-    profile = 1 + 1e-6 * np.cos(phase)  # next to the standard map
-    found = critical_scale(profile, 1e-2)
-    assert 0.971635 < found.upper * profile.max() < 1.03 * 0.971635
+    profile = 1 + 1e-6 * np.cos(phase)  # close to the standard map
+    result = critical_scale(profile, 1e-2)
+    assert 0.971635 < result.upper * profile.max() < 1.03 * 0.971635

@@ -1,4 +1,4 @@
-"""The last barrier: κ_G, all other circles, other methods, symmetries; and misled searches."""
+"""The last barrier against κ_G, other circles, other methods and symmetries; misled searches."""
 
 import time
 from dataclasses import replace
@@ -25,7 +25,7 @@ GAMMA = parse("gamma")
 
 
 def mirror_images(omega, period):
-    """The rotation numbers ±ω + P·n in [0, P], whose circles all break at the same scale."""
+    """Return the rotation numbers ±ω + P·n in [0, P]; their circles all break at the same scale."""
     images = [moebius(omega, sign, period * n) for sign in (1, -1) for n in range(-3, 4)]
     return {image for image in images if 0 <= float(image) <= period}
 
@@ -36,7 +36,7 @@ def is_shown(found):
 
 
 def first_escapes(found, profile):
-    """Steps until the first escape at the lower scale, and at 1.2 times the upper one."""
+    """Return steps until the first escape, at the lower scale and at 1.2 times the upper one."""
     kappas = np.outer([np.fmin(found.lower, found.value), 1.2 * found.upper], profile)
     return escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
 
@@ -50,14 +50,14 @@ def test_on_the_axes_gamma_and_one_minus_gamma_are_degenerate():
 
 
 def nobles(bound):
-    """All nobles in (0, 1) next to a fraction p/q, q ≤ `bound`, towards a Farey neighbour.
+    """Return the nobles (p + γr)/(q + γs) in (0, 1), where q ≤ `bound`.
 
-    The denominator of the neighbour is at most q.
+    The fraction r/s is a Farey neighbour of p/q with s ≤ q.
     """
     fractions = [(p, q) for q in range(1, bound + 1) for p in range(q + 1)]
     pairs = [(*f, *g) for f in fractions for g in fractions if g[1] <= f[1]]
-    found = {moebius(GAMMA, r, p, s, q) for p, q, r, s in pairs if abs(p * s - r * q) == 1}
-    return [omega for omega in found if 0 < float(omega) < 1]
+    result = {moebius(GAMMA, r, p, s, q) for p, q, r, s in pairs if abs(p * s - r * q) == 1}
+    return [omega for omega in result if 0 < float(omega) < 1]
 
 
 SAMPLES = [(13.7, 12, 400), pytest.param(40.6, 20, 400, marks=pytest.mark.slow)]
@@ -72,69 +72,69 @@ SAMPLES += [
 
 
 @pytest.mark.parametrize(("angle", "bound", "q_max"), SAMPLES)
-def test_the_barrier_is_the_last_to_break_of_all_short_nobles(angle, bound, q_max):
-    found, omegas = critical_scale(ray(angle), 1e-3), nobles(bound)
-    assert is_shown(found)
+def test_the_last_barrier_breaks_last_among_all_simple_nobles(angle, bound, q_max):
+    result, omegas = critical_scale(ray(angle), 1e-3), nobles(bound)
+    assert is_shown(result)
     scales = [periodic.critical_scale(omega, ray(angle), q_max) for omega in omegas]
     known = [scale for scale in scales if scale.status is Status.OK]
     assert len(known) > 0.9 * len(omegas)
     best = max(known, key=lambda scale: scale.value)
-    assert best.omega in mirror_images(found.omega, 2)
-    assert best.value == pytest.approx(found.value, rel=1e-6)
+    assert best.omega in mirror_images(result.omega, 2)
+    assert best.value == pytest.approx(result.value, rel=1e-6)
 
 
 PROFILES = [(1, 0.2, 0.2), ray(20), (1.8, -0.1, -0.1), ray(37), (0.2, 0.1, 1, 0.1), ray(115)]
-# Both symmetry lines of the centre meet minimizing orbits here, of first order at 93°.
+# Both symmetry lines of the centre meet minimizing orbits here.
 PROFILES += [rotating_forcing(*ray(93), "1/3", 0), rotating_forcing(*ray(160), "1/3", 0.02)]
 GENERIC = (0.3, 0.2, 0.25)
 CASES = [(1e-3, profile, None) for profile in PROFILES]
 CASES += product([1e-4, 1e-3], map(ray, [0, 36.1, 43.9, 62.5, 104, 127.7]), [None])
 CASES += [(2e-5, ray(24.3), None)]
-# The last circles under three kicks and under antiperiodic forcings, by name.
+# Three kicks and antiperiodic forcings, with the names of their last circles.
 OWN = [(1e-3, GENERIC, "[1;4,(1)]"), (1e-3, (1, 1, 1, 1, -1, -1, -1, -1), "[2;(4)]")]
 OWN += [(tol, (k, 1, -k, -1), "[0;(4)]") for tol, k in ((1e-3, 0.3), (1e-3, 1), (1e-4, 1))]
 
 
 @pytest.mark.parametrize("case", thirds([*OWN, *CASES]))
-def test_all_methods_agree_on_the_breakup_and_the_bracket_is_as_narrow_as_the_tolerance(case):
+def test_all_methods_agree_on_the_breakup_and_brackets_meet_the_tolerance(case):
     tol, profile, omega = case
-    found = critical_scale(profile, tol)
-    assert is_shown(found)
-    assert found.upper - found.lower <= tol * found.value * (1 + 1e-9)
-    assert found.error < 1e-6 * found.value
-    assert 0 <= float(found.omega) <= len(profile) / 2
+    result = critical_scale(profile, tol)
+    assert is_shown(result)
+    assert result.upper - result.lower <= tol * result.value * (1 + 1e-9)
+    assert result.error < 1e-6 * result.value
+    assert 0 <= float(result.omega) <= len(profile) / 2
     if omega:
-        assert str(found.omega) == omega
+        assert str(result.omega) == omega
     upper, last = transversal.upper_scale(profile, 300)
-    # Under antiperiodic forcing the step in the law is half a period.
+    # Under antiperiodic forcing, a step in the lifetime law is half a period.
     half = len(profile) // 2
     antiperiodic = half and np.array_equal(profile[half:], np.negative(profile[:half]))
     step = half if antiperiodic else len(profile)
     least, most = upper * (1 - np.array(transversal.EXCESS_BOUNDS[::-1]) * step / last.kicks)
-    assert least <= found.value <= most
-    by_norms = continuation.critical_scale(found.omega, profile, 1e-4)
-    assert abs(by_norms.value - found.value) <= by_norms.error + found.error < 2e-4
-    assert np.isinf(first_escapes(found, profile)).tolist() == [True, False]
+    assert least <= result.value <= most
+    by_norms = continuation.critical_scale(result.omega, profile, 1e-4)
+    assert abs(by_norms.value - result.value) <= by_norms.error + result.error < 2e-4
+    assert np.isinf(first_escapes(result, profile)).tolist() == [True, False]
 
 
 def test_the_eight_rays_of_the_square_have_one_barrier():
     expected = critical_scale(ray(38.8), 1e-3)
     last = mirror_images(expected.omega, 2)
     for angle in two_kicks().unfold(38.8):
-        found = critical_scale(ray(angle), 1e-3)
-        assert is_shown(found)
-        assert abs(found.value - expected.value) <= found.error + expected.error
+        result = critical_scale(ray(angle), 1e-3)
+        assert is_shown(result)
+        assert abs(result.value - expected.value) <= result.error + expected.error
         for side in ("lower", "upper"):
-            assert getattr(found, side) == pytest.approx(getattr(expected, side), rel=1e-8)
-        assert 0 <= float(found.omega) <= 1
+            assert getattr(result, side) == pytest.approx(getattr(expected, side), rel=1e-8)
+        assert 0 <= float(result.omega) <= 1
         for turn in (-360, 0, 360):
             folded, omega_shift = two_kicks().fold(angle + turn)
             assert folded == pytest.approx(38.8, abs=2e-9)
-            assert mirror_images(moebius(found.omega, 1, int(omega_shift)), 2) == last
+            assert mirror_images(moebius(result.omega, 1, int(omega_shift)), 2) == last
 
 
 def disguised(profile, rng):
-    """A random symmetric image of a forcing, whose barriers break at the same scale."""
+    """Return a random symmetric image of a forcing; its barriers break at the same scale."""
     profile = rng.choice([-1, 1]) * np.roll(profile, rng.integers(profile.size))
     profile = profile[:: rng.choice([-1, 1])]
     alternates = profile.size % 2 == 0 and rng.random() < 0.5
@@ -145,22 +145,22 @@ def assert_both_ways_agree(profile, rng, tol, monkeypatch):
     expected = critical_scale(profile, tol)
     with monkeypatch.context() as patch:
         patch.setattr(survivors, "has_dominant_line", lambda kappa: False)
-        found = critical_scale(disguised(np.array(profile), rng), tol)
-    for scale in (expected, found):
+        result = critical_scale(disguised(np.array(profile), rng), tol)
+    for scale in (expected, result):
         assert scale.status is not Status.OK or is_shown(scale)
-    assert np.nanmax([expected.lower, found.lower]) < min(expected.upper, found.upper)
-    if expected.status is found.status is Status.OK:
-        assert abs(found.value - expected.value) <= found.error + expected.error
-    return expected.status is found.status is Status.OK
+    assert np.nanmax([expected.lower, result.lower]) < min(expected.upper, result.upper)
+    if expected.status is result.status is Status.OK:
+        assert abs(result.value - expected.value) <= result.error + expected.error
+    return expected.status is result.status is Status.OK
 
 
 @pytest.mark.parametrize("profile", [(0.6, 0.8), (1.8, -0.1, -0.1)])
-def test_a_hidden_symmetry_changes_nothing(profile, monkeypatch):
+def test_hiding_a_symmetry_from_the_search_does_not_change_the_result(profile, monkeypatch):
     assert assert_both_ways_agree(profile, np.random.default_rng(18), 1e-2, monkeypatch)
 
 
 @pytest.mark.slow
-def test_hidden_symmetries_of_random_forcings_change_nothing(monkeypatch):
+def test_hiding_symmetries_of_random_forcings_does_not_change_results(monkeypatch):
     rng, decided = np.random.default_rng(18), 0
     for _ in range(24):
         half, period = rng.normal(size=4), int(rng.integers(2, 7))
@@ -169,8 +169,9 @@ def test_hidden_symmetries_of_random_forcings_change_nothing(monkeypatch):
     assert decided >= 0.9 * 24
 
 
-# So close to a forcing of shorter period the boundary falls like a cusp. At (1, 1, 1.0001) some
-# start survives 64 000 steps at 0.967 and none at 0.968, on the line x = 1/2 as on a transversal.
+# This close to a forcing of shorter period the boundary falls steeply, as at a cusp. For
+# (1, 1, 1.0001) some start survives 64 000 steps at 0.967 and none at 0.968, both on the line
+# x = 1/2 and on a transversal.
 @pytest.mark.parametrize(
     ("profile", "tol", "breakup", "about", "top"),
     [
@@ -179,14 +180,14 @@ def test_hidden_symmetries_of_random_forcings_change_nothing(monkeypatch):
         ((1, 1 - 1e-7), 1e-1, KAPPA_G, 0.01, 1.0001 * KAPPA_G),
     ],
 )
-def test_near_a_shorter_forcing_the_value_is_right_or_missing(profile, tol, breakup, about, top):
-    found = critical_scale(profile, tol)
-    assert not found.lower >= min(breakup + about, found.upper)
-    assert breakup - about < found.upper < top
-    assert np.isnan(found.value) or abs(found.value - breakup) < found.error + about
-    if len(profile) == 2:  # residues do not resolve the cusp: no contradiction
-        assert found.status is Status.NEAR_CUSP
-        assert np.isnan([found.value, found.error]).all()
+def test_near_a_shorter_period_the_value_is_right_or_missing(profile, tol, breakup, about, top):
+    result = critical_scale(profile, tol)
+    assert not result.lower >= min(breakup + about, result.upper)
+    assert breakup - about < result.upper < top
+    assert np.isnan(result.value) or abs(result.value - breakup) < result.error + about
+    if len(profile) == 2:  # residues do not resolve the cusp, and contradict nothing
+        assert result.status is Status.NEAR_CUSP
+        assert np.isnan([result.value, result.error]).all()
 
 
 @pytest.mark.parametrize(
@@ -200,10 +201,10 @@ def test_near_antiperiodic_forcing_no_circle_breaks_above_upper(away, omega, q, 
     # An earlier search missed these two circles: its upper ends were below their breakups.
     profile = np.array([1, 1, -1, -1 + away])
     judge = periodic.critical_scale(omega, profile, q, between=(0.354, 0.356))
-    found = critical_scale(profile, tol)
-    assert found.lower < judge.value - judge.error
-    assert judge.value + judge.error < found.upper
-    assert found.status is Status.NEAR_CUSP or found.value + found.error > judge.value
+    result = critical_scale(profile, tol)
+    assert result.lower < judge.value - judge.error
+    assert judge.value + judge.error < result.upper
+    assert result.status is Status.NEAR_CUSP or result.value + result.error > judge.value
 
 
 @pytest.mark.slow
@@ -223,13 +224,13 @@ def test_near_antiperiodic_forcing_no_circle_breaks_above_upper(away, omega, q, 
     ids=str,
 )
 def test_where_circles_break_and_reappear_the_bracket_is_still_narrow(profile, known):
-    """Circles exist up to `known` by their residues, though searches miss the survivors there."""
-    found = critical_scale(profile, 1e-3)
-    assert max(known, found.lower) < found.value < found.upper < found.lower * (1 + 4e-3)
-    assert (found.status is Status.WIDE) == (found.upper - found.lower > 2e-3 * found.value)
-    assert found.value + found.error >= found.upper - 1e-3 * found.value
-    assert np.isinf(first_escapes(found, profile)).tolist() == [True, False]
-    beyond = 1.002 * found.upper * np.array(profile)
+    """Residues show circles up to `known`, although searches miss the survivors there."""
+    result = critical_scale(profile, 1e-3)
+    assert max(known, result.lower) < result.value < result.upper < result.lower * (1 + 4e-3)
+    assert (result.status is Status.WIDE) == (result.upper - result.lower > 2e-3 * result.value)
+    assert result.value + result.error >= result.upper - 1e-3 * result.value
+    assert np.isinf(first_escapes(result, profile)).tolist() == [True, False]
+    beyond = 1.002 * result.upper * np.array(profile)
     assert not any(oracles.residues_fall(noble, beyond, 1000) for noble in nobles(3))
 
 
@@ -238,18 +239,18 @@ def test_the_results_for_20_random_forcings_are_correct():
     rng, decided, escaped = np.random.default_rng(300), 0, 0
     for _ in range(20):
         profile = rng.normal(size=int(rng.integers(3, 7)))
-        found = critical_scale(profile, 1e-3)
-        if found.status is not Status.OK:
+        result = critical_scale(profile, 1e-3)
+        if result.status is not Status.OK:
             continue
-        decided += is_shown(found)
+        decided += is_shown(result)
         # No circle of another ω is certified above the bracket, and orbits escape only above it.
         for omega in (
             moebius(noble, 1, n) for noble in nobles(3) for n in range(profile.size // 2)
         ):
             other = continuation.critical_scale(omega, profile, 1e-2)
-            assert not other.lower >= found.upper
-            assert not other.value - 2 * other.error > found.upper
-        inside, outside = first_escapes(found, profile)
+            assert not other.lower >= result.upper
+            assert not other.value - 2 * other.error > result.upper
+        inside, outside = first_escapes(result, profile)
         assert inside == np.inf
         escaped += outside < np.inf
     assert decided >= 0.9 * 20
@@ -266,20 +267,20 @@ def test_a_wrong_breakup_by_residues_does_not_mislead_the_search(case, monkeypat
     exact = critical_scale(profile, tol).value
 
     def wrong(omega, profile, *arguments, **named):
-        found = real(omega, profile, *arguments, **named)
-        return replace(found, value=factor * found.value)
+        result = real(omega, profile, *arguments, **named)
+        return replace(result, value=factor * result.value)
 
     monkeypatch.setattr(periodic, "critical_scale", wrong)
-    found = critical_scale(profile, tol)
-    assert not found.lower > exact
-    assert exact < found.upper < exact * 1.03
-    assert found.status is not Status.OK or abs(found.value - exact) <= found.error
+    result = critical_scale(profile, tol)
+    assert not result.lower > exact
+    assert exact < result.upper < exact * 1.03
+    assert result.status is not Status.OK or abs(result.value - exact) <= result.error
 
 
 def misled(monkeypatch, candidates):
-    """Let the search by survivors have these candidates, round by round, and then its own.
+    """Replace the candidates of the first rounds of the search by these, a list for each round.
 
-    Returns the list of the rounds' forcings.
+    Returns the list that collects the forcing of every round.
     """
     rounds, real = [], barriers.candidates
 
@@ -321,12 +322,12 @@ def test_if_all_candidates_are_wrong_the_farey_tree_finds_the_circle(wrong, monk
 @pytest.mark.parametrize(("profile", "questions"), [(GENERIC, 1), ((1, 0.8, 1), 8)])
 def test_a_search_with_too_few_questions_has_no_value_but_a_valid_bound(profile, questions):
     exact = critical_scale(profile, 1e-3)
-    found = critical_scale(profile, 1e-3, effort=barriers.Effort(max_questions=questions))
-    assert found.status is Status.NOT_CONVERGED
-    assert np.isnan([found.value, found.error]).all()
-    assert found.omega is None
-    assert not found.lower > exact.upper
-    assert exact.lower < found.upper
+    result = critical_scale(profile, 1e-3, effort=barriers.Effort(max_questions=questions))
+    assert result.status is Status.NOT_CONVERGED
+    assert np.isnan([result.value, result.error]).all()
+    assert result.omega is None
+    assert not result.lower > exact.upper
+    assert exact.lower < result.upper
 
 
 def test_above_a_survivor_the_scale_is_raised_until_no_circle_exists():
@@ -338,7 +339,7 @@ def test_above_a_survivor_the_scale_is_raised_until_no_circle_exists():
     assert not tree.exists(scale)
 
 
-def test_a_circle_that_breaks_just_after_the_one_excluded_last_is_the_barrier():
+def test_a_circle_that_breaks_just_after_the_last_excluded_one_is_found():
     """[0;4,3,(1)], which the tree excludes last, breaks 9e-5 earlier than [0;4,3,2,(1)]."""
     profile = (-0.663821954890323, 0.9944856278202228, -0.4426921491035081)
     earlier, later = (
@@ -346,8 +347,8 @@ def test_a_circle_that_breaks_just_after_the_one_excluded_last_is_the_barrier():
         for omega in ("[0;4,3,(1)]", "[0;4,3,2,(1)]")
     )
     assert earlier.value + earlier.error < later.value - later.error
-    found = critical_scale(profile, 1e-3)
-    assert abs(found.value - later.value) <= found.error + later.error
+    result = critical_scale(profile, 1e-3)
+    assert abs(result.value - later.value) <= result.error + later.error
 
 
 @pytest.fixture(scope="module")
@@ -360,43 +361,43 @@ def compiled():
 @pytest.mark.parametrize("seconds", [2, 6])
 @pytest.mark.parametrize("period", [9, 24, 64])
 def test_a_search_ends_within_the_seconds_allowed(period, seconds, compiled):
-    """Or once the question that is open at that time has been answered."""
+    """It may first answer the question that is open when the time runs out."""
     profile = np.random.default_rng(64).normal(size=period)
     begun = time.thread_time()
-    found = critical_scale(profile, 1e-4, seconds=seconds)
+    result = critical_scale(profile, 1e-4, seconds=seconds)
     assert time.thread_time() - begun < 1.5 * seconds + 1
-    assert not found.lower > found.upper
+    assert not result.lower > result.upper
 
 
 def test_a_search_from_another_start_is_not_converged_if_its_time_runs_out():
-    found = critical_scale((1, 0.7, 0.5), 1e-3, start=(0.1, 0.1, 0.1), seconds=1e-3)
-    assert found.status is Status.NOT_CONVERGED
+    result = critical_scale((1, 0.7, 0.5), 1e-3, start=(0.1, 0.1, 0.1), seconds=1e-3)
+    assert result.status is Status.NOT_CONVERGED
 
 
-def test_upper_is_missing_if_no_effort_is_left_for_a_circle_above_the_bracket(monkeypatch):
+def test_without_effort_for_a_circle_above_the_bracket_upper_is_missing(monkeypatch):
     monkeypatch.setattr(barriers, "_eliminated_above", lambda _, tol, at: (at.outside, GAMMA))
-    found = critical_scale(ray(30), 1e-3, effort=barriers.Effort(max_questions=0))
-    assert found.status is Status.NOT_CONVERGED
-    assert np.isnan([found.value, found.error, found.upper]).all()
+    result = critical_scale(ray(30), 1e-3, effort=barriers.Effort(max_questions=0))
+    assert result.status is Status.NOT_CONVERGED
+    assert np.isnan([result.value, result.error, result.upper]).all()
 
 
 def test_without_a_circle_certified_near_the_breakup_the_status_is_wide(monkeypatch):
     monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)
     monkeypatch.setattr(continuation, "certified_circle", lambda _, *more: (0.997 * more[1], 0))
-    found = critical_scale(ray(30), 1e-3)
-    assert found.status is Status.WIDE
-    assert found.lower == 0.997 * found.value < found.value < found.upper
+    result = critical_scale(ray(30), 1e-3)
+    assert result.status is Status.WIDE
+    assert result.lower == 0.997 * result.value < result.value < result.upper
 
 
 @pytest.mark.parametrize("offset", thirds([0.01, 3.52361034802e-3, 1e-3, 0.1]))
 def test_near_the_cusp_results_are_consistent_or_have_no_value(offset):
     tip = KAPPA_G * 2**0.5
-    found = [critical_scale(ray(45 - offset), tol) for tol in (1e-3, 1e-4)]
+    results = [critical_scale(ray(45 - offset), tol) for tol in (1e-3, 1e-4)]
     # Neither tolerance excludes what the other shows.
-    lower = max((scale.lower for scale in found if not np.isnan(scale.lower)), default=0)
-    upper = min(scale.upper for scale in found)
+    lower = max((scale.lower for scale in results if not np.isnan(scale.lower)), default=0)
+    upper = min(scale.upper for scale in results)
     assert lower < upper < tip * (1 + 1e-4)
-    for scale in found:
+    for scale in results:
         if scale.status in (Status.UNDECIDED, Status.NEAR_CUSP):
             assert np.isnan([scale.value, scale.error]).all()
         else:
@@ -404,7 +405,7 @@ def test_near_the_cusp_results_are_consistent_or_have_no_value(offset):
             assert lower < scale.value + scale.error
             assert scale.value - scale.error < upper
     if offset > 3e-3:
-        assert {scale.status for scale in found} == {Status.OK}
+        assert {scale.status for scale in results} == {Status.OK}
 
 
 @pytest.mark.parametrize(
@@ -414,16 +415,16 @@ def test_near_the_cusp_results_are_consistent_or_have_no_value(offset):
     ),
 )
 def test_the_last_circle_is_an_invariant_graph_at_the_lower_scale(profile):
-    found = critical_scale(profile, 1e-3)
-    circle = barriers.last_circle(found, profile)
+    result = critical_scale(profile, 1e-3)
+    circle = barriers.last_circle(result, profile)
     assert circle.certified
-    assert circle.kappa == pytest.approx(found.lower * np.array(profile), rel=1e-12)
-    assert circles.invariant_circle(found.omega, circle.kappa).status is Status.TOO_FEW_MODES
+    assert circle.kappa == pytest.approx(result.lower * np.array(profile), rel=1e-12)
+    assert circles.invariant_circle(result.omega, circle.kappa).status is Status.TOO_FEW_MODES
     x, y = circles.graph(circle)
     assert (np.diff(x) > 0).all()
     assert oracles.invariance_error(circle) < min(10 * circle.error, 1e-8)
     measured = orbits.rotation_number(circle.kappa, x[0], y[0], 10_000)[0]
-    assert measured == pytest.approx(float(found.omega), abs=1e-9)
+    assert measured == pytest.approx(float(result.omega), abs=1e-9)
 
 
 def test_without_a_certified_circle_there_is_no_last_circle():
@@ -435,7 +436,7 @@ def test_without_a_certified_circle_there_is_no_last_circle():
 
 
 @pytest.mark.parametrize("kappa", thirds([(0.9, 0.3), (1.2,), (0.3, 0.9), (0.2, 0.2, 0.9)]))
-def test_the_longest_lived_start_has_the_rotation_number_of_the_last_circle_for_a_while(kappa):
+def test_the_longest_lived_start_rotates_like_the_last_circle_for_a_while(kappa):
     """The start is moved to the beginning of the period, whichever site the search used."""
     scale = barriers.critical_scale(kappa, 1e-3)
     beyond = scale.value * 1.0005 * np.array(kappa)
@@ -447,7 +448,7 @@ def test_the_longest_lived_start_has_the_rotation_number_of_the_last_circle_for_
 
 
 @pytest.mark.slow
-def test_no_circle_exists_just_above_the_upper_end_of_a_bracket_in_bands():
+def test_no_circle_exists_just_above_upper_where_circles_form_bands():
     profile = np.array((1, 0.37, 1, 0.37, 1))
     upper = critical_scale(profile, 1e-3).upper
     above = upper * (1 + np.array([1e-6, 1e-5, 1e-4])) * profile[:, None]
@@ -456,7 +457,7 @@ def test_no_circle_exists_just_above_the_upper_end_of_a_bracket_in_bands():
 
 
 @pytest.mark.slow
-def test_a_coarse_tolerance_also_finds_a_breakup_in_bands():
+def test_a_coarse_search_also_finds_the_breakup_where_circles_form_bands():
     scale = critical_scale((1, 0.63, 1), 1e-2)
     # A circle exists at 0.62595, as a referee's search showed.
     assert scale.status in (Status.OK, Status.WIDE)

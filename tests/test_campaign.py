@@ -1,8 +1,8 @@
 """Sweeps survive faults: a seed decides what happens to the driver and its workers, and when.
 
-A driver is a program on two workers of its own. After each run with faults the store is compared
-with its earlier contents and with a serial computation; a last run without faults completes the
-cube.
+A driver is a program that sweeps on two workers of its own. After each run with faults the
+store is compared with its earlier contents and with a serial computation; a last run without faults
+completes the cube.
 """
 
 import os
@@ -23,7 +23,7 @@ import toy
 from pipeline import store
 from workflows.shared.cli import command, sweeps
 
-SIDE = 8  # tiles, of one cell each, along rows and columns
+SIDE = 8  # number of tiles, of one cell each, along each axis
 
 
 @command()
@@ -44,7 +44,7 @@ def driver(out, n_workers=2):
 
 
 def begun(out):
-    """Tiles, in the order in which workers began them."""
+    """Return the tiles in the order in which workers began them."""
     log = out.parent / "log"
     lines = log.read_text().splitlines() if log.exists() else []
     places = [map(float, line.split()) for line in lines]
@@ -62,7 +62,7 @@ def kill_driver(process, choose):
 
 
 def interrupt(process, choose):
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does, also to its workers
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: its workers are interrupted too
 
 
 # Exit codes of a driver after a fault, if not 0, as a shell reports them.
@@ -70,7 +70,7 @@ ENDS = {kill_worker: 1, kill_driver: 137, interrupt: 130}
 
 
 def in_session(leader):
-    """True if a process of a driver's session remains: workers may outlive it for a while."""
+    """True if a process of a driver's session remains: workers may outlive the driver."""
     for pid in psutil.pids():
         with suppress(OSError):
             if os.getsid(pid) == leader:
@@ -79,7 +79,7 @@ def in_session(leader):
 
 
 def run(out, faults, choose, n_workers=2):
-    """Run a driver with faults, each after some of the missing tiles have begun."""
+    """Run a driver; cause each fault after workers have begun some of the missing tiles."""
     place, log_before, codes = store.place_of(out), len(begun(out)), {0}
     before = whole(place)
     with driver(out, n_workers) as process:
@@ -89,19 +89,19 @@ def run(out, faults, choose, n_workers=2):
             if process.poll() is None:
                 fault(process, choose)
                 codes.add(ENDS[fault])
-        told, _ = process.communicate(timeout=60)
+        output, _ = process.communicate(timeout=60)
     toy.wait_until(lambda: not in_session(process.pid))
     code = process.returncode if process.returncode >= 0 else 128 - process.returncode
-    said = f"exit code {code} after {[fault.__name__ for fault in faults]}:\n{told}"
-    assert code in codes, said
-    assert "Traceback" not in told, said
-    assert code in (0, 137) or "again" in told, said
-    assert len(re.findall("^Error: ", told, re.MULTILINE)) <= 1, said
+    context = f"exit code {code} after {[fault.__name__ for fault in faults]}:\n{output}"
+    assert code in codes, context
+    assert "Traceback" not in output, context
+    assert code in (0, 137) or "again" in output, context
+    assert len(re.findall("^Error: ", output, re.MULTILINE)) <= 1, context
     assert not before & set(begun(out)[log_before:])  # no tile is computed again
     now = whole(place)
     assert before <= now  # no tile is lost
     if code == 0:
-        assert now == set(np.ndindex(SIDE, SIDE)), said
+        assert now == set(np.ndindex(SIDE, SIDE)), context
     return now
 
 

@@ -21,9 +21,9 @@ from workflows.shared.direct_iteration import exponent
 
 
 @pytest.mark.parametrize(
-    ("away", "said"), [(0.02, "within 1."), (0.1, "within 10"), (9, "No cell is open")]
+    ("away", "expected"), [(0.02, "within 1."), (0.1, "within 10"), (9, "No cell is open")]
 )
-def test_the_proved_map_says_how_near_open_cells_are_in_plain_percentages(away, said):
+def test_the_proved_map_caption_gives_distances_in_plain_percentages(away, expected):
     angles = np.array([0.0, 45.0])
     kappa1, kappa2 = 0.5 * ray(angles).T
     known = {"angle": angles, "critical_scale": ("angle", [0.5, 0.5])}
@@ -43,12 +43,12 @@ def test_the_proved_map_says_how_near_open_cells_are_in_plain_percentages(away, 
     numbers = {key: ("triangle", [x]) for key, x in (sides | {"proved_below": 0.9}).items()}
     within = triangles.template.assign(numbers)
     caption = proved_map_caption(filled.assign_attrs(cells=64), within, xr.Dataset(known))
-    assert said in caption
+    assert expected in caption
     assert "on half of the rays of CB_gt to 10% below it" in caption
     assert "e+0" not in caption
 
 
-def test_a_law_of_the_flux_that_cannot_be_fitted_is_reported_as_no_fit():
+def test_a_flux_law_that_cannot_be_fitted_is_reported_as_no_fit():
     excesses = np.geomspace(0.1, 0.5, 5)
     circles = dict.fromkeys([0.0, 30.0], "[0;(1)]")
     cube = beyond.flux(two_kicks(), dict.fromkeys(circles, 1.0), circles, excesses, 100).cube
@@ -59,17 +59,17 @@ def test_a_law_of_the_flux_that_cannot_be_fitted_is_reported_as_no_fit():
     assert "nan" not in caption
 
 
-def test_tori_and_boundaries_without_an_answer_have_no_error_in_percent():
+def test_captions_of_tori_and_boundaries_without_results_say_so():
     tori = breakups([(0.22, 0.618)], [30.0], 0.1).cube.template.load()
     caption = breakups_caption(tori)
     assert "rays; none found" in caption
-    found = boundary([0.0, 45.0], 0.1, two_kicks())
-    nothing = found.assign({name: found[name] * np.nan for name in ("lower", "upper")})
+    result = boundary([0.0, 45.0], 0.1, two_kicks())
+    nothing = result.assign({name: result[name] * np.nan for name in ("lower", "upper")})
     assert "no bracket was found" in describe_boundary(nothing)
     assert "nan" not in caption + describe_boundary(nothing)
 
 
-def test_biases_that_are_too_few_or_do_not_fall_have_no_power_law():
+def test_no_power_law_is_fitted_to_too_few_or_increasing_biases():
     n = 100.0 * 2 ** np.arange(8)
     law = 0.3 * n ** (-1 / 3)
     few = np.where(n < 600, law, np.nan)
@@ -86,6 +86,6 @@ def test_a_plane_without_transport_has_a_caption_without_boundary_cells():
     dims = {"n": [100], "angle": [0.0, 45.0]}
     scale = xr.DataArray(np.full((1, 2), np.nan), dims, ("n", "angle"))
     barrier = xr.Dataset({"critical_scale": ("angle", [0.486, 1.374])}, {"angle": dims["angle"]})
-    said = describe_direct_iteration(scale.to_dataset(name="critical_scale"), barrier, 10)
-    assert "no transport in this plane" in said
-    assert "nan" not in said
+    text = describe_direct_iteration(scale.to_dataset(name="critical_scale"), barrier, 10)
+    assert "no transport in this plane" in text
+    assert "nan" not in text

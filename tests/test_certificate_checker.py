@@ -1,4 +1,4 @@
-"""The checker's own bounds: never below what they bound, and not twice as large either."""
+"""The checker's own bounds: never below what they bound, and never twice as large."""
 
 from fractions import Fraction
 from itertools import combinations, product
@@ -11,7 +11,7 @@ from nasm.proofs import certificate_checker as checker
 
 
 def random_box(rng):
-    """(a, box) of one or two kicks, such that each part of a bound is the largest now and then."""
+    """Return (a, box) for one or two kicks; each part of a bound dominates in some boxes."""
 
     def size():
         return rng.choice([0.0, 10 ** rng.uniform(-6, -2)])
@@ -26,7 +26,7 @@ def random_box(rng):
 
 
 def orbit(a, box, place, n):
-    """x_k and κ_k of an orbit of the box, exact to 300 bits."""
+    """Return x_k and κ_k of an orbit of the box, exact to 300 bits."""
     y, delta, k0, h0, k1, h1, *shears = map(checker.ball, box)
     moved = [s * h for s, h in zip(place[1:], (h0, h1), strict=True)]
     x = [checker.ball(a), checker.ball(a) + y + place[0] * delta]
@@ -38,7 +38,7 @@ def orbit(a, box, place, n):
 
 
 def variation(eta, cosines):
-    """Q/2, where half of the term of site 0 belongs to the other side."""
+    """Return Q/2 with half of the term of site 0; the other half belongs to the other side."""
     around = [2 * eta[1], *(a + b for a, b in zip(eta, [*eta[2:], 0.0], strict=False))]
     terms = [x * ((2 + c) * x - y) for x, c, y in zip(eta, cosines, around, strict=True)]
     return terms[0] / 2 + sum(terms[1:])
@@ -65,16 +65,16 @@ def test_the_second_variation_has_sharp_bounds_in_boxes():
                     assert not off > rest + 1e-36
                     used = off / rest if i % 4 and rest > 1e-30 else 0
                     largest[n] = max(largest[n], float(used))
-                found = variation(eta, cosines)
-                assert not found > bound + 1e-36
-                used = (found - middle) / (bound - middle) if bound - middle > 1e-30 else 0
+                result = variation(eta, cosines)
+                assert not result > bound + 1e-36
+                used = (result - middle) / (bound - middle) if bound - middle > 1e-30 else 0
                 largest[4] = max(largest[4], float(used))
     assert (largest[1:] > 0.9).all()
 
 
 @pytest.mark.parametrize(("most", "a", "small"), [(8, 0.2, 1e-6), (80, 0.9, 1e-6), (24, 0.9, 0.1)])
 def test_the_inverse_is_bounded_by_the_defect_of_its_approximation(most, a, small):
-    """1/(1 + a cos) = (1 + 2 Σ (-b)^k cos)/√(1 - a²). The last has too few modes to converge."""
+    """1/(1 + a cos) = (1 + 2 Σ (-b)^k cos)/√(1 - a²). The last case has too few modes."""
     r, root = 1.2, (1 - a**2) ** 0.5
     weighted = (1 - root) / a * r
     exact = (1 + 2 * weighted / (1 - weighted)) / root
@@ -98,7 +98,7 @@ ALPHA, RHO = (5**0.5 - 1) / 4, 0.01
 
 
 def norm_of_residuals(kappa, u):
-    """‖E_j‖ in floats from 512 points, where u_j = Σ_k c_k e^{2πikφ} + its conjugate."""
+    """Return ‖E_j‖ in floats, from 512 points; u_j = Σ_k c_k e^{2πikφ} + its conjugate."""
     k = np.fft.fftfreq(512, 1 / 512)
     modes = np.zeros((2, 512), complex)
     modes[:, : u.shape[1]] = u
@@ -123,14 +123,14 @@ def test_residuals_of_a_circle_are_those_of_the_chain():
     kappa, k = (0.3, -0.5), np.arange(40)
     waves = np.random.default_rng(2).normal(size=(2, 2, 40)) * np.exp(-k) * (k > 0) / 50
     u = waves[0] + 1j * waves[1]
-    found, exact = theorem(kappa, u), norm_of_residuals(kappa, u)
+    result, exact = theorem(kappa, u), norm_of_residuals(kappa, u)
     slopes = 1 + 4 * np.pi * (k * np.abs(u)) @ np.exp(2 * np.pi * RHO * k)
-    assert found["error"] == pytest.approx(exact.max(), rel=1e-9)
-    assert found["n"] == pytest.approx(slopes.max(), rel=1e-9)
-    assert found["epsilon"] == pytest.approx(slopes @ exact, rel=1e-9)
+    assert result["error"] == pytest.approx(exact.max(), rel=1e-9)
+    assert result["n"] == pytest.approx(slopes.max(), rel=1e-9)
+    assert result["epsilon"] == pytest.approx(slopes @ exact, rel=1e-9)
 
 
-def test_what_a_grid_of_a_patch_misses_is_bounded_in_the_best_strip():
+def test_what_the_grid_of_a_patch_misses_is_bounded_in_the_best_strip():
     f = np.array([0, 0.05, 0.02])
     with ctx.workprec(checker.BITS):
         grid = checker.Grid(arb(RHO), [arb_poly(f.tolist())] * 2)

@@ -1,4 +1,4 @@
-"""Invariant circles: two Newton methods, iteration, symmetries, fakes; grids below resonances."""
+"""Invariant circles: two Newton methods, iteration, symmetries, fake circles; choice of grids."""
 
 from dataclasses import replace
 from itertools import islice
@@ -71,7 +71,7 @@ def test_a_certified_circle_is_invariant_and_rotates_by_its_omega(name, kappa):
     assert measured == pytest.approx(float(circle.omega), abs=100 * circle.error + 1e-12)
 
 
-def test_the_circle_to_second_order_in_kappa():
+def test_a_circle_agrees_with_first_order_perturbation_theory():
     # Perturbation theory of the standard map: u = κ/(4π (cos 2πω - 1)) sin 2πθ + O(κ²).
     kappa = 1e-4
     circle = circles.invariant_circle(GAMMA, (kappa,))
@@ -87,12 +87,12 @@ def test_phases_of_high_modes_are_exact():
     with mpmath.workdps(50):
         exact = mpmath.expjpi(2 * k * oracles.continued_fraction(omega.prefix, omega.tail))
         assert abs(complex(exact) - fourier.turns(omega, k + 1)[k]) < 1e-15
-    # A float of ω would be wrong in the phase by 1e-12.
+    # With ω as a float, the phase would be wrong by 1e-12.
     assert abs(np.exp(2j * np.pi * k * float(omega)) - complex(exact)) > 1e-13
 
 
 def polished(circle):
-    """Return the u of a circle after Newton's method on a grid that resolves it to rounding."""
+    """Return the u of a circle after Newton's method on a grid that resolves it up to rounding."""
     start = fourier.resample(circle.u, 512)
     return circles.invariant_circle(circle.omega, circle.kappa, start=start).u
 
@@ -121,7 +121,7 @@ def test_circles_are_carried_along_the_symmetries_of_two_kicks(kappa1, kappa2, n
     assert_same_circle(alternate, (kappa1, -kappa2), moebius(omega, 1, 1))
 
 
-def test_a_forcing_without_symmetry_centre_is_shifted_all_the_way_round():
+def test_a_circle_without_a_symmetry_centre_is_shifted_by_a_whole_period():
     circle = shifted = circles.invariant_circle(GAMMA, (0.1, 0.2, -0.25))
     for kappa in ((0.2, -0.25, 0.1), (-0.25, 0.1, 0.2), (0.1, 0.2, -0.25)):
         shifted = circles.symmetries.shift(shifted)
@@ -131,7 +131,7 @@ def test_a_forcing_without_symmetry_centre_is_shifted_all_the_way_round():
 
 
 def naive_circle(n, kappa_end, step):
-    """Return the farthest apparent circle of the standard map, by n modes and small updates."""
+    """Return κ, u of the last apparent circle of the standard map: n modes and small updates."""
     u, kappa = np.zeros((1, n)), 0.0
     while kappa < kappa_end:
         trial, change, steps = u, 1.0, 0
@@ -172,7 +172,7 @@ def test_both_certificates_agree_on_circles_with_enough_modes(name):
         assert np.abs(circles.residual(omega, kappa, polished)).max() < 1e-10
 
 
-def test_a_function_off_a_circle_is_polished_or_rejected():
+def test_a_function_close_to_a_circle_is_polished_and_nan_is_rejected():
     kappa = np.array([0.3, 0.2])
     wanted = fourier.resample(circles.invariant_circle(GAMMA, kappa).u, 512)
     off = wanted + 1e-3 * np.sin(2 * np.pi * np.arange(512) / 512)
@@ -188,7 +188,7 @@ def test_a_function_off_a_circle_is_polished_or_rejected():
 
 
 @pytest.mark.parametrize("past", [2e-4, 1e-3, 1e-2, 0.27, 1.0])
-def test_beyond_the_breakup_there_is_never_a_circle(past):
+def test_beyond_the_breakup_no_circle_is_ever_certified(past):
     for n_max in (64, 128, 256, 512, 1024, 2048, 4096):
         circle = circles.invariant_circle(GAMMA, (KAPPA_G + past,), n_max=n_max)
         assert circle.status in (Status.TOO_FEW_MODES, Status.NO_CIRCLE, Status.NOT_CERTIFIED)
@@ -215,7 +215,7 @@ def test_no_circle_is_certified_at_strengths_of_two_or_more(kappa):
         (LIOUVILLE, (0.3, 0.2), Status.NEARLY_RATIONAL),
     ],
 )
-def test_a_circle_of_nearly_rational_omega_has_a_status(prefix, kappa, status):
+def test_a_circle_of_nearly_rational_omega_has_the_right_status(prefix, kappa, status):
     circle = circles.invariant_circle(RotationNumber(prefix, (1,)), kappa)
     assert circle.status is status
 
@@ -231,7 +231,7 @@ def test_just_below_the_breakup_enough_modes_certify_the_circle():
 
 
 def test_on_far_too_fine_a_grid_rounding_hides_a_circle():
-    # Starting from the rotation, rounding in the high modes decides.
+    # Starting from the rigid rotation, rounding errors in the high modes dominate.
     start = np.zeros((2, 16384))
     assert not circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384, start=start).certified
     adapted = circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384)
@@ -275,7 +275,7 @@ def test_a_grid_is_no_larger_than_the_next_resonance_requires(name):
 
 
 def test_a_cut_between_two_close_resonances_is_below_both():
-    omega = RotationNumber((0, 4, 30), (1,))  # 121 and 125
+    omega = RotationNumber((0, 4, 30), (1,))  # resonances of periods 121 and 125
     assert fourier.cut(omega, 350) == 121
     assert fourier.cut(omega, fourier.grid(omega, 121)) == 121
     assert fourier.cut(omega, fourier.grid(omega, 122)) >= 122

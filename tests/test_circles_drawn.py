@@ -1,4 +1,4 @@
-"""The boundaries CB_ω: which method answers, how well, and that nothing uncertain is drawn."""
+"""The boundaries CB_ω: which method is used, how accurate it is; nothing uncertain is drawn."""
 
 from contextlib import suppress
 from itertools import takewhile
@@ -79,58 +79,59 @@ def test_a_circle_and_its_image_do_not_look_alike(cubes):
 
 
 def test_the_caption_states_the_worst_error_drawn_and_what_is_left_out(cubes):
-    said = circle_boundaries.describe_circles(cubes["circles"])
-    assert "25 points by continuation to an error of 0.0001" in said
-    assert "largest error drawn is 0.1% of the scale" in said
-    assert "above 2%): 1 of 26" in said
+    text = circle_boundaries.describe_circles(cubes["circles"])
+    assert "25 points by continuation to an error of 0.0001" in text
+    assert "largest error drawn is 0.1% of the scale" in text
+    assert "above 2%): 1 of 26" in text
 
 
 def computed(plane, circles, angles, job=breakdown.by_continuation, effort=1e-4):
-    """Return the cube of these circles, computed here, with its attributes."""
+    """Return the cube of these circles, computed in this process, with its attributes."""
     cube = (job := job(plane, list(map(parse, circles)), angles, effort)).cube
     known = {"circle": cube.template.circle.values, "angle": np.asarray(angles)}
     return cube.filled(job.compute(known, cube.settings)).assign_attrs(cube.attributes)
 
 
-def test_residues_answer_where_continuation_misses_the_tolerance():
-    found = computed(two_kicks(), ["2gamma"], [30.0, 134.722])
-    assert style.has_flag(found.method, "continuation").values.tolist() == [[True, False]]
-    assert style.has_flag(found.method, "residue").values.tolist() == [[False, True]]
-    assert (found.error <= 1e-4).all()
-    assert set(found.method.attrs["flag_meanings"].split()) >= {"continuation", "residue"}
-    judge(found)
+def test_residues_are_used_where_continuation_misses_the_tolerance():
+    result = computed(two_kicks(), ["2gamma"], [30.0, 134.722])
+    assert style.has_flag(result.method, "continuation").values.tolist() == [[True, False]]
+    assert style.has_flag(result.method, "residue").values.tolist() == [[False, True]]
+    assert (result.error <= 1e-4).all()
+    assert set(result.method.attrs["flag_meanings"].split()) >= {"continuation", "residue"}
+    judge(result)
 
 
-def test_if_no_method_answers_the_status_is_that_of_the_first():
-    found = computed(two_kicks(), [f"[0;2,{10**9},(1)]"], [0.0])
-    assert found.status == status_code(Status.NEARLY_RATIONAL)
-    assert style.has_flag(found.method, "continuation")
-    assert found.critical_scale.isnull()
+def test_if_no_method_succeeds_the_status_is_that_of_the_first_one():
+    result = computed(two_kicks(), [f"[0;2,{10**9},(1)]"], [0.0])
+    assert result.status == status_code(Status.NEARLY_RATIONAL)
+    assert style.has_flag(result.method, "continuation")
+    assert result.critical_scale.isnull()
 
 
-def test_in_a_plane_with_a_nonzero_origin_only_residues_answer():
-    found = computed(three_kicks(0.2), ["gamma"], [45.0], breakdown.by_residue, 100)
-    assert style.has_flag(found.method, "residue")
+def test_in_a_plane_with_a_nonzero_origin_only_residues_are_used():
+    result = computed(three_kicks(0.2), ["gamma"], [45.0], breakdown.by_residue, 100)
+    assert style.has_flag(result.method, "residue")
 
 
 @pytest.mark.slow
-def test_the_main_job_s_circles_are_right_on_all_rays():
-    """Rays from 0 to 90 degrees; the others are their images."""
+def test_the_circles_of_the_main_job_are_right_on_all_rays():
+    """Rays from 0 to 90 degrees are enough; the others are their images."""
     angles = rays.ray_angles(two_kicks(), 181, 8)
-    found = computed(two_kicks(), map(str, rays.PAPER_CIRCLES), angles[angles <= 90])
-    assert (found.error <= 1e-4).all()
-    assert style.has_flag(found.method, "continuation").mean() > 0.7
-    judge(found)
+    result = computed(two_kicks(), map(str, rays.PAPER_CIRCLES), angles[angles <= 90])
+    assert (result.error <= 1e-4).all()
+    assert style.has_flag(result.method, "continuation").mean() > 0.7
+    judge(result)
 
 
-# Distances below the breakup, relative to it, at which circles are certified; larger at cusps.
+# Relative distances below the breakup at which circles are certified; the larger is for cusps.
 AWAY = 1e-3, 1e-2
 
 
 def judge(found):
-    """Compare points by continuation with residues, and find witnesses of the others.
+    """Compare points found by continuation with residues, and find witnesses for the others.
 
-    These are a certified circle just below, and just above no room for a circle by converse KAM.
+    The witnesses are a certified circle just below the breakup, and converse KAM just above it,
+    which leaves no room for the circle.
     """
     by_residue = style.has_flag(found.method, "residue").values
     for place in np.ndindex(found.critical_scale.shape):

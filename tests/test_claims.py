@@ -40,7 +40,7 @@ TESTS = Path(__file__).parent
         (grade("", True, True, known=False), Verdict.UNDECIDED),
     ],
 )
-def test_the_rules(value, verdict):
+def test_the_rules_give_the_expected_verdicts(value, verdict):
     assert value[1] is verdict
     assert (rules.printed("0.97"), rules.printed("3")) == ((0.97, pytest.approx(0.005)), (3.0, 0.5))
 
@@ -62,7 +62,7 @@ def test_wrong_equations_do_not_hold(monkeypatch):
 
 
 def three_rays(ours, circle, six):
-    """Return the paper's six circles, breaking at `six` times CB_gt, and CB_gt, on three rays."""
+    """Return the six circles of the paper, which break at `six`·CB_gt, and CB_gt, on three rays."""
     angles = np.array([0.0, 20.0, 45.0])
     names = [str(parse(name)) for name in NAMES]
     small = np.full((6, 3), 1e-10)
@@ -110,58 +110,58 @@ def exact():
     from workflows.claims.map import map_claims, symmetry_claims
     from workflows.claims.periodic import periodic_claims
 
-    found = map_claims() | symmetry_claims() | periodic_claims() | circle_claims()
-    return rules.claims_of(rules.as_texts(found | _reductions())), errata()
+    result = map_claims() | symmetry_claims() | periodic_claims() | circle_claims()
+    return rules.claims_of(rules.as_texts(result | _reductions())), errata()
 
 
 def test_no_equation_fails_and_all_errata_are_shown(exact):
-    found, errata = exact
-    assert {claim.verdict for claim in found} == {Verdict.HOLDS, Verdict.CAVEAT}
-    assert all(claim.note for claim in found if claim.verdict is Verdict.CAVEAT)
+    judged, errata = exact
+    assert {claim.verdict for claim in judged} == {Verdict.HOLDS, Verdict.CAVEAT}
+    assert all(claim.note for claim in judged if claim.verdict is Verdict.CAVEAT)
     assert all(erratum.shown for erratum in errata)
 
 
 def test_claims_and_errata_are_read_back_from_the_cube_unchanged(exact, tmp_path):
-    found, errata = exact
+    judged, errata = exact
     texts = rules.printed_texts("claims")
     names = {(text["place"], text["statement"]): name for name, text in texts.items()}
-    words = {names[each.place, each.statement]: (each.value, each.verdict) for each in found}
+    words = {names[each.place, each.statement]: (each.value, each.verdict) for each in judged}
     with Run(tmp_path, place_of(tmp_path), {}, False).driving() as run:
         cube = run.kept(untiled("claims"), lambda: recorded(words, errata))
-    assert judgement(cube) == (found, errata)
+    assert judgement(cube) == (judged, errata)
 
 
 def test_the_page_and_the_tables_contain_every_claim(exact, tmp_path):
-    found, errata = exact
+    judged, errata = exact
     circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
     ranges, run = envelope.ranges(circles, barrier), Run(tmp_path, None, {}, False)
-    write(run, found, errata, ranges, ["a summary"], "a command")
+    write(run, judged, errata, ranges, ["a summary"], "a command")
     page = (tmp_path / "claims.html").read_text(encoding="utf-8")
-    for c in found:
+    for c in judged:
         assert_holds(page, c.place, c.statement, c.value, c.command)
     for e in errata:
         assert_holds(page, e.place, e.printed, e.corrected, e.command)
     for row in ranges:
         assert_holds(page, "a summary", "Made by <code>a command</code>.", *envelope.cells(row))
-    assert [row["value"] for row in table(tmp_path / "claims.csv")] == [c.value for c in found]
+    assert [row["value"] for row in table(tmp_path / "claims.csv")] == [c.value for c in judged]
     assert len(table(tmp_path / "claims_errata.csv")) == len(errata)
     assert len(table(tmp_path / "claims_envelope.csv")) == len(ranges)
 
 
 def test_the_page_begins_with_failed_claims_and_shows_each_command_once(exact, tmp_path):
-    found, errata = exact
-    last = replace(found[-1], verdict=Verdict.FAILS, value="the one that fails")
+    judged, errata = exact
+    last = replace(judged[-1], verdict=Verdict.FAILS, value="the one that fails")
     circles, barrier = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
     ranges, run = envelope.ranges(circles, barrier), Run(tmp_path, None, {}, False)
-    write(run, [*found[:-1], last], errata, ranges, [], "a command")
+    write(run, [*judged[:-1], last], errata, ranges, [], "a command")
     page = (tmp_path / "claims.html").read_text(encoding="utf-8")
     claims, rest = page.split("<h2>Errata</h2>")
     shown = re.findall('<tr class="([a-z-]+)">', claims)
-    assert len(shown) == len(found)
+    assert len(shown) == len(judged)
     assert shown == sorted(shown, key=["does-not-hold", "holds-with-a-caveat", "holds"].index)
-    assert claims.index("the one that fails") < claims.index(formula(found[0].value))
+    assert claims.index("the one that fails") < claims.index(formula(judged[0].value))
     assert table(tmp_path / "claims.csv")[-1]["value"] == "the one that fails"
-    for part, of in ((claims, found), (rest, errata)):
+    for part, of in ((claims, judged), (rest, errata)):
         for command in {each.command for each in of}:
             assert part.count(f"<code>{command}</code>") == 1
 

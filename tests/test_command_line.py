@@ -31,8 +31,8 @@ COMMANDS, ROOT = commands(), Path(__file__).parents[1]
 def test_every_file_at_the_top_level_is_a_command_with_help_and_a_version(name):
     assert main_of(name).help
     assert all(option.help for option in main_of(name).params if option.param_type_name == "option")
-    told = CliRunner().invoke(main_of(name), ["--version"])
-    assert (told.exit_code, told.output) == (0, f"nasm {nasm.__version__}\n")
+    result = CliRunner().invoke(main_of(name), ["--version"])
+    assert (result.exit_code, result.output) == (0, f"nasm {nasm.__version__}\n")
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -43,14 +43,16 @@ def test_a_command_is_the_last_function_of_its_file(name):
 
 def test_the_overview_has_a_line_for_each_command():
     listed = CliRunner().invoke(overview).output.partition("--help:")[2]
-    told = dict(line.split(maxsplit=1) for line in listed.splitlines() if line[:3].count(" ") == 2)
-    assert list(told) == COMMANDS
-    assert all(len(words) > 20 for words in told.values())
+    summaries = dict(
+        line.split(maxsplit=1) for line in listed.splitlines() if line[:3].count(" ") == 2
+    )
+    assert list(summaries) == COMMANDS
+    assert all(len(words) > 20 for words in summaries.values())
 
 
 def test_the_overview_runs_a_command_and_lists_them_all_for_an_unknown_one():
-    told = CliRunner().invoke(overview, ["status", "--version"])
-    assert (told.exit_code, told.output) == (0, f"nasm {nasm.__version__}\n")
+    result = CliRunner().invoke(overview, ["status", "--version"])
+    assert (result.exit_code, result.output) == (0, f"nasm {nasm.__version__}\n")
     unknown = CliRunner().invoke(overview, ["nosuch"])
     assert unknown.exit_code == 2
     assert f"there is no command nosuch; choose one of {', '.join(COMMANDS)}" in unknown.output
@@ -64,26 +66,26 @@ def test_the_console_script_is_the_overview():
 @pytest.mark.parametrize("command", ["ask", pytest.param("escape_plane", marks=pytest.mark.slow)])
 def test_without_the_compiler_a_command_says_in_one_sentence_what_to_unset(command, tmp_path):
     arguments = ["0.3"] if command == "ask" else []
-    told = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-m", f"workflows.{command}", *arguments, f"--out={tmp_path}"],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
         capture_output=True,
         text=True,
     )
-    assert told.returncode == 2
-    assert told.stderr.count("Error") == 1
-    assert re.search("Error: NUMBA_DISABLE_JIT is set, but .*; unset it\n$", told.stderr)
+    assert result.returncode == 2
+    assert result.stderr.count("Error") == 1
+    assert re.search("Error: NUMBA_DISABLE_JIT is set, but .*; unset it\n$", result.stderr)
     assert not any(tmp_path.iterdir())
 
 
-def test_another_package_of_the_same_name_is_explained_in_one_sentence(tmp_path):
+def test_another_package_that_hides_ours_is_explained_in_one_sentence(tmp_path):
     (tmp_path / "pipeline").mkdir()
     (tmp_path / "pipeline/__init__.py").touch()
     paths = {**os.environ, "PYTHONPATH": f"{tmp_path}:{ROOT}"}
     command = [sys.executable, "-m", "workflows.status"]
-    told = subprocess.run(command, capture_output=True, text=True, env=paths, cwd=tmp_path)
-    assert told.returncode == 1
-    (line,) = told.stderr.splitlines()
+    result = subprocess.run(command, capture_output=True, text=True, env=paths, cwd=tmp_path)
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
     assert f"hidden by another package pipeline, {tmp_path}/pipeline/__init__.py; install" in line
 
 
@@ -96,16 +98,18 @@ def test_full_changes_defaults_but_not_the_options_given():
 
 
 def test_every_command_has_a_folder_of_its_own():
-    """Whether it is run as a module, by the overview or from Python."""
+    """The folder is the same if a command is run as a module, by the overview or from Python."""
     folders = {name: main_of(name).make_context(name, ["1"] * (name == "ask")) for name in COMMANDS}
     folders = {name: context.params["out"] for name, context in folders.items()}
     shared = {"explore": "out/critical_boundary", "status": "out", "verify": "out"}
     assert folders == {name: f"out/{name}" for name in COMMANDS} | shared
     for command in (["-m", "workflows.last_barrier"], ["-m", "workflows", "last_barrier"]):
-        told = subprocess.run([sys.executable, *command, "--help"], capture_output=True, text=True)
-        assert "[default: out/last_barrier]" in told.stdout
-    told = subprocess.run([sys.executable, "-m", "workflows.ramp", "-h"], stdout=-1, text=True)
-    assert "[default: out/ramp]" in told.stdout
+        result = subprocess.run(
+            [sys.executable, *command, "--help"], capture_output=True, text=True
+        )
+        assert "[default: out/last_barrier]" in result.stdout
+    result = subprocess.run([sys.executable, "-m", "workflows.ramp", "-h"], stdout=-1, text=True)
+    assert "[default: out/ramp]" in result.stdout
 
 
 def test_files_of_different_commands_have_different_names():
@@ -117,7 +121,7 @@ def test_files_of_different_commands_have_different_names():
         assert [file for file in names if not file.startswith(name)] == []
 
 
-def test_a_figure_for_a_column_is_saved_beside_that_for_the_screen(tmp_path):
+def test_a_figure_for_a_column_is_saved_next_to_the_one_for_the_screen(tmp_path):
     style.save(Figure(), tmp_path, "name", "caption", kinds=["png"])
     with style.sheet(column=True):
         (path,) = style.save(Figure(), tmp_path, "name", "caption", kinds=["png"])
@@ -148,7 +152,7 @@ def test_help_is_quick_because_numpy_is_not_imported():
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_the_error_for_a_mistyped_option_names_the_one_that_was_meant(name):
+def test_the_error_for_a_mistyped_option_names_the_intended_one(name):
     options = [each for option in main_of(name).params for each in option.opts if each[:2] == "--"]
     known = {*options, "--help"}
     assert len(known) > 2
@@ -263,5 +267,5 @@ def test_an_option_of_several_commands_takes_the_same_kind_of_value():
     for option in (option for name in commands() for option in main_of(name).params):
         kinds.setdefault(option.opts[0], set()).add(type(option.type).__name__)
     several = {name for name, types in kinds.items() if len(types) > 1}
-    # Some commands take several numbers of steps or orbits, 100,1000.
+    # Some commands take several numbers of steps or orbits, as in 100,1000.
     assert several <= {"--n-max", "--n-orbits", "--out"}

@@ -26,10 +26,10 @@ def test_the_error_covers_the_difference_from_residues(tol, n, seed, part):
     for i, angle in enumerate(np.random.default_rng(seed).uniform(0, 180, n)):
         omega = parse(NAMES[i % 6])
         judge = periodic.critical_scale(omega, ray(angle))
-        found = continuation.critical_scale(omega, ray(angle), tol)
+        result = continuation.critical_scale(omega, ray(angle), tol)
         assert judge.status is Status.OK
-        assert not found.lower >= judge.value
-        covered.append(abs(found.value - judge.value) <= found.error + judge.error)
+        assert not result.lower >= judge.value
+        covered.append(abs(result.value - judge.value) <= result.error + judge.error)
     assert np.mean(covered) >= part
 
 
@@ -61,11 +61,11 @@ def test_delta_is_the_growth_factor_of_the_slopes_of_residues(tail):
 def test_near_an_unresolved_cusp_the_error_includes_its_depth():
     tip = KAPPA_G * 2**0.5
     for offset in (1e-4, 1e-5, 1e-6):
-        found = continuation.critical_scale(parse("2gamma"), ray(45 - offset))
+        result = continuation.critical_scale(parse("2gamma"), ray(45 - offset))
         depth = tip * np.deg2rad(2 * offset) ** 0.6
-        assert found.error > 0.9 * depth
-        assert found.value - found.error < tip - 0.5 * depth
-        assert abs(found.value - tip) < found.error
+        assert result.error > 0.9 * depth
+        assert result.value - result.error < tip - 0.5 * depth
+        assert abs(result.value - tip) < result.error
 
 
 @pytest.mark.parametrize("tail", thirds([(2,), (3,), (1, 2), (5,), (1, 4)]))
@@ -74,15 +74,15 @@ def test_breakups_for_tails_of_other_classes_have_adequate_errors(tail):
     compared = 0
     for angle in (10, 30, 80, 110, 160):
         judge = periodic.critical_scale(omega, ray(angle), 5000)
-        found = continuation.critical_scale(omega, ray(angle), 1e-4)
+        result = continuation.critical_scale(omega, ray(angle), 1e-4)
         if judge.status is Status.OK:
-            assert found.lower < judge.value
+            assert result.lower < judge.value
         if tail in continuation.UNSTABLE_EIGENVALUES:
-            assert found.error < 1e-4
-        elif found.status is Status.OK:  # no smaller than the distance from the last circle
-            assert found.error > 1e-4
-        if judge.status is found.status is Status.OK:
-            assert abs(found.value - judge.value) <= found.error + judge.error
+            assert result.error < 1e-4
+        elif result.status is Status.OK:  # no smaller than the distance from the last circle
+            assert result.error > 1e-4
+        if judge.status is result.status is Status.OK:
+            assert abs(result.value - judge.value) <= result.error + judge.error
             compared += 1
     assert compared >= 3
 
@@ -106,12 +106,12 @@ def test_breakups_for_tails_of_other_classes_have_adequate_errors(tail):
 def test_without_enough_circles_there_is_a_status_and_no_value(
     omega, profile, tol, status, low, high
 ):
-    found = continuation.critical_scale(omega, profile, tol)
+    result = continuation.critical_scale(omega, profile, tol)
     if status:
-        assert found.status is status
-    assert np.isnan([found.value, found.error]).all() == (found.status is not Status.OK)
-    assert not found.lower <= low
-    assert not found.lower >= high
+        assert result.status is status
+    assert np.isnan([result.value, result.error]).all() == (result.status is not Status.OK)
+    assert not result.lower <= low
+    assert not result.lower >= high
 
 
 # A forcing near two shorter periods, where the depths of both count; and those of 240 random rays
@@ -127,9 +127,9 @@ HARD += [(NAMES[i % 6], ray(ANGLES[i]), 1e-6, 1e-4) for i in (54, 78, 181, 208, 
 def test_in_hard_cases_the_error_covers_the_difference_from_residues(case):
     name, profile, tol, bound = case
     judge = periodic.critical_scale(parse(name), profile)
-    found = continuation.critical_scale(parse(name), profile, tol)
-    assert judge.status is found.status is Status.OK
-    assert abs(found.value - judge.value) <= found.error < bound
+    result = continuation.critical_scale(parse(name), profile, tol)
+    assert judge.status is result.status is Status.OK
+    assert abs(result.value - judge.value) <= result.error < bound
 
 
 KNOWN = [
@@ -178,5 +178,5 @@ def test_without_a_breakup_nothing_is_certified():
 def test_a_circle_is_certified_exactly_at_the_distance_if_possible():
     profile, distance = ray(23.4375), 1.6e-5
     breakup = periodic.critical_scale("gamma", profile).value
-    found = continuation.certified_circle("gamma", profile, breakup, distance)[0]
-    assert found == breakup * (1 - distance)
+    result = continuation.certified_circle("gamma", profile, breakup, distance)[0]
+    assert result == breakup * (1 - distance)

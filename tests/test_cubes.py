@@ -82,10 +82,10 @@ def test_a_tile_has_the_variables_of_its_cube_with_names_and_units(name):
 
 def test_last_barriers_of_rotating_maps_have_rotation_numbers_per_kick():
     coords = {"forcing": ["1/2,0", "1/2,0.25"], "angle": np.array([45.0])}  # (√2 s, 0), (s, s)/√2
-    found = rotating_maps._last_barriers(coords, {"kicks": 400, "tol": 1e-3})
-    scales = found["critical_scale"][:, 0]
+    result = rotating_maps._last_barriers(coords, {"kicks": 400, "tol": 1e-3})
+    scales = result["critical_scale"][:, 0]
     assert scales == pytest.approx([KAPPA_G / 8**0.5, KAPPA_G * 2**0.5], rel=1e-9)
-    assert found["omega"][:, 0] == pytest.approx([(3 - 5**0.5) / 4, (3 - 5**0.5) / 2], abs=1e-12)
+    assert result["omega"][:, 0] == pytest.approx([(3 - 5**0.5) / 4, (3 - 5**0.5) / 2], abs=1e-12)
 
 
 def test_status_codes_are_explained_by_the_flag_meanings():
@@ -169,10 +169,10 @@ def test_tiles_of_rays_take_seconds_which_limits_the_number_of_files(job):
 
 def test_the_boundary_at_any_angle_is_that_at_its_image_in_the_fundamental_domain():
     angles = [200.0, 45.0, 10.0, 95.0]
-    found = barrier.boundary(angles, 1e-2)
-    assert found.angle.values.tolist() == angles
+    result = barrier.boundary(angles, 1e-2)
+    assert result.angle.values.tolist() == angles
     for angle, wedge, mirrored in zip(angles, *TWO.fold(angles), strict=True):
-        here, expected = found.sel(angle=angle), barriers.critical_scale(ray(wedge), 1e-2)
+        here, expected = result.sel(angle=angle), barriers.critical_scale(ray(wedge), 1e-2)
         omega = moebius(expected.omega, -1, 1) if mirrored else expected.omega
         assert here.circle == str(omega)
         assert float(here.omega) == pytest.approx(float(omega), abs=1e-15)
@@ -181,7 +181,7 @@ def test_the_boundary_at_any_angle_is_that_at_its_image_in_the_fundamental_domai
         at = np.deg2rad(angle)
         assert float(here.kappa1) == pytest.approx(expected.value * np.cos(at))
         assert float(here.kappa2) == pytest.approx(expected.value * np.sin(at))
-    assert found.attrs["tol"] == 1e-2
+    assert result.attrs["tol"] == 1e-2
 
 
 def test_the_cost_of_a_tile_is_predicted_to_within_an_order_of_magnitude():
@@ -201,9 +201,9 @@ def test_a_cell_is_certified_only_by_a_certificate_that_covers_all_of_it(halves)
     cell = ("kappa2", "kappa1"), [[proofs.cells.TRANSPORT]]
     tile = xr.Dataset({"proved": cell}, {"kappa1": [1.0], "kappa2": [0.5]}, {"cells": 32})
     certificate = {"kappa": [(1.0).hex(), (0.5).hex()], "half_width": [h.hex() for h in halves]}
-    told = proved.uncertified_cells(tile, [certificate])
-    assert told.startswith("1 cells are called proved" if min(halves) < 1 / 64 else "")
-    assert bool(told) == (min(halves) < 1 / 64)
+    message = proved.uncertified_cells(tile, [certificate])
+    assert message.startswith("1 cells are called proved" if min(halves) < 1 / 64 else "")
+    assert bool(message) == (min(halves) < 1 / 64)
 
 
 @pytest.mark.parametrize("painted", [(0, 1), (1, 0), (0, 0)])
@@ -214,9 +214,9 @@ def test_a_cell_beyond_the_diagonal_is_certified_by_its_image_alone(painted):
     cells = ("kappa2", "kappa1"), states
     tile = xr.Dataset({"proved": cells}, {"kappa1": centres, "kappa2": centres}, {"cells": 32})
     certificate = {"kappa": [x.hex() for x in centres[::-1]], "half_width": [(1 / 64).hex()] * 2}
-    told = proved.uncertified_cells(tile, [certificate])
-    assert told.startswith("1 cells are called proved" if painted == (0, 0) else "")
-    assert bool(told) == (painted == (0, 0))
+    message = proved.uncertified_cells(tile, [certificate])
+    assert message.startswith("1 cells are called proved" if painted == (0, 0) else "")
+    assert bool(message) == (painted == (0, 0))
     assert proved.uncertified_cells(tile, [])
 
 
@@ -233,6 +233,6 @@ def test_a_triangle_is_certified_only_by_patches_that_fill_it(end, tilt):
             {"kappa": (0.5, 0.25), "tilt": (0.0, 0.25), "scales": (0.5, end)},
         )
     ]
-    told = proved.uncertified_triangle(tile, certificates)
-    assert bool(told) == (end < 0.75 or tilt[1] < 0.25)
-    assert "triangle 3" in told or not told
+    message = proved.uncertified_triangle(tile, certificates)
+    assert bool(message) == (end < 0.75 or tilt[1] < 0.25)
+    assert "triangle 3" in message or not message

@@ -275,15 +275,15 @@ def test_control_characters_in_a_store_are_not_printed(on_disk, tmp_path):
     put(on_disk, "named.zarr/zarr.json", metadata)
     put(on_disk, "named.zarr/digests.json", None)
     os.makedirs(tmp_path / f"folder/{words}.zarr")
-    for command, out, said in (
+    for command, out, printed in (
         ("status", on_disk, "tile (0, 0) failed:  ]0;title  other: sound"),
         ("verify", on_disk, " ]0;title  other: sound  cannot be read"),
         ("status", tmp_path / "folder", "invalid path"),
     ):
-        told = invoke(command, out).output
-        assert said in told
-        assert all(line.isprintable() for line in told.splitlines())
-        assert not any(line.startswith("other") for line in told.splitlines())
+        output = invoke(command, out).output
+        assert printed in output
+        assert all(line.isprintable() for line in output.splitlines())
+        assert not any(line.startswith("other") for line in output.splitlines())
 
 
 @pytest.mark.benchmark

@@ -21,10 +21,10 @@ def rechester_and_white(one, two):
 
 @pytest.mark.parametrize("kappa", [(9.0, 9.0), (30.0, 17.0), (-41.0, 8.5), (55.0, 71.0)])
 def test_strong_kicks_diffuse_as_rechester_and_white_say(kappa):
-    found = diffusion(kappa, 2048)
-    assert found.status is Status.OK
+    result = diffusion(kappa, 2048)
+    assert result.status is Status.OK
     theory = rechester_and_white(*kappa)
-    assert abs(found.value - theory) < 4 * found.error + 0.08 * theory
+    assert abs(result.value - theory) < 4 * result.error + 0.08 * theory
 
 
 def test_images_of_a_forcing_diffuse_alike():
@@ -40,22 +40,22 @@ def test_images_of_a_forcing_diffuse_alike():
 
 
 def test_the_error_matches_the_scatter_of_other_orbits():
-    found = [diffusion((1.6, 1.1 + 1e-7 * i), 256) for i in range(60)]
-    scatter = np.std([each.value for each in found], ddof=1)
-    assert scatter == pytest.approx(np.mean([each.error for each in found]), rel=0.3)
+    results = [diffusion((1.6, 1.1 + 1e-7 * i), 256) for i in range(60)]
+    scatter = np.std([each.value for each in results], ddof=1)
+    assert scatter == pytest.approx(np.mean([each.error for each in results]), rel=0.3)
 
 
 def test_with_a_barrier_or_an_accelerator_mode_there_is_no_answer():
     inside = [critical_scale(ray(angle), 1e-2).lower * ray(angle) for angle in (0.0, 30.0, 45.0)]
-    found = [diffusion(kappa, 64, 2**17) for kappa in inside]
-    assert {each.status for each in found} == {Status.NOT_CONVERGED}
+    results = [diffusion(kappa, 64, 2**17) for kappa in inside]
+    assert {each.status for each in results} == {Status.NOT_CONVERGED}
     modes = list(map(diffusion, [(6.4, 6.4), (6.4, 0.0), (6.5,)]))
     assert {each.status for each in modes} == {Status.ANOMALOUS}
-    assert np.isnan([each.value for each in found + modes]).all()
+    assert np.isnan([each.value for each in results + modes]).all()
 
 
 @pytest.mark.parametrize(
-    ("ratio", "exponent", "said"),
+    ("ratio", "exponent", "expected"),
     [
         (1, 3.01, ". Supported: "),
         (0.2, 3.3, ". Supported with a caveat: "),
@@ -63,9 +63,9 @@ def test_with_a_barrier_or_an_accelerator_mode_there_is_no_answer():
         (np.nan, 3, ". Not decided: "),
     ],
 )
-def test_the_rules_can_say_no(ratio, exponent, said):
+def test_the_rules_can_say_no(ratio, exponent, expected):
     excess = xr.DataArray(np.geomspace(0.05, 3.2, 16), dims="excess")
     flux = 0.01 * excess**exponent * xr.DataArray(np.ones(3), {"angle": [0.0, 20, 45]}, "angle")
     fields = {"diffusion": ratio * flux, "error": 0.05 * ratio * flux, "ratio": ratio + 0 * flux}
     law = xr.Dataset(fields, {"excess": excess.values}).assign(prefactor=0.01 + 0 * flux[0])
-    assert [said in line for line in study.findings(law).splitlines()] == [True] * 2
+    assert [expected in line for line in study.findings(law).splitlines()] == [True] * 2

@@ -127,14 +127,14 @@ def test_version_citation_and_changelog_agree():
 
 def test_versions_name_every_library_in_use(capsys):
     nasm.show_versions()
-    told = dict(line.split(None, 1) for line in capsys.readouterr().out.splitlines())
-    assert told["python"] == sys.version.split()[0]
+    versions = dict(line.split(None, 1) for line in capsys.readouterr().out.splitlines())
+    assert versions["python"] == sys.version.split()[0]
     extras = PROJECT["optional-dependencies"]
     declared = [*PROJECT["dependencies"], *extras["proof"], *extras["explore"]]
     names = {re.match(r"[\w-]+", line)[0] for line in declared}
-    assert names <= told.keys()
-    assert "sphinx" not in told
-    assert told["numpy"] == sys.modules["numpy"].__version__
+    assert names <= versions.keys()
+    assert "sphinx" not in versions
+    assert versions["numpy"] == sys.modules["numpy"].__version__
 
 
 def test_a_copy_that_is_not_installed_shows_its_versions_too(monkeypatch, capsys):
@@ -172,8 +172,8 @@ wait $!"""
 
 def shell_lines(page):
     """Return the lines of shell on a page that are run here."""
-    found = blocks("sh", page.read_text(encoding="utf-8"))
-    lines = [line for block in found for line in block.splitlines()]
+    result = blocks("sh", page.read_text(encoding="utf-8"))
+    lines = [line for block in result for line in block.splitlines()]
     return [line for line in lines if not line.startswith(RUN_ELSEWHERE)]
 
 

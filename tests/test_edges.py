@@ -159,11 +159,11 @@ def test_numbers_of_any_kind_give_the_result_of_floats_and_ints_or_are_refused(f
     expected = called(function, arguments)
     for values in kinds_of(arguments[name]):
         try:
-            found = called(function, arguments | {name: values})
+            result = called(function, arguments | {name: values})
         except ValueError as error:
             assert name in str(error)  # noqa: PT017
         else:
-            np.testing.assert_equal(found, expected)
+            np.testing.assert_equal(result, expected)
 
 
 def called(function, arguments):

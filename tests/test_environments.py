@@ -22,9 +22,9 @@ def python(*words, shell="", **environment):
 
 @pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "ascii:strict", "utf-16"])
 def test_letters_that_an_encoding_lacks_are_escaped(encoding):
-    told = python(*HELP, PYTHONIOENCODING=encoding)
-    assert (told.returncode, told.stderr) == (0, b"")
-    read = told.stdout.decode("utf-8" if "ascii" in encoding else encoding)  # click's own way
+    result = python(*HELP, PYTHONIOENCODING=encoding)
+    assert (result.returncode, result.stderr) == (0, b"")
+    read = result.stdout.decode("utf-8" if "ascii" in encoding else encoding)  # click's own way
     assert "κ" in read or r"\u03ba" in read
     assert "Options:" in read
 
@@ -40,9 +40,9 @@ def test_letters_that_an_encoding_lacks_are_escaped(encoding):
     ],
 )
 def test_a_closed_or_full_stream_stops_no_command_and_loses_no_result(redirection, code, words):
-    told = python(*HELP, shell=redirection)
-    output = (told.stdout + told.stderr).decode()
-    assert told.returncode == code
+    result = python(*HELP, shell=redirection)
+    output = (result.stdout + result.stderr).decode()
+    assert result.returncode == code
     assert words in output
     assert bool(output) == bool(words)
 
@@ -74,9 +74,9 @@ main()
 
 @pytest.mark.parametrize("flag", ["-O", "-OO"])
 def test_python_without_assertions_is_refused_in_one_sentence(flag):
-    told = python(flag, "-m", "workflows.status")
-    assert told.returncode == 1
-    (line,) = told.stderr.decode().splitlines()
+    result = python(flag, "-m", "workflows.status")
+    assert result.returncode == 1
+    (line,) = result.stderr.decode().splitlines()
     assert "PYTHONOPTIMIZE" in line
 
 
@@ -86,19 +86,19 @@ RUN = "import runpy; runpy.run_module('workflows{}', run_name='__main__')"
 
 @pytest.mark.parametrize("name", ["", ".ask", ".last_barrier", ".status"])
 def test_a_command_on_windows_prints_one_sentence(name):
-    told = python("-c", WITHOUT + RUN.format(name))
-    (line,) = told.stderr.decode().splitlines()
+    result = python("-c", WITHOUT + RUN.format(name))
+    (line,) = result.stderr.decode().splitlines()
     assert line.startswith("nasm runs on Linux and macOS; on Windows, ")
-    assert (told.returncode, told.stdout) == (1, b"")
+    assert (result.returncode, result.stdout) == (1, b"")
 
 
 @pytest.mark.parametrize("package", ["nasm", "pipeline"])
 def test_an_import_on_windows_says_why_it_fails(package):
-    told = python("-c", f"{WITHOUT}import {package}")
-    assert told.returncode == 1
-    *_, line = told.stderr.decode().splitlines()
+    result = python("-c", f"{WITHOUT}import {package}")
+    assert result.returncode == 1
+    *_, line = result.stderr.decode().splitlines()
     assert line.startswith("ImportError: nasm runs on Linux and macOS; on Windows, ")
-    assert "ModuleNotFoundError" not in told.stderr.decode()
+    assert "ModuleNotFoundError" not in result.stderr.decode()
 
 
 @pytest.mark.parametrize("name", commands())
@@ -158,8 +158,8 @@ def test_a_sweep_runs_under_the_settings_of_other_programs(tmp_path):
     (tmp_path / "matplotlibrc").write_bytes("# größer\nfont.size: 20".encode("latin-1"))
     paths = {"PYTHONPATH": f"{tmp_path}:{ROOT}", "MATPLOTLIBRC": f"{tmp_path}/matplotlibrc"}
     sweep = "-m", "workflows.escape_plane", *SMALL
-    told = python(*sweep, "--out", tmp_path / "run", shell="umask 077;", **SETTINGS, **paths)
-    assert (told.returncode, told.stderr) == (0, b"")
-    words = told.stdout.decode("latin-1")
+    result = python(*sweep, "--out", tmp_path / "run", shell="umask 077;", **SETTINGS, **paths)
+    assert (result.returncode, result.stderr) == (0, b"")
+    words = result.stdout.decode("latin-1")
     assert r"\u03ba1 = 0 to 1" in words
     assert f"figures: {tmp_path}/run/escape_plane.png" in words

@@ -212,9 +212,9 @@ def test_boundary_is_where_a_ray_first_meets_transport():
     times = np.where(radius > 0.6, 100.0, np.inf)
     angles = np.array([[20.0, 45.0], [90.5, 160.0]])
     half_diagonal = 0.05 / np.sqrt(2) + 0.05 / 16  # of a cell, plus half the spacing of samples
-    found = boundary(times, kappa1, kappa2, angles, 100)
-    assert found.shape == angles.shape
-    assert np.abs(found - 0.6).max() <= half_diagonal
+    result = boundary(times, kappa1, kappa2, angles, 100)
+    assert result.shape == angles.shape
+    assert np.abs(result - 0.6).max() <= half_diagonal
     assert np.isnan(boundary(times, kappa1, kappa2, angles, 99)).all()
     assert np.isnan(boundary(times, kappa1, kappa2, [-45.0], 100)).all()
     later = np.where(radius > 0.8, 100.0, np.where(radius > 0.6, 1000.0, np.inf))
@@ -243,22 +243,22 @@ def test_the_boundary_is_unknown_in_transport_or_next_to_unknown_cells():
 @pytest.mark.parametrize(("profile", "barrier"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
 def test_an_escape_bounds_the_direct_critical_scale_from_above(profile, barrier):
     for n_max in (3000, 30_000):  # test_work_precision tests how the bias falls
-        found = escape.critical_scale(profile, n_max, 256)
-        assert found.status is Status.OK
+        result = escape.critical_scale(profile, n_max, 256)
+        assert result.status is Status.OK
         x, y = ensemble(256)
-        at = np.multiply(found.upper, profile)
+        at = np.multiply(result.upper, profile)
         assert first_escape(at, x, y, [256], n_max) <= n_max
-        assert found.upper > barrier
-        assert abs(found.value - barrier) <= found.error
-        assert abs(found.value - barrier) < found.upper - barrier
+        assert result.upper > barrier
+        assert abs(result.value - barrier) <= result.error
+        assert abs(result.value - barrier) < result.upper - barrier
 
 
 @pytest.mark.parametrize(
     ("profile", "n_max", "n_orbits"), [(ray(46.285), 3000, 100), ((1, 0.2), 10_000, 10)]
 )
 def test_the_error_of_the_direct_scale_allows_for_a_lucky_draw(profile, n_max, n_orbits):
-    found, barrier = escape.critical_scale(profile, n_max, n_orbits), critical_scale(profile, 1e-3)
-    assert found.upper - found.value < abs(found.value - barrier.value) <= found.error
+    result, barrier = escape.critical_scale(profile, n_max, n_orbits), critical_scale(profile, 1e-3)
+    assert result.upper - result.value < abs(result.value - barrier.value) <= result.error
 
 
 @pytest.mark.parametrize(
@@ -266,25 +266,25 @@ def test_the_error_of_the_direct_scale_allows_for_a_lucky_draw(profile, n_max, n
     [((1, 0.6, 0.3), 300, 10), ((1, 0), 64, 64), ((0.2, -1, 0.5), 500, 30), ((1,), 200, 10)],
 )
 def test_before_the_law_holds_there_is_a_bound_and_no_value(profile, n_max, n_orbits):
-    found = escape.critical_scale(profile, n_max, n_orbits)
-    assert found.status is Status.NOT_CONVERGED
-    assert np.isnan([found.value, found.error, found.lower]).all()
-    assert found.upper == escape.onset_scale(profile, n_max, n_orbits)
-    assert found.upper > critical_scale(profile, 1e-2).value
+    result = escape.critical_scale(profile, n_max, n_orbits)
+    assert result.status is Status.NOT_CONVERGED
+    assert np.isnan([result.value, result.error, result.lower]).all()
+    assert result.upper == escape.onset_scale(profile, n_max, n_orbits)
+    assert result.upper > critical_scale(profile, 1e-2).value
 
 
 @pytest.mark.parametrize("n_max", [100, 1000, 10_000])
 def test_a_value_is_between_zero_and_the_onset_and_its_error_is_smaller(n_max):
     rng = np.random.default_rng(n_max)
-    found = [
+    results = [
         escape.critical_scale(rng.uniform(-1, 1, n_kicks), n_max, 30) for n_kicks in (1, 2, 3, 5)
     ]
-    for answer in found:
+    for answer in results:
         if answer.status is Status.OK:
             assert 0 < answer.error < answer.value <= answer.upper
         else:
             assert np.isnan(answer.value)
-    assert (n_max == 10_000) == all(answer.status is Status.OK for answer in found)
+    assert (n_max == 10_000) == all(answer.status is Status.OK for answer in results)
 
 
 @pytest.mark.parametrize("n", [50, 400])
@@ -300,9 +300,9 @@ def test_at_the_onset_an_orbit_escapes_in_n_steps_and_just_below_none_does(n):
 
 def test_a_critical_scale_needs_a_window_that_orbits_leave():
     assert escape.critical_scale((1, 1), 640, 64, window=(-0.7, 1.0)).status is Status.OK
-    found = escape.critical_scale((1, 0), 64, 64, window=(-1e6, 1e6))
-    assert found.status is Status.NO_BREAKUP
-    assert np.isnan([found.value, found.error, found.upper]).all()
+    result = escape.critical_scale((1, 0), 64, 64, window=(-1e6, 1e6))
+    assert result.status is Status.NO_BREAKUP
+    assert np.isnan([result.value, result.error, result.upper]).all()
     assert np.isnan(escape.onset_scale((1, 0), 64, 64, window=(-1e6, 1e6)))
 
 

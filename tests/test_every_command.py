@@ -31,12 +31,12 @@ def run(out, names, runs, *hidden):
     script = [str(HERE / "every_command.py"), str(out), ",".join(names), str(runs), *hidden]
     script = [sys.executable, *script]
     ended = subprocess.run(script, stdout=subprocess.PIPE, text=True, check=True)
-    found = json.loads(ended.stdout)
-    assert list(found) == list(names)
-    for name, (_, told, _, faults) in found.items():
+    result = json.loads(ended.stdout)
+    assert list(result) == list(names)
+    for name, (_, output, _, faults) in result.items():
         assert faults == [], name
-        assert not re.search(r"\bnan\b|Traceback", told), f"{name}: {told}"
-    return found
+        assert not re.search(r"\bnan\b|Traceback", output), f"{name}: {output}"
+    return result
 
 
 def test_no_command_takes_more_than_ten_minutes_on_two_cores_by_default(tmp_path):
@@ -44,15 +44,15 @@ def test_no_command_takes_more_than_ten_minutes_on_two_cores_by_default(tmp_path
         options = [option.opts[0] for option in main_of(name).params]
         if "--dry-run" in options:
             forcing = ["0.3", "0.2"] if name == "frequency_map" else []
-            told = succeed(name, tmp_path / name, *forcing, "--dry-run")
-            hours = float(re.search(r"in all .* (\S+) CPU hours", told)[1])
-            assert hours * 3600 / (2 if "--workers" in options else 1) < LONGEST, told
+            output = succeed(name, tmp_path / name, *forcing, "--dry-run")
+            hours = float(re.search(r"in all .* (\S+) CPU hours", output)[1])
+            assert hours * 3600 / (2 if "--workers" in options else 1) < LONGEST, output
 
 
 def test_without_python_flint_commands_that_prove_say_what_to_install(tmp_path):
-    for name, (code, told, *_) in run(tmp_path / "out", PROVING, 1, "flint", "bokeh").items():
-        assert code == (name != "work_precision"), f"{name}: {told}"
-        assert code == 0 or "pip install 'nasm-transport[proof]'" in told
+    for name, (code, output, *_) in run(tmp_path / "out", PROVING, 1, "flint", "bokeh").items():
+        assert code == (name != "work_precision"), f"{name}: {output}"
+        assert code == 0 or "pip install 'nasm-transport[proof]'" in output
         assert code == 0 or not list((tmp_path / "out" / name).glob("*"))
 
 
@@ -61,9 +61,9 @@ def test_every_command_ends_as_expected_and_its_cubes_can_be_saved_as_netcdf(tmp
 
     Each runs twice, and computes nothing the second time.
     """
-    for name, (code, told, asked, _) in run(tmp_path / "out", SMALLEST, 2, "bokeh").items():
-        assert code == (name == "explore"), f"{name}: {told}"
-        assert code == 0 or "pip install '.[explore]'" in told
+    for name, (code, output, asked, _) in run(tmp_path / "out", SMALLEST, 2, "bokeh").items():
+        assert code == (name == "explore"), f"{name}: {output}"
+        assert code == 0 or "pip install '.[explore]'" in output
         assert asked == (name in PROVING), name
     files = [path for path in tmp_path.glob("out/*/*") if path.is_file() and path.name != ".lock"]
     for path in files:  # so that commands with one folder do not overwrite each other

@@ -53,14 +53,14 @@ def escapes(view, row, column, steps):
 def pictures(view, steps, fields=()):
     """Return all pictures of a view with their block sizes, and the number of forcings computed."""
     tree, n_forcings = field.Quadtree(two_kicks(), view, steps, list(fields)), 0
-    found = [tree.picture()]
+    results = [tree.picture()]
     for calls in tree.rounds():
         while calls:
             cells, function, forcings, n = calls.popleft()
             n_forcings += len(cells)
             tree.accept(cells, function(forcings, n))
-        found.append(tree.picture())
-    return found, n_forcings
+        results.append(tree.picture())
+    return results, n_forcings
 
 
 # The boundary for N = 300 crosses both views.
@@ -70,8 +70,8 @@ NEAR = View((0.96995, 0.97005), (0.09995, 0.10005), (54, 54))
 
 @pytest.mark.parametrize("view", [VIEW, NEAR])
 def test_pixels_that_escape_or_lie_at_the_boundary_have_their_own_escape_time(view):
-    found, n_forcings = pictures(view, 300)
-    times, block = found[-1]
+    result, n_forcings = pictures(view, 300)
+    times, block = result[-1]
     assert block == 1
     assert n_forcings < times.size
     assert 0.1 < np.isinf(times).mean() < 0.9
@@ -79,7 +79,7 @@ def test_pixels_that_escape_or_lie_at_the_boundary_have_their_own_escape_time(vi
     near = field._at_boundary(times, 300) | (times <= 300)
     for row, column in random.permutation(np.argwhere(near))[:40]:
         assert times[row, column] == escapes(view, row, column, 300)
-    assert [blocks for _, blocks in found] == sorted((b for _, b in found), reverse=True)
+    assert [blocks for _, blocks in result] == sorted((b for _, b in result), reverse=True)
 
 
 def test_expensive_pixels_are_computed_only_along_the_boundary(monkeypatch):
@@ -87,8 +87,8 @@ def test_expensive_pixels_are_computed_only_along_the_boundary(monkeypatch):
     every, n_forcings = pictures(beyond, 300)
     own = every[-1][0]
     monkeypatch.setattr(field, "_SPARE", 0.0)
-    found, spared = pictures(beyond, 300)
-    times = found[-1][0]
+    result, spared = pictures(beyond, 300)
+    times = result[-1][0]
     assert spared < 0.8 * n_forcings
     near = field._at_boundary(times, 300)
     assert 100 < near.sum() < 0.5 * near.size
@@ -112,8 +112,8 @@ def test_a_late_escape_at_the_centre_of_a_block_is_kept():
 
 def test_mirror_images_in_the_plane_are_computed_once():
     view = View((-1.1, 1.1), (-1.1, 1.1), (108, 108))
-    found, n_forcings = pictures(view, 400)
-    times = found[-1][0]
+    result, n_forcings = pictures(view, 400)
+    times = result[-1][0]
     assert (times == times.T).all()
     assert (times == times[::-1]).all()
     assert n_forcings < 0.2 * times.size
@@ -134,8 +134,8 @@ def test_known_pixels_are_not_computed_again():
     assert (first[0][:, :45] == times[:, 9:]).mean() > 0.97
     assert 0 < n_forcings < 0.35 * times.size
     nearer = View((0.95, 0.96), (0.1, 0.11), (54, 54))  # a preview, then the full picture
-    found, n_forcings = pictures(nearer, 300, [known])
-    assert not np.isnan(found[0][0]).any()
+    result, n_forcings = pictures(nearer, 300, [known])
+    assert not np.isnan(result[0][0]).any()
     assert n_forcings > 1000
 
 
@@ -209,7 +209,7 @@ def test_a_zoomed_view_has_few_rays_except_where_the_last_circle_changes(change,
 
 
 @pytest.mark.parametrize(
-    ("start", "said"),
+    ("start", "expected"),
     [
         ((0.5, 0.3), "a circle"),
         ((0.5, 0.0), "periodic with 0: residue 0.4, elliptic"),
@@ -217,8 +217,8 @@ def test_a_zoomed_view_has_few_rays_except_where_the_last_circle_changes(change,
         ((1e-3, 1e-3), "chaotic (averages"),
     ],
 )
-def test_an_orbit_is_described_as_a_circle_periodic_on_islands_or_chaotic(start, said):
-    assert said in describe_orbit(np.array([0.5, 0.4]), *start)
+def test_an_orbit_is_described_as_a_circle_periodic_on_islands_or_chaotic(start, expected):
+    assert expected in describe_orbit(np.array([0.5, 0.4]), *start)
 
 
 @pytest.mark.parametrize("text", ["0.618", "0.5", "1.25", "-0.38", "0.3819660113"])
@@ -232,10 +232,10 @@ def test_for_a_decimal_number_a_noble_number_that_rounds_to_it_is_followed(text)
 def test_an_ensemble_started_in_a_box_has_the_diffusion_rate_of_the_cell(monkeypatch):
     monkeypatch.setattr(on_demand, "_FRAME_SECONDS", 0)
     monkeypatch.setattr(on_demand, "_SIDE_STARTS", 24)
-    kappa, found = np.array([4.0, 3.5]), None
-    for found in filter(None, on_demand.spreading(kappa, (0.0, 0.0, 0.5, 0.5))):
-        assert found[0]["x"].size == 24**2
-    rate, error = map(float, re.search(r"D = (\S+) ± (\S+) per period", found[2]).groups())
+    kappa, result = np.array([4.0, 3.5]), None
+    for result in filter(None, on_demand.spreading(kappa, (0.0, 0.0, 0.5, 0.5))):
+        assert result[0]["x"].size == 24**2
+    rate, error = map(float, re.search(r"D = (\S+) ± (\S+) per period", result[2]).groups())
     whole = diffusion.diffusion(kappa, n_max=2**15)
     assert rate == pytest.approx(whole.value, abs=4 * np.hypot(error, whole.error))
     assert error < 0.1 * rate
@@ -260,7 +260,7 @@ class Document:
 
 
 def test_only_the_latest_computation_counts():
-    document, found, gate = Document(), [], threading.Event()
+    document, result, gate = Document(), [], threading.Event()
     work = Work(document, None)
     work.start()
     lane = work.latest("number")
@@ -270,19 +270,19 @@ def test_only_the_latest_computation_counts():
         return number
 
     for number in range(5):
-        lane.submit(computed, number, done=found.append)
+        lane.submit(computed, number, done=result.append)
     assert list(work.busy) == ["number"]
     gate.set()
     document.run(lambda: not work.busy)
-    assert found == [4]
-    lane.submit(lambda: 1 // 0, done=found.append)
+    assert result == [4]
+    lane.submit(lambda: 1 // 0, done=result.append)
     document.run(lambda: not work.busy)
-    assert found == [4]
+    assert result == [4]
     assert work.failed == {"number": "ZeroDivisionError('integer division or modulo by zero')"}
 
 
 def test_a_closed_tab_ends_its_generators():
-    document, found, closed = Document(), [], threading.Event()
+    document, result, closed = Document(), [], threading.Event()
     work = Work(document, None)
 
     def endless():
@@ -293,10 +293,10 @@ def test_a_closed_tab_ends_its_generators():
         finally:
             closed.set()
 
-    work.latest("endless").submit(endless, done=found.append)
+    work.latest("endless").submit(endless, done=result.append)
     assert not work.busy  # the browser is not connected
     work.start()
-    document.run(lambda: found)
+    document.run(lambda: result)
     work.close()
     assert closed.wait(10)
 
@@ -330,12 +330,12 @@ def test_an_address_with_invalid_state_is_explained_and_changes_nothing(query, w
 
 
 def test_the_boundary_on_a_ray_is_known_if_rays_begin_at_zero_forcing():
-    found = verdict((0.3, 0.2, 0.2))
+    result = verdict((0.3, 0.2, 0.2))
     for forcings, known in ((rotating("1/3"), True), (three_kicks(0.2), False)):
         state = State(forcings)
         state.move(0.3, 0.2)
         assert state.boundary is None
-        state.take(verdict=found)
+        state.take(verdict=result)
         assert (state.boundary is not None) == known
     state = State(two_kicks())
     state.move(0.3, 0.2)
@@ -361,9 +361,9 @@ def test_the_boundary_on_a_ray_is_known_if_rays_begin_at_zero_forcing():
     ],
 )
 def test_the_side_of_the_boundary_agrees_with_the_verdict(answer, value, words):
-    said = plane.side_text(answer, value, f"{value:.6g}")
-    assert said.startswith(words)
-    assert bool(said) == bool(words)
+    output = plane.side_text(answer, value, f"{value:.6g}")
+    assert output.startswith(words)
+    assert bool(output) == bool(words)
 
 
 def test_a_verdict_is_dropped_when_the_point_moves():
@@ -428,9 +428,9 @@ def with_page(ask, client=None):
     async def asked():
         sockets, port = bind_sockets("127.0.0.1", 0)
         page = server.server_of(server.Shared(two_kicks(), None, client), sockets, port)
-        found = await ask(port)
+        result = await ask(port)
         page.stop()
-        return found
+        return result
 
     with ThreadPoolExecutor() as thread:  # Playwright may have a loop in this thread
         return thread.submit(asyncio.run, asked()).result()
@@ -440,12 +440,12 @@ def answers(requests):
     """Return the answers of a server without workers to (path, headers), and what it computes."""
 
     async def ask(port):
-        client, found = AsyncHTTPClient(), []
+        client, result = AsyncHTTPClient(), []
         for path, headers in requests:
             named = {name: text.format(port=port) for name, text in headers.items()}
             url = f"http://127.0.0.1:{port}{path}"
-            found.append(await client.fetch(url, headers=named, raise_error=False))
-        return found
+            result.append(await client.fetch(url, headers=named, raise_error=False))
+        return result
 
     computed = []
     return with_page(ask, lambda: computed.append("something")), computed
@@ -488,8 +488,8 @@ REQUESTS += [
 
 
 def test_local_host_names_are_answered_and_other_sites_are_not():
-    found, _ = answers([request[:2] for request in REQUESTS])
-    assert [answer.code for answer in found] == [code for *_, code in REQUESTS]
+    result, _ = answers([request[:2] for request in REQUESTS])
+    assert [answer.code for answer in result] == [code for *_, code in REQUESTS]
 
 
 def test_a_refusal_of_another_host_name_explains_how_to_reach_the_page():
@@ -583,9 +583,9 @@ def test_a_browser_in_the_foreground_does_not_block_the_server(tmp_path):
     asked = os.environ | {"BROWSER": str(program)}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=asked) as process:
         try:
-            told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
+            output = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
             toy.wait_until((tmp_path / "browser.opened").exists)
-            url = re.search(r"http://localhost:\d+/", told).group()
+            url = re.search(r"http://localhost:\d+/", output).group()
             with urllib.request.urlopen(url, timeout=60) as page:
                 assert b"Global transport" in page.read()
         finally:
@@ -606,18 +606,18 @@ def test_a_text_mode_browser_is_not_opened(monkeypatch, program, opens):
 
 
 def test_work_without_kernels_does_not_wait_for_kernels_being_compiled():
-    document, found, loaded = Document(), [], threading.Event()
+    document, result, loaded = Document(), [], threading.Event()
     work = Work(document, None, {"verdict": loaded})
     work.start()
     for kernels in ("verdict", None):
         work.latest(str(kernels), kernels).submit(
-            lambda kernels=kernels: kernels or "none", done=found.append
+            lambda kernels=kernels: kernels or "none", done=result.append
         )
-    document.run(lambda: found)
-    assert found == ["none"]
+    document.run(lambda: result)
+    assert result == ["none"]
     loaded.set()
     document.run(lambda: not work.busy)
-    assert found == ["none", "verdict"]
+    assert result == ["none", "verdict"]
 
 
 _EVERYTHING = "k1=0.3&k2=0.2&n=100&omega=gamma&pq=3/8&orbits=0.5,0.3&show=boundary,cycles,manifolds"
@@ -673,8 +673,8 @@ def test_a_signal_ends_the_explorer_whatever_blocks_its_loop(number, blocks, tmp
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, **pipes) as process:
         try:
-            told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
-            port = int(re.search(r"localhost:(\d+)/", told).group(1))
+            output = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
+            port = int(re.search(r"localhost:(\d+)/", output).group(1))
             with socket.create_connection(("127.0.0.1", port)) as browser:
                 browser.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
                 assert process.stdout.readline() == "blocked\n"
@@ -707,8 +707,8 @@ def test_workers_count_as_started_while_kernels_are_being_compiled(monkeypatch):
 
 def test_orbits_that_are_not_found_are_named_and_short_ones_are_drawn(monkeypatch):
     fraction = Fraction(1, 6)
-    found, missing = phase_space.periodic_orbits((1.0,), [fraction])
-    assert [family for _, family, *_ in found] == ["minimizing", "minimax"]
+    result, missing = phase_space.periodic_orbits((1.0,), [fraction])
+    assert [family for _, family, *_ in result] == ["minimizing", "minimax"]
     assert missing == []
     curves, words = on_demand.resonance((1.0,), fraction, (0.0, -0.5, 1.0, 1.0))
     assert words.startswith("Turnstiles of 1/6: ")
@@ -718,8 +718,8 @@ def test_orbits_that_are_not_found_are_named_and_short_ones_are_drawn(monkeypatc
         raise self.chains[n].lost("a test")
 
     monkeypatch.setattr(action.ConvergentOrbits, "scan", losing)
-    found, missing = phase_space.periodic_orbits((1.0,), [fraction])
-    assert (found, missing) == (
+    result, missing = phase_space.periodic_orbits((1.0,), [fraction])
+    assert (result, missing) == (
         [], ["Not drawn: the ordered orbits of 1/6 were not found: a test."]
     )  # fmt: skip
 

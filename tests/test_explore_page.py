@@ -44,7 +44,7 @@ def until(tab, **parts):
         wait(tab, f"new URLSearchParams(location.search).get('{name}') == '{value}'")
 
 
-def told(tab, words, timeout=None):
+def message_with(tab, words, timeout=None):
     """Wait for a status line that contains these words, and return its text."""
     line = tab.get_by_role("status").filter(has_text=words)
     line.wait_for(timeout=timeout)
@@ -64,7 +64,7 @@ def opened(chromium, served):
     """The page at KAPPA, once its verdict and portrait are shown, and the text of the verdict."""
     with pages(chromium, served[0]) as page:
         tab = page("?k1={}&k2={}&n=100".format(*KAPPA), 900)
-        words = told(tab, "BARRIER at")
+        words = message_with(tab, "BARRIER at")
         ready(tab, SLOW)
         yield tab, words
 
@@ -77,8 +77,8 @@ def is_smaller(side):
 
 def box_of(tab):
     """Left, bottom, width and height of the portrait."""
-    found = columns(tab, "orbits")
-    return tuple(found[name][0] for name in "xywh")
+    result = columns(tab, "orbits")
+    return tuple(result[name][0] for name in "xywh")
 
 
 def pixels(tab):
@@ -108,8 +108,8 @@ def test_orbits_are_coloured_by_rotation_number_and_the_circle_is_certified(open
         values = seen_at(image, BOX, x, y)
         assert (values > 0).all()
         assert np.mean(abs(values - place) < 2) > 0.9  # where no other orbit is drawn over it
-    found = columns(tab, "circle")
-    x, y = np.array(found["x"], float), np.array(found["y"], float)
+    result = columns(tab, "circle")
+    x, y = np.array(result["x"], float), np.array(result["y"], float)
     there = np.isfinite(x)
     lift, height = expected.circle
     order = np.argsort(lift % 1)
@@ -119,7 +119,9 @@ def test_orbits_are_coloured_by_rotation_number_and_the_circle_is_certified(open
     assert f"ω = {expected.boundary.omega} =" in words
     assert "certified on a finer grid" in words
     assert re.search(r"This took \d\.\d\d s", words)
-    assert f"Certified circle, ω = {expected.boundary.omega}" in told(tab, "of them chaotic")
+    assert f"Certified circle, ω = {expected.boundary.omega}" in message_with(
+        tab, "of them chaotic"
+    )
 
 
 def test_the_page_fits_its_window_and_axes_have_labels(opened):
@@ -180,8 +182,8 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     for drawn in "cycles", "symmetry":
         wait(tab, f"Bokeh.documents[0].get_model_by_name('{drawn}')?.data.x.length")
     ready(tab, SLOW)
-    found = columns(tab, "cycles")
-    x, y = np.array(found["x"]), np.array(found["y"])
+    result = columns(tab, "cycles")
+    x, y = np.array(result["x"]), np.array(result["y"])
     omega = parse(re.search(r"ω = (\S+) =", words).group(1))
     shown = takewhile(lambda f: f.denominator <= 34, convergents(omega))
     shown = [f for f in shown if f.denominator > 1]
@@ -192,8 +194,8 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     lines = columns(tab, "symmetry")
     assert {0.0, 0.5} <= set(np.round(lines["x"], 12))  # before the first kick
     type_in(tab, "Orbits of a fraction", "3/8")
-    said = told(tab, "3/8: minimizing orbit")
-    (residue,) = re.findall(r"minimax orbit: residue (\S+), elliptic", said)
+    output = message_with(tab, "3/8: minimizing orbit")
+    (residue,) = re.findall(r"minimax orbit: residue (\S+), elliptic", output)
     assert float(residue) == pytest.approx(periodic.residue(KAPPA, 3, 8), rel=1e-5)
     assert sum("3/8 (minimax" in words for words in columns(tab, "cycles")["orbit"]) == 8
     type_in(tab, "Orbits of a fraction", "")
@@ -234,18 +236,20 @@ _FOCUS = """() => {
 
 
 def test_the_keyboard_reaches_all_controls_in_order_and_back_undoes_its_moves(opened):
-    tab, said = opened[0], []
+    tab, focused = opened[0], []
     at(tab)
-    told(tab, "BARRIER at")  # so that the button to the boundary is enabled
+    message_with(tab, "BARRIER at")  # so that the button to the boundary is enabled
     tab.locator("h1").click()  # so that Tab begins at the top
-    while not said or said[-1] != "Help":
+    while not focused or focused[-1] != "Help":
         tab.keyboard.press("Tab")
-        said.append(tab.evaluate(_FOCUS))
-        assert len(said) < 60
-    assert all(said)
+        focused.append(tab.evaluate(_FOCUS))
+        assert len(focused) < 60
+    assert all(focused)
     names = "κ₁|κ₂|to the boundary|N, steps|link|plane of forcings|where the last|where the circle|"
     names += "phase portrait|symmetry lines|Orbits added|copy as Python|netCDF|Help"
-    places = [[name.startswith(begin) for name in said].index(True) for begin in names.split("|")]
+    places = [
+        [name.startswith(begin) for name in focused].index(True) for begin in names.split("|")
+    ]
     assert places == sorted(places)
     tab.get_by_role("application", name="plane of forcings").focus()
     for key in ("ArrowRight", "Shift+ArrowUp"):
@@ -277,28 +281,28 @@ def test_a_click_beyond_the_boundary_shows_the_longest_lived_start(opened):
     value = barriers.critical_scale((1.0, 1.0), 1e-3).value
     tab, _ = opened
     at(tab, k1=value, k2=value)
-    assert told(tab, re.compile("computing the verdict|UNDECIDED"))
-    words = told(tab, "UNDECIDED at")
+    assert message_with(tab, re.compile("computing the verdict|UNDECIDED"))
+    words = message_with(tab, "UNDECIDED at")
     assert "neither a barrier nor transport could be shown" in words
     tab.get_by_text("undecided on which side of the boundary, which is at 1 times").wait_for()
     assert not re.search("(inside|beyond) the boundary", tab.locator("body").inner_text())
-    words = browser.click(tab, PLANE, (0.93, 0.3), partial(told, tab, "TRANSPORT at"))
+    words = browser.click(tab, PLANE, (0.93, 0.3), partial(message_with, tab, "TRANSPORT at"))
     point = re.search(r"\(kappa1, kappa2\) = \(([^,]*), ([^)]*)\)", words).groups()
     kappa = np.array(point, float)
     assert kappa == pytest.approx([0.86 * 1.15, 0.4 * 1.15], abs=0.02)
     ready(tab, SLOW)
     x, y, steps = survivors.longest_lived_start(kappa, 1000)
-    found = columns(tab, "longest_lived")
+    result = columns(tab, "longest_lived")
     traced = orbits.orbit(kappa, x, y, int(steps))
-    dots = np.size(found["x"])
-    np.testing.assert_allclose(found["x"], traced[0][:dots] % 1, rtol=0, atol=1e-12)
+    dots = np.size(result["x"])
+    np.testing.assert_allclose(result["x"], traced[0][:dots] % 1, rtol=0, atol=1e-12)
     assert min(traced[0].size, 20) <= dots < picture(tab, PORTRAIT)[2] / 5
     drawn = tab.evaluate("""[...Bokeh.documents[0]._all_models.values()]
         .filter(({data_source}) => data_source?.name == "longest_lived")
         .map(({glyph}) => [glyph.type, glyph.fill_color.value])""")
     assert drawn == [["Scatter", "black"]]
     lifetime = f"{2 * steps:.0f} kicks"
-    assert f"No barrier: the longest-lived start is eliminated after {lifetime}" in told(
+    assert f"No barrier: the longest-lived start is eliminated after {lifetime}" in message_with(
         tab, "of them chaotic"
     )
     assert f"longest-lived start after {2 * steps:.0f} kicks" in words
@@ -315,7 +319,7 @@ def test_a_click_beyond_the_boundary_shows_the_longest_lived_start(opened):
         assert shown.evaluate("it => it.scrollWidth <= it.clientWidth")
         shown.press("Enter")
         assert float(shown.input_value()) == pytest.approx(value, rel=1e-9)
-    told(tab, "UNDECIDED at")
+    message_with(tab, "UNDECIDED at")
     assert [float(asked(tab)[name]) for name in ("k1", "k2")] == there  # all digits are kept
 
 
@@ -323,7 +327,9 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_the_orbits_in_the_box(opened)
     tab, _ = opened
     at(tab)
     ready(tab, SLOW)
-    words = browser.click(tab, PORTRAIT, (0.5, 0.45), partial(told, tab, "The orbit added at"))
+    words = browser.click(
+        tab, PORTRAIT, (0.5, 0.45), partial(message_with, tab, "The orbit added at")
+    )
     x, y, omega = map(float, re.search(r"added at \((.*), (.*)\): ω = (\S+)", words).groups())
     assert (x, y) == pytest.approx((0.5, 0.3), abs=0.005)
     assert omega == pytest.approx(float(orbits.rotation_number(KAPPA, x, y, 5000)[0]), abs=1e-6)
@@ -348,7 +354,7 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_the_orbits_in_the_box(opened)
 def test_play_moves_the_forcing_along_the_ray_and_requested_curves_are_drawn(opened):
     tab, _ = opened
     at(tab)
-    told(tab, re.compile("breaks? at"))
+    message_with(tab, re.compile("breaks? at"))
     tab.get_by_role("button", name="play", exact=True).click()
     wait(tab, f"Bokeh.documents[0].get_model_by_name('point').data.a[0] != {KAPPA[0]}")
     tab.get_by_role("button", name="stop").click()  # it plays for 9 s or more
@@ -356,18 +362,18 @@ def test_play_moves_the_forcing_along_the_ray_and_requested_curves_are_drawn(ope
     tab.get_by_role("button", name="play", exact=True).wait_for()
     wait(tab, "!location.search.includes('k1={}&k2={}')".format(*KAPPA))
     end = np.array(KAPPA) * 1.15 / KAPPA[0]
-    found = columns(tab, "residues")
-    curves = (found[key] for key in ("orbit", "at", "residue"))
+    result = columns(tab, "residues")
+    curves = (result[key] for key in ("orbit", "at", "residue"))
     for name, parts, values in zip(*curves, strict=True):
         p, q = map(int, name.split("/"))
         assert values[30] == pytest.approx(periodic.residue(parts[30] * end, p, q), rel=1e-4)
     type_in(tab, "κ₁", "0.9")
     tab.get_by_label("manifolds").check()
     type_in(tab, "Orbits of a fraction", "1/2")
-    assert "through its upper edge" in told(tab, "Turnstiles of 1/2")
+    assert "through its upper edge" in message_with(tab, "Turnstiles of 1/2")
     wait(tab, "Bokeh.documents[0].get_model_by_name('unstable')?.data.x.length > 100")
     tab.get_by_role("button", name="spread an ensemble").click()
-    told(tab, "after 8192 periods")
+    message_with(tab, "after 8192 periods")
     counts = columns(tab, "variance")["n"]
     assert counts == [2**i for i in range(len(counts))]
     tool, point = tab.get_by_label(PLANE).get_by_title("Box Zoom"), columns(tab, "point")
@@ -395,9 +401,9 @@ def test_bad_input_is_explained_below_its_field_and_a_lost_worker_is_replaced(op
         type_in(tab, label, text)
         message = tab.get_by_role("alert").get_by_text(words)
         message.wait_for()
-        field, told = tab.get_by_label(label).bounding_box(), message.bounding_box()
-        assert abs(told["x"] - field["x"]) < 10
-        assert 0 < told["y"] - field["y"] < 60
+        field, below = tab.get_by_label(label).bounding_box(), message.bounding_box()
+        assert abs(below["x"] - field["x"]) < 10
+        assert 0 < below["y"] - field["y"] < 60
     assert tab.get_by_role("alert").count() == 5  # no message has replaced another
     assert tab.get_by_label("κ₁").input_value() == "one"
     assert tab.get_by_label("where the circle").input_value() == "3/5"
@@ -428,7 +434,7 @@ def test_a_link_in_another_tab_shows_the_same_page(opened, chromium, served):
     at(tab)
     moved = partial(wait, tab, f"!location.search.includes('k1={KAPPA[0]}&')")
     browser.click(tab, PLANE, (0.75, 0.25), moved)
-    told(tab, "BARRIER at")
+    message_with(tab, "BARRIER at")
     there = [float(asked(tab)[name]) for name in ("k1", "k2")]
     assert there == pytest.approx([0.575, 0.575], abs=0.01)
     moved = partial(wait, tab, "new URLSearchParams(location.search).get('k1') < 0.1")
@@ -469,8 +475,8 @@ def test_stored_results_are_drawn_before_there_are_workers_or_kernels(chromium, 
     command = [sys.executable, "-c", _NEVER, str(store)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         try:
-            told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
-            with pages(chromium, re.search(r"http://localhost:\d+/", told).group()) as page:
+            output = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
+            with pages(chromium, re.search(r"http://localhost:\d+/", output).group()) as page:
                 tab = page("?n=200")
                 for name in ("times", "ground"):
                     values = f"Bokeh.documents[0].get_model_by_name('{name}').data.values[0]"
@@ -495,8 +501,8 @@ def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_escape_times(ope
         assert 0 < top - field["y"] < 250
     portrait = tab.locator(f'section[aria-label="{PORTRAIT}"]').bounding_box()
     assert portrait["y"] > top + height
-    told, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))
-    assert top + height < told["y"] < min(top + height + 150, lines["y"])
+    verdict, lines = (tab.get_by_label(name).bounding_box() for name in ("Verdict", "Lines in the"))
+    assert top + height < verdict["y"] < min(top + height + 150, lines["y"])
     for n in (200, 500):
         tab.get_by_role("slider").press("ArrowRight")
         until(tab, n=n)

@@ -224,14 +224,14 @@ def test_a_figure_that_cannot_be_drawn_costs_no_result_and_no_other_figure(tmp_p
 
 
 def test_findings_are_printed_before_figures_are_drawn(tmp_path, monkeypatch, capsys):
-    said = []
-    monkeypatch.setattr(style, "save", lambda *_: said.append(capsys.readouterr().out) or [])
+    output = []
+    monkeypatch.setattr(style, "save", lambda *_: output.append(capsys.readouterr().out) or [])
     monkeypatch.setattr("workflows.figures.period_one.draw_primary_points", lambda _: None)
     monkeypatch.setattr("workflows.figures.period_one.draw_secondary_points", lambda _: None)
     options = ["--out", str(tmp_path), "--primary", "-4:4:10", "--secondary", "0:8:10"]
     main_of("period_one").main(options, standalone_mode=False)
-    assert "Secondary period-one orbits" in said[0]
-    assert "cubes:" in said[0]
+    assert "Secondary period-one orbits" in output[0]
+    assert "cubes:" in output[0]
 
 
 def test_ask_answers_even_if_its_portrait_cannot_be_drawn(tmp_path, monkeypatch):
@@ -263,11 +263,11 @@ def test_faults_of_a_figure_are_detected():
         figure = wrong_figure()
         style.finish(figure)
         figure.text(0.9, 0.5, "a text that is far too long for a column")
-        said = "\n".join(faults(figure))
+        output = "\n".join(faults(figure))
     for words in ("is cut by the edge", "'on a point' is printed over 'twice'", "lies on", "alike"):
-        assert words in said
-    assert "a legend lies on" in said
-    assert "markers 'o' are cut" in said
+        assert words in output
+    assert "a legend lies on" in output
+    assert "markers 'o' are cut" in output
 
 
 def test_a_figure_is_saved_without_blank_strips_and_its_legend_is_close(tmp_path, monkeypatch):

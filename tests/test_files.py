@@ -81,10 +81,10 @@ def writes(call):
 
 
 def test_every_file_of_a_command_is_written_by_one_function():
-    found = set()
+    result = set()
     for folder in ("workflows", "pipeline"):
         for path in (ROOT / folder).rglob("*.py"):
             calls = (n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call))
             if any(map(writes, calls)):
-                found.add(path.relative_to(ROOT).as_posix())
-    assert found == OTHERS | {"workflows/figures/files.py"}
+                result.add(path.relative_to(ROOT).as_posix())
+    assert result == OTHERS | {"workflows/figures/files.py"}

@@ -42,8 +42,8 @@ def test_tiles_load_no_kernel_after_the_first_call(command, tmp_path, monkeypatc
     for job in jobs_of(command, str(tmp_path), monkeypatch):
         file.write_bytes(cloudpickle.dumps(job))
         line = [sys.executable, program, str(file)]
-        told = subprocess.run(line, capture_output=True, text=True, cwd=Path(__file__).parents[1])
-        assert told.returncode == 0, told.stderr
-        missed[job.cube.name] = json.loads(told.stdout)
+        result = subprocess.run(line, capture_output=True, text=True, cwd=Path(__file__).parents[1])
+        assert result.returncode == 0, result.stderr
+        missed[job.cube.name] = json.loads(result.stdout)
     assert missed
     assert not any(missed.values()), missed

@@ -23,9 +23,9 @@ def test_secondary_points_return_after_two_kicks():
     generator = np.random.default_rng(7)
     kappa = generator.uniform(4, 8, (2, 50))
     _, x, y = fixed_points.secondary(*kappa)
-    found = np.isfinite(x)
-    assert found.sum() > 25
-    for k1, k2, x0, y0 in zip(*kappa[:, found], x[found], y[found], strict=True):
+    exists = np.isfinite(x)
+    assert exists.sum() > 25
+    for k1, k2, x0, y0 in zip(*kappa[:, exists], x[exists], y[exists], strict=True):
         x2, y2 = maps.step((k1, k2), x0, y0)
         assert (x2 - x0 + 0.5) % 1 == pytest.approx(0.5, abs=1e-12)
         assert y2 == pytest.approx(y0, abs=1e-12)

@@ -51,15 +51,15 @@ def test_the_action_difference_of_the_fixed_points_is_that_of_the_potential():
 
 @pytest.mark.parametrize("part", [0.9, 0.99, 0.999])
 def test_nothing_passes_through_a_circle(part):
-    found = flux(GOLDEN, (part * GOLDEN_AXIS, 0.0))
-    assert found.status is Status.OK
-    assert abs(found.value) <= found.error < 1e-15
+    result = flux(GOLDEN, (part * GOLDEN_AXIS, 0.0))
+    assert result.status is Status.OK
+    assert abs(result.value) <= result.error < 1e-15
 
 
 def test_at_the_breakup_there_is_no_answer():
-    found = flux(GOLDEN, (GOLDEN_AXIS, 0.0))
-    assert found.status is Status.NOT_CONVERGED
-    assert math.isnan(found.value)
+    result = flux(GOLDEN, (GOLDEN_AXIS, 0.0))
+    assert result.status is Status.NOT_CONVERGED
+    assert math.isnan(result.value)
 
 
 def test_the_claimed_error_covers_longer_orbits():
@@ -84,9 +84,9 @@ def test_renormalisation_gives_the_exponent():
 def test_the_standard_map_has_a_flux_with_convergents_that_have_even_denominators(kappa, p, q):
     # Convergents of 2γ: 5/4, 21/17, 89/72, 377/305. For 4 and 72 the minimizing orbit has no centre
     # on a site of P = 1. The longest of the others found there is already close to the limit.
-    found = flux(parse("2gamma"), (kappa,))
-    assert found.status is Status.OK
-    assert found.error < 1e-2 * found.value
-    assert found.value == pytest.approx(action_difference((kappa,), p, q), rel=0.02)
+    result = flux(parse("2gamma"), (kappa,))
+    assert result.status is Status.OK
+    assert result.error < 1e-2 * result.value
+    assert result.value == pytest.approx(action_difference((kappa,), p, q), rel=0.02)
     thrice = flux(parse("6gamma"), (kappa,) * 3)
-    assert thrice.value == pytest.approx(3 * found.value, rel=1e-9)
+    assert thrice.value == pytest.approx(3 * result.value, rel=1e-9)

@@ -32,9 +32,9 @@ def run(here, tmp_path, monkeypatch):
 
     def run(text):
         (tmp_path / "page.py").write_text(text, encoding="utf-8")
-        with chdir(tmp_path), redirect_stdout(StringIO()) as told:
+        with chdir(tmp_path), redirect_stdout(StringIO()) as output:
             runpy.run_path(str(tmp_path / "page.py"), run_name="__main__")
-        return told.getvalue()
+        return output.getvalue()
 
     return run
 
@@ -48,22 +48,22 @@ def overlap_of(kappa1, kappa2):
 def test_the_example_of_a_function_of_your_own_fills_a_cube_with_its_values(run, tmp_path):
     text = page("A function of your own")
     assert len([line for line in text.splitlines() if line.strip()]) <= 15
-    told = run(text)
+    output = run(text)
     cube = xr.open_zarr(tmp_path / "out/overlap/overlap.zarr").load()
     expected = overlap_of(cube.kappa1, cube.kappa2)
     np.testing.assert_allclose(cube.overlap, expected.transpose(*cube.overlap.dims), rtol=1e-12)
     assert cube.overlap.long_name.startswith("Overlap of neighbouring resonances")
-    assert f"overlap in {float((cube.overlap > 1).mean()):.0%} of" in told
+    assert f"overlap in {float((cube.overlap > 1).mean()):.0%} of" in output
 
 
 def test_the_example_resumes_and_refuses_another_function(run, tmp_path):
     text = page("A function of your own")
-    told = run(text)
+    message = run(text)
     records = (tmp_path / "out/overlap/overlap.zarr/tiles/commit/c/0").rglob("[0-9]*")
     times = {path: path.stat().st_mtime_ns for path in records if path.is_file()}
     lost = min(times)
     lost.unlink()
-    assert run(text.replace("    widths", "    # of the resonances\n    widths")) == told
+    assert run(text.replace("    widths", "    # of the resonances\n    widths")) == message
     assert [path for path in times if path.stat().st_mtime_ns != times[path]] == [lost]
     with pytest.raises(pipeline.Refused, match="function is overlap"):
         run(text.replace("/ np.pi", "/ 3.14"))
@@ -97,7 +97,7 @@ def test_the_example_that_reads_a_cube_selects_by_status(run, tmp_path, monkeypa
     code = zarr.open_array(path / "status", mode="r+")
     code[1] = 11  # undecided; a chunk of this cube is a tile
     names = {}
-    with redirect_stdout(StringIO()) as told:
+    with redirect_stdout(StringIO()) as output:
         exec(page("Reading a cube"), names)
     assert names["barrier"].status.values.tolist() == [1, 11, 1, 1]
     assert names["answers"].angle.values.tolist() == [0, 30, 45]
@@ -106,7 +106,7 @@ def test_the_example_that_reads_a_cube_selects_by_status(run, tmp_path, monkeypa
     seconds = xr.open_zarr(path, group="tiles").commit[0].values
     assert names["seconds"].values.tolist() == seconds.tolist()
     assert (seconds > 0).all()
-    assert told.getvalue()
+    assert output.getvalue()
 
 
 @pytest.mark.slow

@@ -50,8 +50,8 @@ def page(tmp_path_factory, workers):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(gallery, "EXHIBITS", SMALL)
         for _ in range(2):
-            told = succeed("gallery", out, *workers)
-    assert "3 figures of 2 commands on one page. Of 4 claims 1 hold." in told
+            output = succeed("gallery", out, *workers)
+    assert "3 figures of 2 commands on one page. Of 4 claims 1 hold." in output
     return out / "index.html"
 
 
@@ -80,18 +80,18 @@ def test_the_code_below_figures_runs_as_a_script_and_as_a_notebook(page):
     for exhibit in SMALL:
         script = out / "recipes" / f"{exhibit.name}.py"
         assert f"<pre><code>{script.read_text(encoding='utf-8')}</code></pre>" in text
-        said = follow(script, out)
+        message = follow(script, out)
         notebook = json.loads(script.with_suffix(".ipynb").read_text(encoding="utf-8"))
         cells = notebook["cells"]
         assert (notebook["nbformat"], notebook["nbformat_minor"]) == (4, 5)
         assert [cell["id"] for cell in cells] == ["text", "code"]
         assert [cell["cell_type"] for cell in cells] == ["markdown", "code"]
         script.with_name("cell.py").write_text(cells[1]["source"])
-        assert follow(script.with_name("cell.py"), out) == said
+        assert follow(script.with_name("cell.py"), out) == message
     rows = table(out / "critical_boundary/critical_boundary.csv")
     for circle in {row["circle"] for row in rows}:
         count = sum(row["circle"] == circle for row in rows)
-        assert re.search(rf"^{re.escape(circle)} +{count}$", said, re.MULTILINE)
+        assert re.search(rf"^{re.escape(circle)} +{count}$", message, re.MULTILINE)
 
 
 def test_every_exhibit_has_a_recipe():
@@ -104,21 +104,21 @@ def test_every_exhibit_has_a_recipe():
 )
 def test_a_release_is_complete_and_intact_and_says_how_it_was_made(parts, tmp_path, monkeypatch):
     monkeypatch.setattr(exhibits, "RELEASE", exhibits.RELEASE[:parts])
-    told = CliRunner().invoke(gallery.main, ["--release", str(tmp_path), "--quick"])
-    assert told.exit_code == 0, told.output
-    assert float(re.search(r"release: .*, (\S+) MB", told.output)[1]) < 10
+    result = CliRunner().invoke(gallery.main, ["--release", str(tmp_path), "--quick"])
+    assert result.exit_code == 0, result.output
+    assert float(re.search(r"release: .*, (\S+) MB", result.output)[1]) < 10
     subprocess.run(["sha256sum", "--check", "--strict", exhibits.SUMS], cwd=tmp_path, check=True)
     summed = [line[66:] for line in (tmp_path / exhibits.SUMS).read_text().splitlines()]
     there = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     assert {*summed} == {name for name in there if not name.endswith(".lock")} - {exhibits.SUMS}
     if parts == 3:
         assert any(name.startswith("proved_map/certificates/") for name in summed)
-    said = (tmp_path / "README.md").read_text(encoding="utf-8")
+    output = (tmp_path / "README.md").read_text(encoding="utf-8")
     for exhibit in exhibits.RELEASE:
         folder = tmp_path / exhibit.name
         assert "damaged" not in succeed("verify", folder)
-        command = re.search(rf"python -m workflows.{exhibit.name}.*", said)[0].split()
+        command = re.search(rf"python -m workflows.{exhibit.name}.*", output)[0].split()
         planned = succeed(exhibit.name, folder, *command[3:-2], "--dry-run")
         assert re.search("in all +0 tiles", planned)  # the cube was made by the command shown
         (cube, *_) = folder.glob("*.zarr")
-        assert xr.open_zarr(cube).attrs["computed_by"] in said
+        assert xr.open_zarr(cube).attrs["computed_by"] in output

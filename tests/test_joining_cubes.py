@@ -22,9 +22,9 @@ def place(tmp_path_factory):
     """A store with two cubes of the boundary, in which one ray has no answer."""
     place = store.place_of(tmp_path_factory.mktemp("cubes"))
     for name, angles in RAYS.items():
-        found = barrier.boundary(angles, 0.1)
-        circles = found.circle.copy(data=[CIRCLES[angle] for angle in angles])
-        store.replace(place, Cube(name, found.assign_coords(circle=circles), {}, {}), "tests")
+        result = barrier.boundary(angles, 0.1)
+        circles = result.circle.copy(data=[CIRCLES[angle] for angle in angles])
+        store.replace(place, Cube(name, result.assign_coords(circle=circles), {}, {}), "tests")
     return place
 
 

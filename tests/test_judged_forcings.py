@@ -131,15 +131,15 @@ def test_the_report_counts_answers_and_names_what_is_wrong_or_missing():
     scores = [score_search.score(search, row, 1e-3) for row in rows]
     assert [score.answered for score in scores] == [False, True, False]
     assert scores[0].width == inf
-    _, some, total, _, *found = score_search.report(scores)
+    _, some, total, _, *result = score_search.report(scores)
     assert some.split()[1:8] == ["3", "1", "1", "0", "0", "6.7e-01", "6.7e-01"]
     assert total.split()[1:8] == some.split()[1:8]
-    assert [line.partition(": ")[0] for line in found if "row" in line] == [
+    assert [line.partition(": ")[0] for line in result if "row" in line] == [
         "row 1",
         "row 2",
         "row 3",
     ]
-    assert found[1].startswith("row 2: value: ")
+    assert result[1].startswith("row 2: value: ")
 
 
 CHEAP = [row for row in ROWS.values() if row.kind in ("one kick", "two kicks")]
@@ -147,10 +147,10 @@ CHEAP = [row for row in ROWS.values() if row.kind in ("one kick", "two kicks")]
 
 @pytest.mark.parametrize("row", thirds({row.number: row for row in CHEAP}))
 def test_the_search_contradicts_no_cheap_row(row):
-    found = score_search.score(barriers.critical_scale, row, 1e-3)
-    assert found.false == ()
-    assert found.answered
-    assert not isnan(found.found.lower)
+    result = score_search.score(barriers.critical_scale, row, 1e-3)
+    assert result.false == ()
+    assert result.answered
+    assert not isnan(result.found.lower)
 
 
 def test_the_requested_number_of_images_of_each_judged_row_is_scored():

@@ -114,8 +114,8 @@ def test_only_one_process_compiles_a_missing_kernel_and_all_kernels_are_kept(
     script.write_text(SLOWLY)
     cache = tmp_path / "cache"
     writers = [started(script, kind, cache=cache) for kind in ("float", "int", "float")]
-    said = sorted(writer.communicate(timeout=120)[0] for writer in writers)
-    assert said == ["2.5 0\n", "2.5 0\n", "2.5 1\n"]
+    output = sorted(writer.communicate(timeout=120)[0] for writer in writers)
+    assert output == ["2.5 0\n", "2.5 0\n", "2.5 1\n"]
     reader = started(script, "int", "float", cache=cache)
     assert reader.communicate(timeout=120)[0] == "2.5 2.5 2\n"
 
@@ -161,11 +161,11 @@ def test_kernels_that_others_can_write_are_refused_with_one_warning(half, kept, 
     assert directory.stat().st_mode & 0o777 == 0o700
     half(5.0)
     loosen(directory, mode)
-    with pytest.warns(RuntimeWarning, match="set NUMBA_CACHE_DIR") as told:
+    with pytest.warns(RuntimeWarning, match="set NUMBA_CACHE_DIR") as output:
         assert at(directory.parent) is None
     files = {path.name for path in directory.iterdir()}
     assert [half(5, 5.0) for _ in range(2)] == [(2.5, 2.5, 0)] * 2
-    assert len(told) == 1
+    assert len(output) == 1
     assert {path.name for path in directory.iterdir()} == files
     assert not kernels.are_missing()
 

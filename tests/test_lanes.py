@@ -57,9 +57,9 @@ def assert_same_bits(actual, expected):
 
 @pytest.mark.parametrize("name", OPERATIONS)
 def test_lanes_numpy_and_floats_agree_to_the_last_bit(name):
-    found, numpy = on_lanes(name, A, B, C), OPERATIONS[name][1]
-    assert_same_bits(found, numpy(*(A, B, C)[: getattr(numpy, "nin", 3)]))
-    assert_same_bits(found, list(map(COMPILED[name], A, B, C)))
+    result, numpy = on_lanes(name, A, B, C), OPERATIONS[name][1]
+    assert_same_bits(result, numpy(*(A, B, C)[: getattr(numpy, "nin", 3)]))
+    assert_same_bits(result, list(map(COMPILED[name], A, B, C)))
 
 
 def test_a_float_in_any_place_fills_all_lanes():

@@ -51,10 +51,10 @@ def dense(tmp_path_factory, workers):
 
 
 def test_a_dry_run_predicts_the_run_and_writes_nothing(finished, tmp_path):
-    told = succeed("critical_boundary", tmp_path / "out", *MAIN, "--dry-run")
+    output = succeed("critical_boundary", tmp_path / "out", *MAIN, "--dry-run")
     assert not (tmp_path / "out").exists()
-    said = {line.split()[0]: line.split()[1::2] for line in told.splitlines()}
-    *sweeps, _ = said
+    printed = {line.split()[0]: line.split()[1::2] for line in output.splitlines()}
+    *sweeps, _ = printed
     assert sweeps == ["barrier", "breakdown", *(f"escape_level{i}" for i in range(3))]
     status = succeed("status", finished)
     assert "escape: complete\n" in status
@@ -62,14 +62,14 @@ def test_a_dry_run_predicts_the_run_and_writes_nothing(finished, tmp_path):
         tiles = int((xr.open_zarr(finished / f"{name}.zarr", group="tiles").commit[0] > 0).sum())
         assert f"{name}: {tiles} of {plural(tiles, 'tile')}\n" in status
         if name.startswith("escape_level") and name[-1] != "0":  # it depends on earlier levels
-            assert tiles / 2 < int(said[name][0]) < 2 * tiles
+            assert tiles / 2 < int(printed[name][0]) < 2 * tiles
         else:
-            assert int(said[name][0]) == tiles
+            assert int(printed[name][0]) == tiles
     chunks = [
         *(finished / "breakdown.zarr").glob("*/c/*/*"),
         *(finished / "breakdown.zarr").glob("tiles/commit/c/*/*/*"),
     ]
-    assert int(said["breakdown"][1]) == len(chunks)
+    assert int(printed["breakdown"][1]) == len(chunks)
     again = succeed("critical_boundary", finished, *MAIN, "--dry-run")
     assert {float(line[24:33]) for line in again.splitlines()} == {0}
     out = shutil.copytree(finished, tmp_path / "copy")
@@ -179,11 +179,11 @@ def test_status_and_verify_look_into_every_run_in_a_folder(tmp_path, dense, monk
         shutil.copytree(dense, tmp_path / path)
     monkeypatch.chdir(tmp_path)
     for name, words in {"status": "128 of 128 tiles", "verify": "sound"}.items():
-        told = CliRunner().invoke(main_of(name), ["--repair"] * (name == "verify"))
-        assert told.output == f"one/escape: {words}\nseveral/two/escape: {words}\n"
+        result = CliRunner().invoke(main_of(name), ["--repair"] * (name == "verify"))
+        assert result.output == f"one/escape: {words}\nseveral/two/escape: {words}\n"
     (tmp_path / "out/one/escape.zarr/escape_time/c/0/0/1").unlink()
-    told = CliRunner().invoke(main_of("verify"))
-    assert (told.exit_code, "one/escape: 1 tile damaged\n" in told.output) == (1, True)
+    result = CliRunner().invoke(main_of("verify"))
+    assert (result.exit_code, "one/escape: 1 tile damaged\n" in result.output) == (1, True)
 
 
 UNUSUAL = {
@@ -234,11 +234,11 @@ def notebook(finished, monkeypatch, capsys):
 
 
 def test_the_notebook_from_one_orbit_to_the_boundary(notebook):
-    said, names = notebook("boundary")
-    assert "Answer.BARRIER" in said
-    assert "Answer.TRANSPORT" in said
+    output, names = notebook("boundary")
+    assert "Answer.BARRIER" in output
+    assert "Answer.TRANSPORT" in output
     below, above = (
-        list(map(float, re.search(rf"s = {scale}: (0.*)", said)[1].split(", ")))
+        list(map(float, re.search(rf"s = {scale}: (0.*)", output)[1].split(", ")))
         for scale in (1.0, 1.5)
     )
     assert below == sorted(below, reverse=True)
@@ -249,14 +249,14 @@ def test_the_notebook_from_one_orbit_to_the_boundary(notebook):
 
 
 def test_the_notebook_that_reads_cubes(finished, notebook):
-    said, names = notebook("cubes")
+    output, names = notebook("cubes")
     (row,) = table(finished / "critical_boundary.csv", angle="90")
-    assert f"at 90°: {float(row['critical_scale']):.12f} ±" in said
+    assert f"at 90°: {float(row['critical_scale']):.12f} ±" in output
     golden = table(finished / "critical_boundary.csv", circle="[0;(1)]")
-    assert f"the last one on {len(golden)} rays" in said
+    assert f"the last one on {len(golden)} rays" in output
     share = 100 * (field(finished) <= 4000).mean()
-    assert f"transport within 4000 steps in {share:.1f}% of the cells" in said
-    assert f"{(field(finished) <= 4000).mean():.6f}" in said  # computed by blocks
+    assert f"transport within 4000 steps in {share:.1f}% of the cells" in output
+    assert f"{(field(finished) <= 4000).mean():.6f}" in output  # computed by blocks
     radius = np.hypot(*names["curves"].to_numpy().T)
     # All of it is outside the last barrier, and within the direct boundary of the table.
     assert radius.min() > KAPPA_G / 2
@@ -266,7 +266,7 @@ def test_the_notebook_that_reads_cubes(finished, notebook):
     assert radius.max() < max(direct) + 0.1
     wide = field(finished).reshape(16, 2, 32, 2).min(axis=(1, 3)).repeat(2, 0).repeat(2, 1)
     differ = ((field(finished) <= 4000) != (wide <= 4000))[8:16, 32:48]
-    assert f"{differ.size} cells in both; {differ.sum()} of them answer differently" in said
+    assert f"{differ.size} cells in both; {differ.sum()} of them answer differently" in output
     for name in ("boundary", "escape"):
         kept = xr.open_zarr(finished / f"{name}.zarr", chunks=None)
         with xr.open_dataset(finished / f"{name}.nc", engine="scipy") as exported:

@@ -36,10 +36,10 @@ def test_a_manifold_is_mapped_into_itself(kappa, p, q, branch, advance, turns):
 @pytest.mark.parametrize(("kappa", "p", "q"), CASES)
 @pytest.mark.parametrize("above", [True, False])
 def test_both_lobes_of_a_turnstile_have_the_area_given_by_the_action(kappa, p, q, above):
-    found = manifolds.turnstile(kappa, p, q, above, spacing=2e-4)
-    up, down = (np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2 for x, y in found.lobes)
+    result = manifolds.turnstile(kappa, p, q, above, spacing=2e-4)
+    up, down = (np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2 for x, y in result.lobes)
     assert up * down < 0
-    assert [abs(up), abs(down)] == pytest.approx([found.area] * 2, rel=1e-3)
+    assert [abs(up), abs(down)] == pytest.approx([result.area] * 2, rel=1e-3)
 
 
 @pytest.mark.parametrize("branch", [manifolds.unstable, manifolds.stable])
@@ -73,9 +73,9 @@ def test_spacings_that_cannot_resolve_a_lobe_are_refused(spacing):
 
 
 def test_the_turnstile_of_an_orbit_that_a_symmetric_guess_misses():
-    found = manifolds.turnstile((1.0,), 1, 6, True)
-    up, down = (np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2 for x, y in found.lobes)
-    assert [abs(up), abs(down)] == pytest.approx([found.area] * 2, rel=0.02)
+    result = manifolds.turnstile((1.0,), 1, 6, True)
+    up, down = (np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2 for x, y in result.lobes)
+    assert [abs(up), abs(down)] == pytest.approx([result.area] * 2, rel=0.02)
 
 
 def test_without_kicks_there_is_no_turnstile():

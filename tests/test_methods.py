@@ -66,21 +66,21 @@ def test_the_golden_circle_of_the_standard_map_in_all_its_disguises(profile, exa
     assert last.omega in omegas
     assert 0 <= float(last.omega) <= len(profile) / 2
     for q_max, bound in ((300, 1e-6), (1500, 1e-9), (8000, 1e-12)):
-        found = periodic.critical_scale(omegas[-1], profile, q_max)
-        assert found.status is Status.OK
-        assert abs(found.value - exact) <= found.error
-        assert abs(found.value - exact) < bound
-    assert found.error < 1e-9
+        result = periodic.critical_scale(omegas[-1], profile, q_max)
+        assert result.status is Status.OK
+        assert abs(result.value - exact) <= result.error
+        assert abs(result.value - exact) < bound
+    assert result.error < 1e-9
     for tol in (1e-4, 1e-5, 1e-6):
-        found = continuation.critical_scale(omegas[-1], profile, tol)
-        assert found.status is Status.OK
-        assert abs(found.value - exact) <= found.error <= max(tol, 3.2e-6)
-        assert exact - 0.03 < found.lower < exact
-        assert np.isnan(found.upper)
+        result = continuation.critical_scale(omegas[-1], profile, tol)
+        assert result.status is Status.OK
+        assert abs(result.value - exact) <= result.error <= max(tol, 3.2e-6)
+        assert exact - 0.03 < result.lower < exact
+        assert np.isnan(result.upper)
     if len(profile) <= 2:
-        found = symmetry_line.critical_scale(profile, 3000)
-        assert found.status is Status.OK
-        assert abs(found.value - exact) <= found.error < found.upper - exact < 1e-3
+        result = symmetry_line.critical_scale(profile, 3000)
+        assert result.status is Status.OK
+        assert abs(result.value - exact) <= result.error < result.upper - exact < 1e-3
 
 
 def images(profile, omega):
@@ -136,13 +136,13 @@ def test_next_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
         omega, profile = parse(name), ray(cusp + side * offset)
         judge = periodic.critical_scale(omega, profile, 10_000)
         assert is_honest(judge)
-        found = [continuation.critical_scale(omega, profile, tol) for tol in (1e-4, 1e-6)]
+        results = [continuation.critical_scale(omega, profile, tol) for tol in (1e-4, 1e-6)]
         if offset >= 5e-4:
-            assert [one.status for one in found] == [Status.OK] * 2
+            assert [one.status for one in results] == [Status.OK] * 2
         by_residues = periodic.critical_scale(omega, profile)
         # Orbits are lost before they resolve the cusp.
         assert (by_residues.status is Status.NEAR_CUSP) == (offset <= 1e-4)
-        for one in (*found, by_residues):
+        for one in (*results, by_residues):
             assert is_honest(one)
             if one.status is judge.status is Status.OK:
                 assert agree(one, judge)
@@ -154,16 +154,16 @@ def test_the_paper_s_circles_have_a_value_at_each_other_s_cusps(name, angle):
     # covers two periods. The reference value is from half orbits on symmetry lines, up to 200 000,
     # with an error of 1.5e-11.
     for method, bound in ((periodic.critical_scale, 1e-6), (continuation.critical_scale, 0.04)):
-        found = method(parse(name), ray(angle))
-        assert found.status is Status.OK
-        assert abs(found.value - 0.7661877257363493) <= found.error < bound
+        result = method(parse(name), ray(angle))
+        assert result.status is Status.OK
+        assert abs(result.value - 0.7661877257363493) <= result.error < bound
 
 
 @pytest.mark.parametrize("method", OF_A_CIRCLE)
 def test_a_rational_omega_has_no_circle(method):
-    found = method(parse("3/5"), (0.6, 0.1))
-    assert found.status is Status.RATIONAL
-    assert np.isnan([found.value, found.error]).all()
+    result = method(parse("3/5"), (0.6, 0.1))
+    assert result.status is Status.RATIONAL
+    assert np.isnan([result.value, result.error]).all()
     circle = circles.invariant_circle(parse("3/5"), (0.2, 0.1))
     assert (circle.status, circle.certified) == (Status.RATIONAL, False)
 
@@ -174,17 +174,17 @@ LARGE = [RotationNumber((0, *[1] * n, large), (1,)) for n in (6, 9, 12) for larg
 @pytest.mark.parametrize("omega", [*LARGE, RotationNumber((0, 2, 10**9), (1,))], ids=str)
 def test_convergents_before_a_large_quotient_do_not_answer_for_it(omega):
     # Up to q_max they are those of the golden mean, whose circle breaks last, at 2.08, or of 1/2.
-    for found in (
+    for result in (
         periodic.critical_scale(omega, (0.3, 0.2), 1500),
         flux.flux(omega, (0.55, 0.1), 1000),
     ):
-        assert found.status is not Status.OK
-        assert is_honest(found)
+        assert result.status is not Status.OK
+        assert is_honest(result)
     assert np.size(periodic.crossings(omega, (0.3, 0.2), 1500)) == 0
-    found = continuation.critical_scale(omega, (0.3, 0.2))
-    assert is_honest(found)
-    if found.status is Status.OK:  # by its certificates
-        assert found.value - found.error <= found.lower < 2.0806
+    result = continuation.critical_scale(omega, (0.3, 0.2))
+    assert is_honest(result)
+    if result.status is Status.OK:  # by its certificates
+        assert result.value - result.error <= result.lower < 2.0806
 
 
 PROFILE = np.array([1.0, 0.4])
@@ -202,16 +202,16 @@ def test_the_size_of_a_ray_is_only_a_unit_down_to_the_smallest(name):
     expected = METHODS[name](PROFILE, 1.0)
     assert expected.status is Status.OK
     for size in (2.0**-996, 2.0**13):  # powers of 2: rounding would change escapes
-        found = METHODS[name](size * PROFILE, size)
-        assert (found.status, found.omega) == (expected.status, expected.omega)
-        assert found.error * size == pytest.approx(expected.error, rel=0.3)
-        assert abs(found.value * size - expected.value) <= 0.1 * expected.error
+        result = METHODS[name](size * PROFILE, size)
+        assert (result.status, result.omega) == (expected.status, expected.omega)
+        assert result.error * size == pytest.approx(expected.error, rel=0.3)
+        assert abs(result.value * size - expected.value) <= 0.1 * expected.error
 
 
 def test_periods_that_are_too_short_are_reported():
-    for found in (periodic.critical_scale(GAMMA, (1, 0), 13), flux.flux(GAMMA, (0.6, 0.1), 5)):
-        assert found.status is Status.NOT_CONVERGED
-        assert np.isnan(found.value)
+    for result in (periodic.critical_scale(GAMMA, (1, 0), 13), flux.flux(GAMMA, (0.6, 0.1), 5)):
+        assert result.status is Status.NOT_CONVERGED
+        assert np.isnan(result.value)
 
 
 @pytest.mark.parametrize("n_kicks", thirds([2, 4, 3, 1, 5, 6]))
@@ -237,8 +237,8 @@ def test_methods_for_the_last_circle_return_a_number_or_a_reason_without_warning
     methods = [barriers.critical_scale(profile, 1e-2)]
     if n_kicks <= 2:
         methods.append(symmetry_line.critical_scale(profile, 100))
-    for found in methods:
-        assert np.isnan(found.value) == (found.status not in (Status.OK, Status.WIDE))
+    for result in methods:
+        assert np.isnan(result.value) == (result.status not in (Status.OK, Status.WIDE))
     judged = verdict(profile)
     undecided = judged.answer is Answer.UNDECIDED
     assert undecided == (judged.evidence is Evidence.NONE)

@@ -146,29 +146,29 @@ def test_long_numbers_below_the_limit_are_read():
 def test_integers_of_limited_length_do_not_overflow(integer):
     # Intermediate products have 63 bits or more.
     expected = moebius(parse("[0;9999,9999,(7,5)]"), 3, 100, 7, 100)
-    found = moebius(parse("[0;9999,9999,(7,5)]"), *map(integer, (3, 100, 7, 100)))
-    assert found == expected
+    result = moebius(parse("[0;9999,9999,(7,5)]"), *map(integer, (3, 100, 7, 100)))
+    assert result == expected
 
 
 @given(prefixes, st.integers(-12, -3))
 def test_a_noble_is_found_from_its_float(prefix, exponent):
     omega = parse(spell(prefix, [1]))
-    found = nobles_near(float(omega), 10.0**exponent, 30)
-    assert omega in found
-    assert omega == min(found, key=lambda noble: abs(float(noble) - float(omega)))
+    result = nobles_near(float(omega), 10.0**exponent, 30)
+    assert omega in result
+    assert omega == min(result, key=lambda noble: abs(float(noble) - float(omega)))
 
 
 @given(st.floats(-3, 3), st.floats(1e-9, 0.5), st.integers(1, 6))
 def test_nobles_near_a_number_agree_with_it_and_the_shortest_come_first(value, width, n):
-    found = nobles_near(value, width, n)
-    assert len(set(found)) == len(found) <= n
-    lengths = [len(omega.prefix) for omega in found]
+    result = nobles_near(value, width, n)
+    assert len(set(result)) == len(result) <= n
+    lengths = [len(omega.prefix) for omega in result]
     assert lengths == sorted(lengths)
     more = nobles_near(value, width, n + 5)
-    assert more[: len(found)] == found
-    assert len(found) == n or more == found
+    assert more[: len(result)] == result
+    assert len(result) == n or more == result
     quotients_of_value = rational(Fraction(value)).prefix
-    for omega in found:
+    for omega in result:
         assert omega.tail == (1,)
         assert abs(exact(omega) - value) < width * (1 + 1e-6)
         assert omega.prefix == quotients_of_value[: len(omega.prefix)]

@@ -28,11 +28,13 @@ def test_findings_on_patterns_are_judged_by_the_numbers():
 def test_pairs_drive_resonances_of_the_strength_that_the_command_states(q):
     """2K|cos πk/q| to first order: |R| = K|cos πk/q|/2 of the orbits of period one."""
     K = 0.01
-    found = [periodic.residue(K / q * np.array(study.pair(1, q)), k, 1) for k in range(q)]
-    assert found == pytest.approx(K / 2 * abs(np.cos(np.pi * np.arange(q) / q)), abs=K**2)
+    results = [periodic.residue(K / q * np.array(study.pair(1, q)), k, 1) for k in range(q)]
+    assert results == pytest.approx(K / 2 * abs(np.cos(np.pi * np.arange(q) / q)), abs=K**2)
 
 
 def test_pairs_a_third_apart_have_the_threshold_found_from_residues():
-    found = barriers.critical_scale((1, 1, 0), 1e-2)
-    assert 3 * found.value == pytest.approx(0.90382345, abs=1e-7)
-    assert periodic.critical_scale(found.omega, (1, 1, 0), 2000).value == pytest.approx(found.value)
+    result = barriers.critical_scale((1, 1, 0), 1e-2)
+    assert 3 * result.value == pytest.approx(0.90382345, abs=1e-7)
+    assert periodic.critical_scale(result.omega, (1, 1, 0), 2000).value == pytest.approx(
+        result.value
+    )

@@ -23,8 +23,8 @@ FIBONACCI = [(5, 8), (8, 13), (13, 21), (21, 34), (34, 55), (55, 89), (89, 144)]
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 2), (2, 5), (3, 4), (5, 13)])
 def test_both_orbits_are_closed_and_ordered_with_the_residue_of_their_tangent_map(kappa, p, q):
-    found = ordered_orbits(kappa, p, q)
-    for orbit, sign in zip(found, (-1, 1), strict=True):
+    result = ordered_orbits(kappa, p, q)
+    for orbit, sign in zip(result, (-1, 1), strict=True):
         x, y = orbit.points()
         following = np.append(x[1:], x[0] + p), np.append(y[1:], y[0])
         np.testing.assert_allclose(step(kappa, x, y), following, rtol=0, atol=1e-12)
@@ -35,7 +35,7 @@ def test_both_orbits_are_closed_and_ordered_with_the_residue_of_their_tangent_ma
         expected = (2 - np.trace(monodromy)) / 4
         assert sign * expected > 0
         assert orbit.refined_residue() == pytest.approx(expected, abs=1e-10, rel=1e-10)
-    assert periodic.residue(kappa, p, q) == found[1].refined_residue()
+    assert periodic.residue(kappa, p, q) == result[1].refined_residue()
 
 
 def test_greene_1979():
@@ -78,11 +78,11 @@ def test_the_error_covers_the_change_with_longer_periods_in_hard_cases(case):
     better = periodic.critical_scale(parse(name), profile, 40_000)
     assert better.error < 1e-7
     for q_max in (1500, 6000):
-        found = periodic.critical_scale(parse(name), profile, q_max)
-        if found.status is Status.OK:
-            assert abs(found.value - better.value) <= found.error + better.error
-    assert found.status is Status.OK
-    assert found.error + better.error < bound
+        result = periodic.critical_scale(parse(name), profile, q_max)
+        if result.status is Status.OK:
+            assert abs(result.value - better.value) <= result.error + better.error
+    assert result.status is Status.OK
+    assert result.error + better.error < bound
 
 
 def next_to_a_shorter_one(distance):
@@ -108,10 +108,10 @@ def test_starts_survive_where_a_circle_is_claimed_near_a_shorter_forcing(distanc
         by_residues = periodic.critical_scale(omega, profile)
         by_norms = continuation.critical_scale(omega, profile, 1e-4)
         assert np.isfinite(by_residues.value) == (by_residues.status is Status.OK)
-        for found in (by_residues, by_norms):
-            if found.status is Status.OK:
+        for result in (by_residues, by_norms):
+            if result.status is Status.OK:
                 answered += 1
-                below = (found.value - found.error) * np.array(profile)
+                below = (result.value - result.error) * np.array(profile)
                 assert not survivors.eliminates(below, 500)  # with 1000 steps it misses survivors
     assert answered >= 6
 
@@ -128,12 +128,12 @@ def test_residues_give_a_value_on_a_forcing_of_shorter_period_but_not_next_to_it
 @pytest.mark.parametrize("angle", [20, 45, 70, 92.76, 117.43])
 def test_tori_break_where_longer_convergents_predict(angle):
     # Consecutive convergents of one rotation vector, of the tribonacci constant.
-    found = [
+    results = [
         periodic.torus_scale(f"{p}/{q}", f"{r}/{q}", *ray(angle))
         for p, r, q in [(504, 778, 927), (1705, 2632, 3136), (3136, 4841, 5768)]
     ]
-    *shorter, longest = found
-    assert all(torus.status is Status.OK for torus in found)
+    *shorter, longest = results
+    assert all(torus.status is Status.OK for torus in results)
     for torus in shorter:
         assert abs(torus.value - longest.value) < torus.error < 0.1 * torus.value
 

@@ -261,11 +261,11 @@ def test_above_the_breakup_nothing_is_proved_under_random_kicks(seed):
     # One to five kicks of either sign. The breakup is known to 10⁻³ or better.
     rng = np.random.default_rng(seed)
     omega, profile = ["gamma", "[0;2,(1)]", "[0;(2)]"][seed % 3], rng.normal(0, 1, 1 + seed % 5)
-    found = continuation.critical_scale(parse(omega), profile, 1e-4)
-    assert found.error < 1e-3 * found.value
+    result = continuation.critical_scale(parse(omega), profile, 1e-4)
+    assert result.error < 1e-3 * result.value
     for n in (128, 256, 512, 1024):
         for beyond in (2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1):
-            assert not any(proofs_above(profile, omega, found.value, n, beyond))
+            assert not any(proofs_above(profile, omega, result.value, n, beyond))
 
 
 def test_more_time_proves_a_circle_nearer_to_the_breakup(monkeypatch):
@@ -309,7 +309,7 @@ def test_a_start_that_is_no_circle_proves_nothing_and_raises_nothing(start):
 
 
 @pytest.mark.parametrize(
-    ("omega", "kappa", "options", "told"),
+    ("omega", "kappa", "options", "expected"),
     [
         (parse("3/5"), (0.2,), {}, "rational"),
         (GAMMA, (1.2,), {}, "no circle was found"),
@@ -319,10 +319,10 @@ def test_a_start_that_is_no_circle_proves_nothing_and_raises_nothing(start):
         (GAMMA, (0.9,), {"n": 64}, "ratio"),
     ],
 )
-def test_a_proof_that_fails_gives_the_reason(omega, kappa, options, told):
+def test_a_proof_that_fails_gives_the_reason(omega, kappa, options, expected):
     proof = prove(omega, kappa, **options)
     assert not proof.proved
-    assert told in proof.reason
+    assert expected in proof.reason
     with pytest.raises(ValueError, match=r"not proved: .*needs proved=True"):
         proof.certificate()
 

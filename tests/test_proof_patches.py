@@ -33,8 +33,8 @@ TRIANGLE = (0.5, 0.25), (0.0625, -0.125)  # profile and tilt, for γ; wide: from
     ],
 )
 def test_a_barrier_is_proved_along_a_whole_ray(profile, nearest):
-    found = barriers.critical_scale(profile)
-    reached(found.omega, profile, found.value, None, nearest)
+    result = barriers.critical_scale(profile)
+    reached(result.omega, profile, result.value, None, nearest)
 
 
 @pytest.mark.parametrize("nearest", [0.3, pytest.param(0.125, marks=pytest.mark.slow)])
@@ -106,12 +106,12 @@ def test_kicks_too_weak_to_move_a_circle_are_proved_and_checked(profile):
 @pytest.mark.parametrize("beyond", [1e-3, pytest.param(0.1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("profile", [(1.0,), (0.94, 0.34), (1.0, 0.5, 0.7)])
 def test_nothing_is_proved_across_the_breakup(profile, beyond):
-    found = barriers.critical_scale(profile)
+    result = barriers.critical_scale(profile)
     for low, value in ((0.9, 1.2), (0.97, 1.02 + beyond)):  # with `value` too large
-        scales = np.array([low, 1 + beyond, value + beyond]) * found.value
-        assert not tried(found.omega, profile, np.zeros(len(profile)), scales).proved
-    below, _ = proofs.proved_below(found.omega, profile, 1.2 * found.value, 0.3)
-    assert below < found.value
+        scales = np.array([low, 1 + beyond, value + beyond]) * result.value
+        assert not tried(result.omega, profile, np.zeros(len(profile)), scales).proved
+    below, _ = proofs.proved_below(result.omega, profile, 1.2 * result.value, 0.3)
+    assert below < result.value
 
 
 def tried(omega, profile, tilt, scales):
@@ -146,24 +146,24 @@ def nodes(n):
 
 def circles_at_points(profile, tilt, high, shape):
     """Circles at Q·R points: their residuals are small at the points, but not between them."""
-    found, kappa = patch(profile, tilt, 0.0, high, shape), np.array(profile)
+    result, kappa = patch(profile, tilt, 0.0, high, shape), np.array(profile)
     starts = [
         proofs.barrier.circles.invariant_circle(GAMMA, high / 2 * (1 + s) * (kappa + t * b)).u
         for s, t, b in product(*map(nodes, shape), [np.array(tilt)])
     ]
     with ctx.workprec(128):
-        return profile, tilt, high, shape, found.coefficients(found.circles(starts), -80)
+        return profile, tilt, high, shape, result.coefficients(result.circles(starts), -80)
 
 
 def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.0)):
     """Functions strength·sin 2πφ times polynomials in σ and t with these values at the points."""
     shape = len(values), len(others)
-    found = patch(profile, tilt, 0.0, 1.0, shape)
+    result = patch(profile, tilt, 0.0, 1.0, shape)
     with ctx.workprec(128):
         rows = [
             [[arb(0), arb(strength * x * y / 2)]] * len(profile) for x, y in product(values, others)
         ]
-        return profile, tilt, 1.0, shape, found.coefficients(rows, -80)
+        return profile, tilt, 1.0, shape, result.coefficients(rows, -80)
 
 
 def complex_modes(tilt, shape):
@@ -200,10 +200,10 @@ made_case = cache(lambda case: CASES[case]())
 def proved_constants(case, module=module):
     """ρ and the constants of a proof."""
     profile, tilt, high, shape, moves = made_case(case)
-    found = patch(profile, tilt, 0.0, high, shape, module)
+    result = patch(profile, tilt, 0.0, high, shape, module)
     with ctx.workprec(128):
-        found = found.verified(moves, UNIT.get(case, -80))
-    return found["rho"], found["constants"]
+        result = result.verified(moves, UNIT.get(case, -80))
+    return result["rho"], result["constants"]
 
 
 def checked_constants(case, checker=checker, rho=0.01):
@@ -271,8 +271,8 @@ def too_large(case, rho, bounds):
 @pytest.mark.parametrize("case", thirds([*CASES]))
 @pytest.mark.parametrize("program", [proved_constants, checked_constants])
 def test_constants_bound_those_of_all_forcings_of_a_patch(program, case):
-    found = program(case)
-    assert too_small(case, *found) == too_large(case, *found) == []
+    result = program(case)
+    assert too_small(case, *result) == too_large(case, *result) == []
 
 
 @pytest.mark.parametrize("case", ["between", "between in t", "single"])
@@ -283,9 +283,9 @@ def test_both_programs_allow_the_same_error_of_interpolation(case):
     rows = [moves[i : i + R] + nothing * (across - R) for i in range(0, Q * R, R)]
     with ctx.workprec(128):
         finer = patch(profile, tilt, 0.0, high, (Q + 1, across))
-        found = finer.verified([*chain(*rows), *nothing * across], -80)
-    _, checked = checked_constants(case, rho=found["rho"])
-    assert 0.95 < checked["error"] / found["constants"]["error"] < 1.01
+        result = finer.verified([*chain(*rows), *nothing * across], -80)
+    _, checked = checked_constants(case, rho=result["rho"])
+    assert 0.95 < checked["error"] / result["constants"]["error"] < 1.01
 
 
 SUM = "Lambda * (across * error + beside) + along"
@@ -389,9 +389,9 @@ def test_the_error_of_interpolation_is_bounded_on_the_best_ellipse():
     (Q, R), rho, r = (6, 4), 0.01, np.geomspace(1.2, 40, 5000)[:, None]
     m, k = np.array([*product(range(Q), range(R))]).T
     norms = 0.05 * 0.7 ** (m + k)
-    found = patch((0.3, 0.5), (0.1, 0.2), 0.2, 1.0, (Q, R))
+    result = patch((0.3, 0.5), (0.1, 0.2), 0.2, 1.0, (Q, R))
     with ctx.workprec(128):
-        bound = float(found._between(arb(0), arb(rho), [arb(x) for x in norms], 1))
+        bound = float(result._between(arb(0), arb(rho), [arb(x) for x in norms], 1))
 
     def missed(strength, degrees, n):
         sizes = rho + ((r**degrees + r**-degrees) / 2 * norms).sum(axis=1)[:, None]
@@ -438,10 +438,10 @@ def test_circles_at_all_points_have_the_same_phase():
 
 def test_a_patch_whose_certificate_might_not_be_confirmed_is_not_proved(monkeypatch):
     scales = np.array([0.0, 0.5, 1.0]) * breakup(*TRIANGLE)
-    found = tried(GAMMA, *TRIANGLE, scales)
-    assert found.proved
+    result = tried(GAMMA, *TRIANGLE, scales)
+    assert result.proved
     most = {"ratio": 1 / 32, "chi": 1 / 100, "room": 1 / 101, "moved": 1 / 100}
-    part = max(found.constants[name] / right for name, right in most.items())
+    part = max(result.constants[name] / right for name, right in most.items())
     for _BOUND_FRACTION, proved in ((0.999 * part, False), (1.001 * part, True)):
         monkeypatch.setattr(module, "_BOUND_FRACTION", _BOUND_FRACTION)
         assert tried(GAMMA, *TRIANGLE, scales).proved == proved

@@ -226,8 +226,8 @@ def test_a_changed_line_is_noticed(change):
 def test_lanes_and_floats_compute_what_the_source_says():
     kick = audit.in_python(KERNEL.functions, fma=exact_fma)
     proof = prove(beyond(20, 0.1))
-    found = zip(proof.boxes.tolist(), proof.slopes, strict=True)
-    boxes = [(proof.points, *box, slope, way) for box, slope in found for way in (0, 1)][:16]
+    result = zip(proof.boxes.tolist(), proof.slopes, strict=True)
+    boxes = [(proof.points, *box, slope, way) for box, slope in result for way in (0, 1)][:16]
     cycle = np.tile(np.roll(proof.kappa, -proof.site), proofs.transport._KICKS_PER_BLOCK // 2)
     lanes, events = np.zeros((proofs.transport._ROWS, 16)), np.empty((2, 16))
     for lane, box in enumerate(boxes):
@@ -453,14 +453,14 @@ def test_proved_upper_is_near_the_breakup_and_above_it_from_any_value():
 
 def tried(profile, excess, checks):
     """Try a proof beyond the breakup by `barriers`, and below on its polygon; return the former."""
-    found = barriers.critical_scale(profile, 1e-3)
-    proof = prove((1 + excess) * found.upper * np.array(profile))
-    for scale in (0.9 * found.lower, found.lower) if proof.proved else ():
+    result = barriers.critical_scale(profile, 1e-3)
+    proof = prove((1 + excess) * result.upper * np.array(profile))
+    for scale in (0.9 * result.lower, result.lower) if proof.proved else ():
         kappa = 2 * (tuple((scale * np.array(profile)).tolist()),)
         below, _ = proofs.transport._covered(*kappa, proof.site, proof.points, 0.2)
         assert not below.proved
         assert below.lifetimes.size > 0  # no circle meets most of the polygon
-    assert not prove(0.9 * found.lower * np.array(profile), 0.2).proved
+    assert not prove(0.9 * result.lower * np.array(profile), 0.2).proved
     if checks and proof.proved:
         checker.check(json.loads(json.dumps(proof.certificate())))
     return proof
@@ -482,5 +482,5 @@ RANDOM += np.array([0.838, 0.654, 0.771]), np.array([-0.064, -0.015, -0.444, -0.
 ])  # fmt: skip
 def test_random_kicks_are_proved_beyond_their_breakup_and_not_below_it(profiles):
     """1% beyond it; near (0, 0, 1, 1) the polygon nearly follows the longest-lived starts."""
-    found = [tried(profile, 0.01, profile.size < 5) for profile in profiles]
-    assert all(proof.proved and len(proof.boxes) < 5000 for proof in found)
+    results = [tried(profile, 0.01, profile.size < 5) for profile in profiles]
+    assert all(proof.proved and len(proof.boxes) < 5000 for proof in results)

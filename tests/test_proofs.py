@@ -83,12 +83,12 @@ def rays_of_one_tile():
 
 def easy_bracket(profile, seconds):
     """Return proofs far from the breakup, which are quick to check."""
-    circle, found = parse("gamma"), barriers.critical_scale(profile, 1e-2)
-    lower, upper = 0.3 * found.value, 1.2 * found.value
+    circle, result = parse("gamma"), barriers.critical_scale(profile, 1e-2)
+    lower, upper = 0.3 * result.value, 1.2 * result.value
     proved = proofs.barrier.prove(circle, lower * profile), proofs.transport.prove(upper * profile)
-    found = replace(found, omega=circle)
-    below = proofs.proved_below(circle, profile, found.value, 1e-3)
-    return proofs.ProvedBracket(found, lower, upper, *proved, *below)
+    result = replace(result, omega=circle)
+    below = proofs.proved_below(circle, profile, result.value, 1e-3)
+    return proofs.ProvedBracket(result, lower, upper, *proved, *below)
 
 
 @pytest.mark.parametrize(
@@ -101,10 +101,10 @@ def test_certificates_in_a_store_are_kept_compared_and_checked(job, n, tmp_path,
         store.create(place, job.cube, store.COMPUTED_BY)
         for index, coords in tiles.items():
             store.commit(place, job.cube.name, index, job.compute(coords, job.cube.settings), 1.0)
-    told = succeed("verify", tmp_path, "--proofs")
-    assert f"{n} of {n} certificates; wrong: 0 tiles" in told
-    told = succeed("verify", tmp_path, "--proofs", "--max-cpu-seconds", "0")
-    assert f"0 of {n} certificates; the others take" in told
+    output = succeed("verify", tmp_path, "--proofs")
+    assert f"{n} of {n} certificates; wrong: 0 tiles" in output
+    output = succeed("verify", tmp_path, "--proofs", "--max-cpu-seconds", "0")
+    assert f"0 of {n} certificates; the others take" in output
     path = max((tmp_path / "certificates" / job.cube.name).iterdir())
     certificates = unpack_certificates(genuine := path.read_bytes())
     changed = json.loads(json.dumps(certificates))
@@ -141,8 +141,8 @@ def test_certificates_in_a_store_are_kept_compared_and_checked(job, n, tmp_path,
 def test_transport_is_proved_only_beyond_the_boundary():
     angles, low, size = np.linspace(0, 45, 7), (0.5, 0.125), 1 / 8  # CB_gt runs through it
     scales = np.array([barriers.critical_scale(ray(angle), 1e-2).value for angle in angles])
-    proved, found = proofs.proved_cells(low, size, 3, [*zip(angles, scales, strict=True)], 0.05)
-    assert len(found) <= (proved == 2).sum()
+    proved, result = proofs.proved_cells(low, size, 3, [*zip(angles, scales, strict=True)], 0.05)
+    assert len(result) <= (proved == 2).sum()
     assert set(proved.ravel().tolist()) == {1, 2}
     # The nearest corner of the cell nearest to the boundary lies beyond it.
     kappa = np.argwhere(proved == 2)[:, ::-1] * size / 8 + low
@@ -154,16 +154,16 @@ def test_triangles_fill_the_region_and_end_near_the_boundary(sagitta):
     angles = np.linspace(0, 45, 46)
     scales = 0.5 + 0.3 * (angles / 45) ** 4  # convex in places only, with a change of circles
     circles = ["a" if angle < 30 else "b" for angle in angles]
-    found = proofs.triangles(angles, scales, circles, sagitta)
-    assert found[0][0][1] == 0
-    assert found[-1][1][0] == found[-1][1][1]
-    assert all(one[1] == other[0] for one, other in pairwise(found))
-    assert {"a", "b"} == {circle for *_, both in found for circle in both}
-    for low, high, _ in found:
+    result = proofs.triangles(angles, scales, circles, sagitta)
+    assert result[0][0][1] == 0
+    assert result[-1][1][0] == result[-1][1][1]
+    assert all(one[1] == other[0] for one, other in pairwise(result))
+    assert {"a", "b"} == {circle for *_, both in result for circle in both}
+    for low, high, _ in result:
         middle = np.add(low, high) / 2  # compare with the boundary on the same ray
         along = np.interp(np.rad2deg(np.arctan2(*middle[::-1])), angles, scales)
         assert along / np.hypot(*middle) > 1 - max(sagitta, 1e-3)
-    assert (len(found) < 10) == (sagitta > 1e-3)
+    assert (len(result) < 10) == (sagitta > 1e-3)
 
 
 def test_the_proved_map_is_symmetric_about_the_diagonal():

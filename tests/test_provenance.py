@@ -101,8 +101,8 @@ def test_the_closure_contains_all_that_python_imports(module):
     asks = (
         f"import sys, {module}; print(*[n for n in sys.modules if n.startswith(('nasm', 'pip'))])"
     )
-    told = subprocess.run([sys.executable, "-c", asks], cwd=ROOT, capture_output=True, text=True)
-    loaded = {name for name in told.stdout.split() if name in sources._SOURCES}
+    result = subprocess.run([sys.executable, "-c", asks], cwd=ROOT, capture_output=True, text=True)
+    loaded = {name for name in result.stdout.split() if name in sources._SOURCES}
     assert loaded - {*sources.closure((module,))} <= {"pipeline.cubes"}
     assert len(loaded) > 10
 
@@ -185,8 +185,8 @@ def test_a_user_defined_function_is_pickled_with_its_modules(modules, tmp_path):
     sent = tmp_path / "sent"
     sent.write_bytes(cloudpickle.dumps(ByValue(modules(helper="weight = 4\n").outer)))
     asks = f"import pickle, numpy; print(pickle.load(open({str(sent)!r}, 'rb'))(numpy.ones(2)))"
-    told = subprocess.run([sys.executable, "-c", asks], cwd=ROOT, capture_output=True, text=True)
-    assert told.stdout == "24.0\n", told.stderr
+    result = subprocess.run([sys.executable, "-c", asks], cwd=ROOT, capture_output=True, text=True)
+    assert result.stdout == "24.0\n", result.stderr
     assert cloudpickle.list_registry_pickle_by_value() == set()
 
 

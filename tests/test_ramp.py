@@ -35,14 +35,14 @@ def test_shapes_are_what_their_names_say():
 
 
 @pytest.mark.parametrize(
-    ("exponents", "jumps", "smooth", "said"),
+    ("exponents", "jumps", "smooth", "expected"),
     [
         ((0.497, 0.751), 90.0, np.inf, ["Supported: "] * 3),
         ((0.45, 0.7), 90.0, 900.0, ["caveat:"] * 2 + ["Not supported:"]),
         ((0.33, 0.9), np.inf, np.inf, ["Not supported:"] * 3),
     ],
 )
-def test_the_rules_can_say_no(exponents, jumps, smooth, said):
+def test_the_rules_can_say_no(exponents, jumps, smooth, expected):
     rate = 10.0 ** -np.arange(2, 7)
     lost, through = (rate**-a * (1 + 0.01 * np.array([1, -1, 1, -1, 1])) for a in exponents)
     ramp = {"lost": ("rate", lost), "escaped": ("rate", through)}
@@ -50,4 +50,4 @@ def test_the_rules_can_say_no(exponents, jumps, smooth, said):
     lives = xr.Dataset(coords={"kind": kind, "ripple": [0.1]}, attrs={"kicks": 3000})
     lives["life"] = lives["escaped"] = ("kind", "ripple"), 4 * [[smooth]] + 4 * [[jumps]]
     *lines, _ = study.findings(xr.Dataset(ramp, {"rate": rate}), lives).splitlines()
-    assert [words in line for words, line in zip(said, lines, strict=True)] == [True] * 3
+    assert [words in line for words, line in zip(expected, lines, strict=True)] == [True] * 3

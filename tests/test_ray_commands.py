@@ -81,8 +81,8 @@ def test_any_plane_is_swept_with_the_names_of_its_axes(tmp_path, workers):
     options = ["--plane", str(tmp_path / "mine.json"), *axes, *workers]
     for precision in ("single", "double"):
         out = tmp_path / precision
-        told = succeed("escape_plane", out, *options, "--precision", precision)
-        assert "the plane kappa_b = 0 to 2, kappa_a = -1 to 1 in which" in told.replace("\n", " ")
+        output = succeed("escape_plane", out, *options, "--precision", precision)
+        assert "the plane kappa_b = 0 to 2, kappa_a = -1 to 1 in which" in output.replace("\n", " ")
         cube = xr.open_zarr(out / "escape.zarr").load()
         assert plane_of(cube.attrs) == plane
         times = cube.escape_time.stack(cell=["kappa_b", "kappa_a"])
@@ -92,7 +92,7 @@ def test_any_plane_is_swept_with_the_names_of_its_axes(tmp_path, workers):
         assert 6 < np.isfinite(expected[0]).sum() < 50
         assert np.array_equal(times, expected)
     rotating = ["--plane", "rotating:1/2", "--n-rays", "3", "--tol", "0.1", *workers]
-    told = succeed("last_barrier", tmp_path / "half", *rotating)
+    output = succeed("last_barrier", tmp_path / "half", *rotating)
     rows = table(tmp_path / "half/last_barrier.csv")
     assert [float(r["kappa_amplitude"]) for r in rows] == pytest.approx([0, KAPPA_G, 0], abs=1e-9)
     assert [r["circle"] for r in rows] == ["[0;1,3,(4)]", "[0;(4)]", "[0;1,3,(4)]"]

@@ -51,32 +51,32 @@ def tell(*names):
     """Print digests of what the jobs compute, and of what NumPy itself does, as JSON."""
     x = np.linspace(0.1, 3, 1001)
     rays = direct_iteration.bias_job(two_kicks(), {45.0: 1.0}, [64], 100)
-    told = {"numpy": digest(np.exp(x), np.dot(x, x))}
-    told["coordinates"] = [job.cube.config_hash for job in (*JOBS.values(), rays)]
-    told["rotation numbers"] = digest(*orbits.rotation_number((0.5, 0.4), 0.1, x, 1000))
-    told |= {name: digest(*values(name)) for name in names}
-    print(json.dumps(told))
+    output = {"numpy": digest(np.exp(x), np.dot(x, x))}
+    output["coordinates"] = [job.cube.config_hash for job in (*JOBS.values(), rays)]
+    output["rotation numbers"] = digest(*orbits.rotation_number((0.5, 0.4), 0.1, x, 1000))
+    output |= {name: digest(*values(name)) for name in names}
+    print(json.dumps(output))
 
 
 @pytest.mark.parametrize("names", [SOME, pytest.param(ALL, marks=pytest.mark.slow)])
 def test_cubes_hold_the_same_bits_where_numpy_and_blas_use_other_loops(names):
     here = Path(__file__).parent
     program = [sys.executable, "-c", f"import test_reproducible as this; this.tell(*{names})"]
-    told = []
+    output = []
     for more in ({}, ELSEWHERE):
         paths = {"PYTHONPATH": f"{here}{os.pathsep}{here.parent}"}
         run = subprocess.run(program, env=os.environ | paths | more, capture_output=True, text=True)
         assert run.returncode == 0, run.stderr
-        told.append(json.loads(run.stdout))
-    if told[0].pop("numpy") == told[1].pop("numpy"):
+        output.append(json.loads(run.stdout))
+    if output[0].pop("numpy") == output[1].pop("numpy"):
         pytest.skip("NumPy and its BLAS have no other loops on this processor")
-    assert told[0] == told[1]
+    assert output[0] == output[1]
 
 
 def test_a_geometric_sequence_and_powers_are_those_of_numpy_up_to_rounding():
     for first, last, n in ((0.01, 1, 121), (0.5, 1e-6, 20), (2.0, 0.02, 2), (3.0, 4.0, 1)):
-        found = geometric(first, last, n)
-        assert found == pytest.approx(np.geomspace(first, last, n), rel=1e-14)
-        assert (found[0], found[-1]) == (first, last if n > 1 else first)
+        result = geometric(first, last, n)
+        assert result == pytest.approx(np.geomspace(first, last, n), rel=1e-14)
+        assert (result[0], result[-1]) == (first, last if n > 1 else first)
     assert powers([0.0, 2.0, 1e-300], 0.6) == pytest.approx([0, 2**0.6, 1e-180], rel=1e-14)
     assert powers([], 0.6).shape == (0,)

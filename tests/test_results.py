@@ -55,14 +55,14 @@ def test_transversals_that_hold_arrays_are_compared_without_an_error():
 
 
 def test_a_critical_scale_prints_with_the_digits_of_its_error():
-    found = CriticalScale(
+    result = CriticalScale(
         0.97163540631, 2.13e-8, 0.9715431, 0.9717168, GAMMA, Status.OK, "residues"
     )
     expected = (
         "CriticalScale(0.971635406 ± 2.1e-08, bracket [0.97154, 0.97172], "
         "circle [0;(1)] = 0.618034 per period, method: residues, OK)"
     )
-    assert repr(found) == str(found) == expected
+    assert repr(result) == str(result) == expected
 
 
 def test_a_critical_scale_without_a_value_prints_the_reason_and_the_cure():

@@ -39,9 +39,9 @@ def test_after_max_steps_the_best_point_so_far_is_returned():
         asked.append(x)
         return np.exp(x) - 2
 
-    found = root(f, 0, 30, max_steps=3)
+    result = root(f, 0, 30, max_steps=3)
     assert len(asked) == 5
-    assert abs(f(found)) == min(abs(f(x)) for x in asked[:5])
+    assert abs(f(result)) == min(abs(f(x)) for x in asked[:5])
 
 
 def test_without_a_change_of_sign_there_is_no_root():

@@ -53,13 +53,13 @@ def study():
 def test_a_study_is_computed_once_and_then_read(tmp_path, study):
     for _ in range(2):
         with driven(tmp_path) as one:
-            found = one.kept(untiled("toy", n=9, names=["a", "b"]), study)
-        assert found.square.values.tolist() == [n**2 for n in range(9)]
-        assert found.end.values.tolist() == ["first", "last"]
-        assert (found.attrs["n"], found.attrs["title"]) == (9, "toy")
+            result = one.kept(untiled("toy", n=9, names=["a", "b"]), study)
+        assert result.square.values.tolist() == [n**2 for n in range(9)]
+        assert result.end.values.tolist() == ["first", "last"]
+        assert (result.attrs["n"], result.attrs["title"]) == (9, "toy")
         assert one.written["cubes"] == {f"{tmp_path}/toy.zarr": None}
     assert study.count == 1
-    xr.testing.assert_identical(xr.open_zarr(tmp_path / "toy.zarr").load(), found)
+    xr.testing.assert_identical(xr.open_zarr(tmp_path / "toy.zarr").load(), result)
 
 
 def test_a_study_of_other_settings_is_refused_before_it_is_computed(tmp_path, study):
@@ -86,10 +86,10 @@ def test_a_study_is_computed_again_by_other_code(tmp_path, study, monkeypatch, b
 def test_a_study_of_a_swept_cube_records_its_own_code_and_time(tmp_path, study):
     swept = {"computed_by": "the code of a job", "created": "earlier"}
     with driven(tmp_path) as one:
-        found = one.kept(untiled("toy"), lambda: study().assign_attrs(swept))
+        result = one.kept(untiled("toy"), lambda: study().assign_attrs(swept))
         assert one.holds(untiled("toy"))
-    assert found.attrs["computed_by"] == run._CODE["computed_by"]
-    assert found.attrs["created"] != "earlier"
+    assert result.attrs["computed_by"] == run._CODE["computed_by"]
+    assert result.attrs["created"] != "earlier"
 
 
 def test_a_study_records_the_command_that_first_made_it(tmp_path):
@@ -144,11 +144,11 @@ def test_a_command_without_sweeps_computes_nothing_when_it_runs_again(tmp_path, 
     from workflows.portraits import study
 
     options = "portraits", tmp_path, "--n-orbits", "2", "--n-max", "10", "--quiet"
-    told = succeed(*options)
+    message = succeed(*options)
     figures = {path: path.read_bytes() for path in tmp_path.glob("*.png")}
     for name in ("nonautonomous_dataset", "symmetric_dataset"):
         monkeypatch.setattr(study, name, refuse)
-    assert succeed(*options) == told
+    assert succeed(*options) == message
     assert {path: path.read_bytes() for path in tmp_path.glob("*.png")} == figures
     refused = invoke("portraits", tmp_path, "--n-orbits", "3", "--n-max", "10")
     assert (refused.exit_code, "n_orbits is 2, not 3" in refused.output) == (2, True)

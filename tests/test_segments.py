@@ -19,13 +19,13 @@ SEGMENTS = [((0.1, 0.5), (1.0, -0.3)), ((0.2, -0.1), (0.0, 1.0))]
 @pytest.mark.parametrize("segment", thirds([*SEGMENTS, ((0.0, 0.0, 0.2), (0.9, 0.4, 0.0))]))
 def test_the_breakup_on_a_segment_is_that_on_the_ray_through_it(segment):
     start, profile = segment
-    found = barriers.critical_scale(profile, 1e-3, start)
-    assert found.status is Status.OK
-    assert found.lower < found.value < found.upper < found.lower * 1.002
-    there = np.array(start) + found.value * np.array(profile)
+    result = barriers.critical_scale(profile, 1e-3, start)
+    assert result.status is Status.OK
+    assert result.lower < result.value < result.upper < result.lower * 1.002
+    there = np.array(start) + result.value * np.array(profile)
     ray = barriers.critical_scale(there, 1e-3)
     assert abs(ray.value - 1) < 1e-8
-    assert ray.omega == found.omega
+    assert ray.omega == result.omega
 
 
 @settings(max_examples=12)
@@ -55,8 +55,8 @@ def test_segments_from_inside_end_on_the_boundary_of_their_circle(angle, kappa1,
 )
 def test_a_segment_that_starts_outside_is_reported_as_such(omega, start, profile):
     method, *of = (periodic.critical_scale, omega) if omega else (barriers.critical_scale,)
-    found = method(*of, profile, start=start)
-    assert found.status is Status.OUTSIDE
-    assert np.isnan([found.value, found.lower, found.upper]).all()
+    result = method(*of, profile, start=start)
+    assert result.status is Status.OUTSIDE
+    assert np.isnan([result.value, result.lower, result.upper]).all()
     just = periodic.critical_scale("gamma", (1, 0), start=(AXIS * (1 - 1e-4), 0))
     assert just.value == pytest.approx(1e-4 * AXIS, abs=1e-11)

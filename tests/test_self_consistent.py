@@ -27,9 +27,9 @@ def test_escapes_are_counted_in_kicks():
         orbit.append(y)
     outside = np.abs(orbit) > 1.2
     expected = np.where(outside.any(axis=0), outside.argmax(axis=0), np.inf)
-    found = aperiodic.escape_time(kappa, theta, X, Y, (-1.2, 1.2))
-    assert len(set(found)) > 20
-    assert np.array_equal(found, expected)
+    result = aperiodic.escape_time(kappa, theta, X, Y, (-1.2, 1.2))
+    assert len(set(result)) > 20
+    assert np.array_equal(result, expected)
 
 
 def test_a_forcing_that_repeats_eliminates_starts_as_its_period_does():
@@ -100,18 +100,18 @@ def test_an_asymptotic_circle_is_excluded_until_it_has_unfolded():
 
 def test_five_particles_move_as_in_the_literature():
     gamma, kappa, theta = np.array([0.3, 0.1, -0.2, 0.0, 0.4]), 0.4, (0.2 - 0.5) * TWO_PI
-    found = evolve(X[:5], 0.1 * Y[:5], gamma, kappa, 15, 0.2, 0.03)
+    result = evolve(X[:5], 0.1 * Y[:5], gamma, kappa, 15, 0.2, 0.03)
     x, y = X[:5] * TWO_PI, 0.1 * Y[:5] * TWO_PI  # radians, and kicks that pull towards θ
     for n in range(15):
         eta = fsum(g * sin(a - theta) for g, a in zip(gamma, x, strict=True))
         slope = -fsum(g * cos(a - theta) for g, a in zip(gamma, x, strict=True))
         kappa = hypot(kappa, eta) + eta
-        assert found.kappa[n] == pytest.approx(kappa, rel=1e-10)
-        assert (found.theta[n] - theta / TWO_PI) % 1 == pytest.approx(0.5, abs=1e-10)
+        assert result.kappa[n] == pytest.approx(kappa, rel=1e-10)
+        assert (result.theta[n] - theta / TWO_PI) % 1 == pytest.approx(0.5, abs=1e-10)
         y = y - kappa * np.sin(x - theta)
         x, theta = x + y, theta - 0.03 * TWO_PI + slope / kappa
-    np.testing.assert_allclose(found.y * TWO_PI, y, atol=1e-10)
-    np.testing.assert_allclose(np.exp(2j * pi * found.x), np.exp(1j * x), atol=1e-10)
+    np.testing.assert_allclose(result.y * TWO_PI, y, atol=1e-10)
+    np.testing.assert_allclose(np.exp(2j * pi * result.x), np.exp(1j * x), atol=1e-10)
 
 
 def test_the_map_is_symplectic():

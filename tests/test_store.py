@@ -96,8 +96,8 @@ def test_committed_tiles_can_be_read_with_plain_xarray_and_contain_no_secret(pla
         assert len(cube.to_dataframe()) == cube.wave.size  # no record of the sweep among the data
         assert records.commit.shape == (2, 4, 5)
     assert cube.attrs | {"title": "toy", "depth": 3} == cube.attrs
-    told = {"config_hash", "source", "history", "computed_by", "package_version", "created"}
-    assert told <= cube.attrs.keys()
+    provenance = {"config_hash", "source", "history", "computed_by", "package_version", "created"}
+    assert provenance <= cube.attrs.keys()
     assert cube.wave.attrs["units"] == "1"
     written = [get(place, key) for key in contents(place)]
     for text in (*written, pickle.dumps(place), repr(place).encode()):
@@ -211,14 +211,14 @@ def test_other_settings_or_mathematics_are_refused_for_an_incomplete_cube(place)
     fill(place, plan, [(0, 0)])
     before = contents(place)
     store.create(place, plan, US)
-    for other, by, told in (
+    for other, by, message in (
         (toy.cube(depth=2), US, "depth is 1, not 2"),
         (toy.cube(rows=11, depth=1), US, unlike),
         (toy.cube(tile=4, depth=1), US, unlike),
         (plan, "mathematics 2", "by mathematics 1; this is mathematics 2"),
     ):
         for refuse in (store.check, store.create):
-            with pytest.raises(store.Refused, match=told):
+            with pytest.raises(store.Refused, match=message):
                 refuse(place, other, by)
     assert contents(place) == before
     fill(place, plan)
@@ -309,9 +309,9 @@ def of_pickles(place):
 def test_a_group_of_another_program_or_version_is_refused_and_left_alone(on_disk, make):
     make(on_disk)
     before = contents(on_disk)
-    told = "or format differ" if make is of_an_earlier_format else "not a cube of this program"
+    message = "or format differ" if make is of_an_earlier_format else "not a cube of this program"
     for refuse in (store.check, store.create, store.replace):
-        with pytest.raises(store.Refused, match=told):
+        with pytest.raises(store.Refused, match=message):
             refuse(on_disk, toy.cube(), US)
     (state,), (damaged,) = store.status(on_disk), store.verify(on_disk, "toy", repair=True)
     assert damaged == ((), state.damage)
@@ -343,14 +343,14 @@ def test_repair_removes_damaged_and_exchanged_tiles_and_no_others(place, tmp_pat
     for key, sound in chunks.items():
         put(place, f"toy.zarr/{key}", sound)
     exchanged = {(0, 1), (1, 0), (2, 2), (3, 0)}
-    found = dict(store.verify(place, "toy"))
-    assert found.keys() == damaged | exchanged
-    assert found[1, 2] == "wave does not match its checksum"
-    words = {found[index] for index in exchanged}
+    result = dict(store.verify(place, "toy"))
+    assert result.keys() == damaged | exchanged
+    assert result[1, 2] == "wave does not match its checksum"
+    words = {result[index] for index in exchanged}
     assert words == {"its data are not those that were committed"}
     assert missing(place, plan) == {(0, 0), (3, 4), (1, 1)}  # those with a file missing or cut
-    assert dict(store.verify(place, "toy", repair=True)) == found
-    assert missing(place, plan) == found.keys()
+    assert dict(store.verify(place, "toy", repair=True)) == result
+    assert missing(place, plan) == result.keys()
     assert np.isfinite(toy.records(place)).sum() == 11
     assert fill(place, plan) == 9
     toy.assert_complete(place, plan)

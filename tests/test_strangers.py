@@ -42,7 +42,7 @@ def change(place, edit):
     path.write_text(json.dumps(root))
 
 
-def told(place):
+def messages_about(place):
     """Return what `status`, `verify` and `read` report of the toy: a sentence each, or ""."""
     (state,) = store.status(place)
     (damage,) = list(store.verify(place, "toy")) or [((), "")]
@@ -90,7 +90,7 @@ def test_no_pickle_in_a_store_is_executed(place, tmp_path, monkeypatch, where):
             arrays[where] = pickled(evil)
 
     change(place, edit)
-    sentences = told(place)
+    sentences = messages_about(place)
     assert not (tmp_path / "executed").exists()
     assert all("is refused: " in s for s in sentences)
 
@@ -128,7 +128,7 @@ REFUSED = [
 @pytest.mark.parametrize(("words", "edit"), REFUSED)
 def test_metadata_that_fit_no_cube_are_refused_in_one_sentence(place, words, edit):
     change(place, edit)
-    assert all(words in sentence for sentence in told(place))
+    assert all(words in sentence for sentence in messages_about(place))
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ def test_metadata_that_fit_no_cube_are_refused_in_one_sentence(place, words, edi
 )
 def test_records_that_do_not_match_the_tiles_are_refused_in_one_sentence(place, edit):
     change(place, edit)
-    state, damage, _ = told(place)  # reading the cube needs no records
+    state, damage, _ = messages_about(place)  # reading the cube needs no records
     assert state == damage
     assert "are damaged, or another program's" in state
 
@@ -176,7 +176,7 @@ def test_a_chunk_that_claims_to_be_large_is_not_unpacked(place, monkeypatch, cas
     texts = TEXTS if codecs == TEXTS["codecs"] else {}
     change(place, extend("row", **{**texts, "codecs": codecs}))
     Path(place.cube("toy"), "row/c/0").write_bytes(chunk)
-    state, damage, read = told(place)
+    state, damage, read = messages_about(place)
     assert (state, damage) == ("", "row cannot be read")
     assert "are damaged" in read
 
@@ -185,7 +185,7 @@ def test_a_chunk_that_claims_to_be_large_is_not_unpacked(place, monkeypatch, cas
 def test_a_chunk_that_unpacks_to_something_else_counts_as_damaged(place, chunk):
     change(place, extend("row", codecs=ZSTD))
     Path(place.cube("toy"), "row/c/0").write_bytes(chunk)
-    state, damage, read = told(place)
+    state, damage, read = messages_about(place)
     assert (state, damage) == ("", "row cannot be read")
     assert "are damaged" in read
 
@@ -193,10 +193,10 @@ def test_a_chunk_that_unpacks_to_something_else_counts_as_damaged(place, chunk):
 @pytest.mark.parametrize("name", ["row/c/0", "zarr.json", "digests.json"])
 def test_a_file_larger_than_any_in_a_cube_is_not_read(place, name):
     os.truncate(f"{place.cube('toy')}/{name}", 10**11)  # sparse: takes no space on disk
-    assert f"toy.zarr/{name} has 100000000000 bytes" in told(place)[1]
+    assert f"toy.zarr/{name} has 100000000000 bytes" in messages_about(place)[1]
     Path(place.cube("toy"), "digests.json").unlink()
     words = {"row/c/0": "row cannot be read", "zarr.json": "has 100000000000 bytes"}
-    assert words.get(name, "") in told(place)[1]
+    assert words.get(name, "") in messages_about(place)[1]
 
 
 def test_foreign_files_beside_the_tiles_do_not_change_the_status(place):
@@ -219,8 +219,8 @@ def test_user_and_password_in_the_url_of_an_endpoint_are_not_repeated(monkeypatc
 
 @pytest.mark.parametrize("user", ["user:passw0rd@", "user:pass/w0rd@", "passw0rd@"])
 def test_user_and_password_in_the_address_of_a_scheduler_are_not_repeated(user):
-    for n_workers, told in ((None, "must be tcp://HOST:PORT"), (2, "has its own workers")):
-        refused = pytest.raises(ClusterError, match=told)
+    for n_workers, message in ((None, "must be tcp://HOST:PORT"), (2, "has its own workers")):
+        refused = pytest.raises(ClusterError, match=message)
         with refused as error, connect(f"tcp://{user}localhost:8786", n_workers):
             pass
         assert "w0rd" not in str(error.value)

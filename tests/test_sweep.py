@@ -204,8 +204,8 @@ def test_a_series_of_sweeps_shares_its_progress_and_repeats_nothing(here, tmp_pa
             assert progress.begun == begun
         assert progress.done == pytest.approx(begun)
         assert 0 < progress.used < progress.wall
-        told = report.getvalue().splitlines()[-1]  # a slow machine writes several lines
-        assert re.match(r"series: \d+%, elapsed 0:\d\d, remaining about [\d:]+$", told)
+        output = report.getvalue().splitlines()[-1]  # a slow machine writes several lines
+        assert re.match(r"series: \d+%, elapsed 0:\d\d, remaining about [\d:]+$", output)
         with Progress("toy", Full()) as progress:
             sweep(here, place, toy.job(), progress, {(3, 0)})
         (state,) = store.status(place)
@@ -215,8 +215,8 @@ def test_a_series_of_sweeps_shares_its_progress_and_repeats_nothing(here, tmp_pa
 def test_a_store_deleted_during_a_sweep_ends_it_with_one_message(here, tmp_path):
     plan, out, away = toy.cube(5, 5, tile=1), tmp_path / "out", tmp_path / "away"
     # A worker that finds what another one has just written there finds no metadata with it.
-    said = "out: .* does not exist|was moved, or deleted|out/toy.zarr are damaged"
-    with pytest.raises((store.StoreFailed, store.Refused), match=said):
+    message = "out: .* does not exist|was moved, or deleted|out/toy.zarr are damaged"
+    with pytest.raises((store.StoreFailed, store.Refused), match=message):
         toy.watched_sweep(here, out, plan, {5: partial(out.rename, away)})
     assert len(toy.commit_times(out)) <= 2  # what the workers were writing
     for place in (away, out):  # tiles that were in flight may lie in the second without metadata
@@ -246,8 +246,8 @@ def test_workers_keep_freed_memory_and_programs_that_import_nasm_do_not(client):
     here = Path(__file__).parent
     environment = os.environ | {"PYTHONPATH": f"{here}{os.pathsep}{here.parent}"}
     run = [sys.executable, "-c", program]
-    said = subprocess.run(run, env=environment, capture_output=True, check=True).stdout
-    assert float(said) < 8
+    output = subprocess.run(run, env=environment, capture_output=True, check=True).stdout
+    assert float(output) < 8
 
 
 def test_workers_listen_on_loopback_only_and_answer_only_their_own_driver(client):
@@ -311,33 +311,35 @@ def test_an_unfit_worker_computes_nothing_and_another_sweeps_over_tls(client, tm
     assert (outcome.failed, outcome.remaining) == ({}, 0)
     toy.assert_complete(tmp_path / "out", plan)
     assert str(worker.pid) not in pids.read_text().split()
-    told = r"retired: the worker tls://\S+ cannot run this package .*pipeline"
-    assert re.search(told, capfd.readouterr().err)
+    message = r"retired: the worker tls://\S+ cannot run this package .*pipeline"
+    assert re.search(message, capfd.readouterr().err)
 
 
 def test_a_worker_that_dies_as_it_starts_raises_one_clear_error(monkeypatch):
     monkeypatch.setitem(cluster._LOCAL, "distributed.worker.preload", ["import os; os._exit(1)"])
-    told = pytest.raises(ConnectionError, match=r"cannot be started: .*Nanny")
-    with told, connect(n_workers=1) as client:
+    refusal = pytest.raises(ConnectionError, match=r"cannot be started: .*Nanny")
+    with refusal, connect(n_workers=1) as client:
         client()
 
 
 @pytest.mark.parametrize(
-    ("lacking", "told"),
+    ("lacking", "expected"),
     [
         ("resource.getrlimit", "1 worker and their driver need about 60 open files, and 20 are"),
         ("multiprocessing.get_context", "semaphores, in /dev/shm: .*Read-only file system"),
         ("socket.create_connection", r"the address 127\.0\.0\.1: .*Read-only"),
     ],
 )
-def test_a_machine_on_which_workers_would_hang_raises_one_clear_error(monkeypatch, lacking, told):
+def test_a_machine_on_which_workers_would_hang_raises_one_clear_error(
+    monkeypatch, lacking, expected
+):
     error = OSError(errno.EROFS, os.strerror(errno.EROFS))
     limit = (
         (lambda _: (20, 20)) if lacking == "resource.getrlimit" else lambda *_, **__: fail(error)
     )
     monkeypatch.setattr(f"pipeline.sweep.cluster.{lacking}", limit)
     monkeypatch.setattr("pipeline.sweep.cluster.resource.setrlimit", lambda *_: None)
-    with pytest.raises(ConnectionError, match=told), connect(n_workers=1) as client:
+    with pytest.raises(ConnectionError, match=expected), connect(n_workers=1) as client:
         client()
 
 
@@ -389,8 +391,8 @@ def test_connect_waits_for_the_file_of_a_scheduler(client, tmp_path, monkeypatch
     with connect("~/late.json", tls=tls) as guest:
         assert guest().nthreads()
     monkeypatch.setattr(cluster, "_FILE_PATIENCE", 0.1)
-    told = pytest.raises(ClusterError, match=f"scheduler='{file}': no such file")
-    with told, connect(file):
+    refusal = pytest.raises(ClusterError, match=f"scheduler='{file}': no such file")
+    with refusal, connect(file):
         pass
 
 
@@ -399,7 +401,7 @@ def test_tls_that_does_not_match_gives_one_clear_message(client, tmp_path):
     plain = client().scheduler.address.replace("tls", "tcp")
     other, made = tmp_path / "other.pem", Security.temporary()
     other.write_text(made.tls_client_key + made.tls_ca_file)
-    for scheduler, tls, told in (
+    for scheduler, tls, message in (
         (file, (ca, other, other), "scheduler answers at .* PEM files: its CA"),
         (file, (file, ca, key), "scheduler answers at .* PEM files: its CA"),
         (plain, None, "scheduler answers at .* needs a tls:// address"),
@@ -407,7 +409,7 @@ def test_tls_that_does_not_match_gives_one_clear_message(client, tmp_path):
         ("tcp://127.0.0.1:9", None, r"no dask scheduler answers at tcp://127\.0\.0\.1:9"),
         ("tcp://127.0.0.1:9", (ca, ca, key), "needs TLS files: CA, CERT and KEY; others take none"),
     ):
-        with pytest.raises(ClusterError, match=told), connect(scheduler, tls=tls) as guest:
+        with pytest.raises(ClusterError, match=message), connect(scheduler, tls=tls) as guest:
             guest()
 
 
@@ -491,8 +493,8 @@ def test_a_worker_with_another_version_or_another_disk_is_unfit(tmp_path, monkey
     place, ours = store.place_of(tmp_path), store.COMPUTED_BY
     for library in ("numba", "xarray", "zarr"):
         driver = re.sub(rf"\b{library} [^,]+", f"{library} 0.1", ours)
-        told = f"has {library} {version(library)} instead of {library} 0.1"
-        assert _complaint(place, "toy", "", EVERYTHING, driver) == told
+        message = f"has {library} {version(library)} instead of {library} 0.1"
+        assert _complaint(place, "toy", "", EVERYTHING, driver) == message
     monkeypatch.setattr("pipeline.sweep.sweep._SIGHT", 0)
     assert (
         _complaint(place, "toy", "", EVERYTHING, ours) == f"does not see {place} as the driver does"

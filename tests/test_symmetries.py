@@ -104,8 +104,8 @@ def test_the_distance_to_a_shorter_forcing(kappa, distance):
 
 def test_forcings_without_a_common_shorter_period_are_unchanged():
     pair = [(0.3, 0.3), (0.3, -0.3)]
-    found, omega = symmetries.shorten(pair, parse("gamma"))
-    np.testing.assert_array_equal(found, pair)
+    result, omega = symmetries.shorten(pair, parse("gamma"))
+    np.testing.assert_array_equal(result, pair)
     assert omega == parse("gamma")
     (start, profile), omega = symmetries.shorten([(0, 0.1, 0, -0.1), (0, 1, 0, -1)], parse("gamma"))
     np.testing.assert_array_equal((start, profile), [(0, 0.1), (0, 1)])

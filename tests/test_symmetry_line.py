@@ -63,32 +63,32 @@ def test_the_last_circle_breaks_where_its_residue_says(case):
     degrees, n_max = case
     profile = ray(degrees)
     exact = periodic.critical_scale(LAST[degrees], profile).value
-    found = critical_scale(profile, n_max)
-    assert found.status is Status.OK
-    assert abs(found.value - exact) <= found.error
-    assert found.value + found.error <= found.upper
-    assert exact < found.upper < exact * (1 + 1.1 / n_max)
+    result = critical_scale(profile, n_max)
+    assert result.status is Status.OK
+    assert abs(result.value - exact) <= result.error
+    assert result.value + result.error <= result.upper
+    assert exact < result.upper < exact * (1 + 1.1 / n_max)
     if n_max >= 10_000:
-        assert found.error < 5e-5 * exact
-    assert np.isnan(found.lower)
-    assert found.omega is None
+        assert result.error < 5e-5 * exact
+    assert np.isnan(result.lower)
+    assert result.omega is None
 
 
 @pytest.mark.parametrize("degrees", [45 - 1e-1, 45 - 1e-2, 45 - 1e-3, 45 - 1e-5])
 def test_errors_next_to_the_cusp_are_honest(degrees):
     better = critical_scale(ray(degrees), 20_000)
     for n_max in (100, 400, 1600):
-        found = critical_scale(ray(degrees), n_max)
-        assert abs(found.value - better.value) <= found.error + better.error
-        assert better.value < found.upper
+        result = critical_scale(ray(degrees), n_max)
+        assert abs(result.value - better.value) <= result.error + better.error
+        assert better.value < result.upper
 
 
 def test_the_line_is_eliminated_above_upper_and_not_far_below():
-    found = critical_scale(ray(30), 500)
+    result = critical_scale(ray(30), 500)
     for scale in (1, 1.001, 1.01, 1.3, 3):
-        assert longest_lived(scale * found.upper * ray(30), 500)[1] < np.inf
-    assert longest_lived((found.value - found.error) * ray(30), 500)[1] == np.inf
-    assert longest_lived(found.upper * ray(30), 300)[1] == np.inf
+        assert longest_lived(scale * result.upper * ray(30), 500)[1] < np.inf
+    assert longest_lived((result.value - result.error) * ray(30), 500)[1] == np.inf
+    assert longest_lived(result.upper * ray(30), 300)[1] == np.inf
 
 
 @pytest.mark.parametrize("degrees", thirds([14, 30, 44.4, 44.99]))

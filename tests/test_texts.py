@@ -99,10 +99,10 @@ STORED = '{"name": "plane", "axes": {}, "origin": [%s, 0], "first": [1, 0], "sec
 def test_input_too_long_to_compute_is_refused_at_once_in_one_sentence(read, text, words):
     with pytest.raises((ValueError, click.BadParameter)) as refused:
         read(text)
-    said = str(refused.value)
-    assert words in said
-    assert len(said) < 300
-    assert "\n" not in said
+    output = str(refused.value)
+    assert words in output
+    assert len(output) < 300
+    assert "\n" not in output
 
 
 @pytest.mark.parametrize("text", ["0.3819660112501051", "0.5" + 30 * "0", "0." + DIGITS])

@@ -23,8 +23,8 @@ def test_residues_of_golden_orbits_respond_as_finite_differences_show():
     """
     for n, p, q in ((4, 2, 3), (5, 3, 5), (7, 8, 13)):
         up, down = (periodic.residue((KAPPA_G * (1 + h),), p, q) for h in (1e-5, -1e-5))
-        found = response.response(response.orbits(n)[1], np.ones(q))
-        assert found == pytest.approx((up - down) / 2e-5, rel=1e-5)
+        result = response.response(response.orbits(n)[1], np.ones(q))
+        assert result == pytest.approx((up - down) / 2e-5, rel=1e-5)
     f, h = study.ripple(3), 1e-6
     phases = [response.response(response.orbits(4)[1], np.roll(f, shift)) for shift in range(3)]
     moved = (periodic.residue(KAPPA_G * (1 + h * f), 2, 1) - periodic.residue((KAPPA_G,), 2, 3)) / h
@@ -96,9 +96,9 @@ def said_of(measured, upper):
 
 
 def test_findings_on_ripples_are_judged_by_the_numbers():
-    said = said_of([0.64, 0.5], [0.7, 1.001])
-    assert said.count("Supported: ") == 2
-    assert "and at the ends of 1 climbs without escape" in said
+    output = said_of([0.64, 0.5], [0.7, 1.001])
+    assert output.count("Supported: ") == 2
+    assert "and at the ends of 1 climbs without escape" in output
     assert "climbs orbits escape, at 0.50 κ_G" in said_of([0.64, 0.5], [1.001, 0.5])
     assert "Not supported" in said_of([0.64, 0.5], [np.inf, 0.5])
     assert "Not supported" in said_of([0.64, 0.5], [0.7, np.inf])
@@ -122,8 +122,8 @@ def test_only_forcings_with_a_barrier_are_drawn_beyond_constant_kicks():
 
 
 def test_missing_values_and_equal_values_are_described_in_words():
-    said = said_of([0.64, 0.5], [0.7, 1.001])
-    assert "P = none" not in said
+    output = said_of([0.64, 0.5], [0.7, 1.001])
+    assert "P = none" not in output
     assert span(np.array([11.2, 10.8])) == "11"
     assert span(np.array([0.1, 0.3, np.nan])) == "0.1 to 0.3"
     assert span(np.array([np.nan])) == "unknown"

@@ -72,13 +72,13 @@ def test_orbits_stay_on_the_torus_and_rotate_as_it_does(torus):
     turns = phase / len(torus.u) + np.arange(n) * torus.frequency
     kappa = torus.mean + torus.amplitude * np.cos(2 * np.pi * turns)
     x, y = (values[phase, 0] for values in tori.graph(torus))
-    found = orbits.orbit(kappa, x, y, n, 1)[0]
+    result = orbits.orbit(kappa, x, y, n, 1)[0]
     for kicks in (1, 100, n):
         there = tori.newton.shifted(torus.u, kicks * torus.omega, kicks * torus.frequency)[phase, 0]
-        assert found[kicks] == pytest.approx(kicks * torus.omega + there, abs=1e-6)
+        assert result[kicks] == pytest.approx(kicks * torus.omega + there, abs=1e-6)
     at = np.arange(1, n) / n
     weights = np.exp(-1 / (at * (1 - at)))
-    measured = np.diff(found)[1:] @ weights / weights.sum()
+    measured = np.diff(result)[1:] @ weights / weights.sum()
     assert measured == pytest.approx(torus.omega, abs=1e-8)
 
 
@@ -116,15 +116,15 @@ def test_past_the_breakup_there_is_no_torus_on_any_grid(n_max):
 def test_a_resonant_vector_has_no_torus(omega, frequency):
     torus = tori.invariant_torus(omega, frequency, 0.1, 0.1)
     assert torus.status is Status.NEARLY_RATIONAL
-    found = tori.critical_scale(omega, frequency, 1.0, 1.0)
-    assert found.status is Status.NEARLY_RATIONAL
-    assert np.isnan([found.value, found.error, found.lower]).all()
+    result = tori.critical_scale(omega, frequency, 1.0, 1.0)
+    assert result.status is Status.NEARLY_RATIONAL
+    assert np.isnan([result.value, result.error, result.lower]).all()
 
 
 def test_the_torus_of_zero_amplitude_breaks_where_the_circle_does():
-    found = tori.critical_scale(GAMMA, np.e, 1.0, 0.0, 0.02)
-    assert abs(found.value - KAPPA_G) < found.error < 0.02
-    assert 0.9 < found.lower < KAPPA_G
+    result = tori.critical_scale(GAMMA, np.e, 1.0, 0.0, 0.02)
+    assert abs(result.value - KAPPA_G) < result.error < 0.02
+    assert 0.9 < result.lower < KAPPA_G
 
 
 def test_a_torus_one_per_cent_below_its_breakup_is_certified_by_continuation_from_zero():
@@ -143,10 +143,10 @@ def test_a_torus_one_per_cent_below_its_breakup_is_certified_by_continuation_fro
     ],
 )
 def test_tori_are_certified_close_to_the_breakup_by_residues_of_a_long_orbit(angle, tol, known):
-    found = tori.critical_scale(*TRIBONACCI, *ray(angle), tol)
+    result = tori.critical_scale(*TRIBONACCI, *ray(angle), tol)
     residue = periodic.torus_scale("3136/5768", "4841/5768", *ray(angle))
-    assert known < found.lower < found.value
-    assert abs(found.value - residue.value) < found.error + residue.error
+    assert known < result.lower < result.value
+    assert abs(result.value - residue.value) < result.error + residue.error
 
 
 def test_invariant_graphs_persist_where_a_torus_is_certified_and_are_excluded_far_beyond():
@@ -184,20 +184,20 @@ def test_strong_random_kicks_exclude_graphs_and_identify_the_longest_lived_start
 
 def test_searches_that_disagree_give_no_bound(monkeypatch):
     search = aperiodic.last_survivor
-    found = aperiodic.critical_scale(np.ones(64), 0.1)
-    assert found.status is Status.OK
-    assert found.value + found.error == pytest.approx(found.upper)
+    result = aperiodic.critical_scale(np.ones(64), 0.1)
+    assert result.status is Status.OK
+    assert result.value + result.error == pytest.approx(result.upper)
 
     def careless(kappa, theta=0.0, effort=8, settings=None):
         return search(1.3 * kappa if effort == 1 else kappa, theta, effort, settings)
 
     monkeypatch.setattr(aperiodic, "last_survivor", careless)
-    found = aperiodic.critical_scale(np.ones(64), 0.1)
-    assert found.status is Status.UNDECIDED
-    assert np.isnan(found.upper)
+    result = aperiodic.critical_scale(np.ones(64), 0.1)
+    assert result.status is Status.UNDECIDED
+    assert np.isnan(result.upper)
 
 
 def test_at_zero_amplitude_the_last_torus_is_the_golden_circle():
-    found, omega = last_torus.last_critical_scale(2**0.5 - 1, 1.0, 0.0, 4000)
-    assert found.lower < KAPPA_G < found.upper < 1.05 * found.lower
+    result, omega = last_torus.last_critical_scale(2**0.5 - 1, 1.0, 0.0, 4000)
+    assert result.lower < KAPPA_G < result.upper < 1.05 * result.lower
     assert omega == pytest.approx((3 - 5**0.5) / 2, abs=0.05)

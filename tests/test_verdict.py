@@ -45,9 +45,9 @@ def test_verdicts_agree_with_the_boundary_on_both_sides(boundary, distance):
 
 def test_on_the_boundary_a_verdict_is_undecided_and_states_the_bracket():
     value = barriers.critical_scale((1.0, 1.0), 1e-3).value
-    found = verdict((value, value))
-    assert (found.answer, found.circle) == (Answer.UNDECIDED, None)
-    assert found.boundary.lower < 1 < found.boundary.upper < found.boundary.lower + 3e-5
+    result = verdict((value, value))
+    assert (result.answer, result.circle) == (Answer.UNDECIDED, None)
+    assert result.boundary.lower < 1 < result.boundary.upper < result.boundary.lower + 3e-5
 
 
 PAIRS = (0.3, 0.4), (0.6, 0.6), (0.6, -0.6), (-0.6, 0.6)
@@ -55,36 +55,36 @@ PAIRS = (0.3, 0.4), (0.6, 0.6), (0.6, -0.6), (-0.6, 0.6)
 
 @pytest.mark.parametrize("kappa", [*PAIRS, (0.3,), (0.4, 0, -0.4, 0), (0, 0.4, 0, -0.4)])
 def test_the_circle_has_the_rotation_number_of_the_verdict(kappa):
-    found = verdict(kappa)
-    x, y = found.circle
+    result = verdict(kappa)
+    x, y = result.circle
     omega = orbits.rotation_number(kappa, x[0], y[0], 10_000)[0] % len(kappa)
-    assert min(omega, len(kappa) - omega) == pytest.approx(float(found.boundary.omega), abs=1e-7)
+    assert min(omega, len(kappa) - omega) == pytest.approx(float(result.boundary.omega), abs=1e-7)
 
 
 @pytest.mark.parametrize("case", thirds([(-1e-2, "BARRIER"), (1e-2, "TRANSPORT")]))
 def test_a_forcing_without_symmetry_gets_a_verdict(case):
     distance, answer = case
-    found = verdict(np.array([0.3, 0.2, 0.25]) * 1.79656 * (1 + distance))
-    assert found.answer is Answer[answer]
-    assert str(found.boundary.omega) == "[1;4,(1)]"
-    assert (found.circle is not None) == (found.evidence is Evidence.CIRCLE)
+    result = verdict(np.array([0.3, 0.2, 0.25]) * 1.79656 * (1 + distance))
+    assert result.answer is Answer[answer]
+    assert str(result.boundary.omega) == "[1;4,(1)]"
+    assert (result.circle is not None) == (result.evidence is Evidence.CIRCLE)
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e-310, pytest.param(5e-324, marks=pytest.mark.slow)])
 def test_under_the_weakest_kicks_a_circle_exists_and_the_boundary_is_not_infinite(size):
-    found = verdict((size, 0.0))
-    assert (found.answer, found.evidence) == (Answer.BARRIER, Evidence.CIRCLE)
+    result = verdict((size, 0.0))
+    assert (result.answer, result.evidence) == (Answer.BARRIER, Evidence.CIRCLE)
     if size == 1e-300:
         exact = verdict((0.25, 0.0)).boundary.value * 0.25
-        assert found.boundary.value * size == pytest.approx(exact, rel=1e-12)
+        assert result.boundary.value * size == pytest.approx(exact, rel=1e-12)
     else:
-        assert found.boundary == no_answer(found.boundary.omega, Status.NO_BREAKUP)
+        assert result.boundary == no_answer(result.boundary.omega, Status.NO_BREAKUP)
 
 
 @pytest.mark.parametrize("kappa", [(2.0, 0.0), (0.1, -3.0), (MAX_STRENGTH, -MAX_STRENGTH)])
 def test_no_circle_exists_from_a_strength_of_two_on(kappa):
-    found = verdict(kappa)
-    assert (found.answer, found.steps) == (Answer.TRANSPORT, 0.5)
+    result = verdict(kappa)
+    assert (result.answer, result.steps) == (Answer.TRANSPORT, 0.5)
 
 
 @pytest.mark.slow
@@ -110,8 +110,8 @@ def test_without_a_certified_circle_there_is_no_barrier(monkeypatch, kappa):
     monkeypatch.setattr(circles, "invariant_circle", failing)
     monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
     monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)  # avoids long tests of others
-    found = verdict(kappa, settings=ONE_TOLERANCE)
-    assert (found.answer, found.evidence) == (Answer.UNDECIDED, Evidence.NONE)
+    result = verdict(kappa, settings=ONE_TOLERANCE)
+    assert (result.answer, result.evidence) == (Answer.UNDECIDED, Evidence.NONE)
 
 
 def test_a_circle_further_out_is_a_barrier_under_an_assumption(monkeypatch):
@@ -126,9 +126,9 @@ def test_if_starts_are_never_eliminated_the_verdict_is_undecided(monkeypatch):
 
 def test_converse_kam_that_contradicts_a_certified_circle_gives_no_verdict(monkeypatch):
     monkeypatch.setattr("nasm.survivors.eliminates", lambda kappa, n_max: True)
-    found = verdict((0.3, 0.4), settings=ONE_TOLERANCE)
-    assert found.boundary.lower > 1
-    assert found.answer is Answer.UNDECIDED
+    result = verdict((0.3, 0.4), settings=ONE_TOLERANCE)
+    assert result.boundary.lower > 1
+    assert result.answer is Answer.UNDECIDED
 
 
 def test_without_residues_only_the_point_itself_decides(monkeypatch):
@@ -147,13 +147,13 @@ def test_without_residues_only_the_point_itself_decides(monkeypatch):
     ],
 )
 def test_a_proof_is_its_own_kind_of_evidence(kappa, evidence):
-    found, sampled = verdict(kappa, prove=True, settings=SHORT_PROOFS), verdict(kappa)
-    assert found.evidence is evidence
-    assert found.proof.proved
-    assert found.answer is sampled.answer
+    result, sampled = verdict(kappa, prove=True, settings=SHORT_PROOFS), verdict(kappa)
+    assert result.evidence is evidence
+    assert result.proof.proved
+    assert result.answer is sampled.answer
     assert sampled.evidence in (Evidence.CIRCLE, Evidence.CONVERSE_KAM)
-    told = " ".join(sentences(np.array(kappa), None, found))
-    assert "proved for exactly this forcing" in told
+    text = " ".join(sentences(np.array(kappa), None, result))
+    assert "proved for exactly this forcing" in text
     assert "proved" not in " ".join(sentences(np.array(kappa), None, sampled))
 
 
@@ -161,16 +161,16 @@ def test_a_proof_is_its_own_kind_of_evidence(kappa, evidence):
     ("kappa", "evidence"), [((0.3, 0.45), Evidence.CIRCLE), ((-0.75, 0.6), Evidence.CONVERSE_KAM)]
 )
 def test_a_proof_that_fails_changes_nothing_and_says_why(kappa, evidence):
-    found = verdict(kappa, prove=True, settings=replace(ONE_TOLERANCE, proof_seconds=1e-9))
-    assert found.evidence is evidence
-    assert not found.proof.proved
+    result = verdict(kappa, prove=True, settings=replace(ONE_TOLERANCE, proof_seconds=1e-9))
+    assert result.evidence is evidence
+    assert not result.proof.proved
     assert "A proof was attempted: not proved: " in " ".join(
-        sentences(np.array(kappa), None, found)
+        sentences(np.array(kappa), None, result)
     )
 
 
 @pytest.mark.parametrize(
-    ("point", "told"),
+    ("point", "expected"),
     [
         (
             ("-0.69", "0.525"),
@@ -187,12 +187,12 @@ def test_a_proof_that_fails_changes_nothing_and_says_why(kappa, evidence):
         (("1e-310", "0"), ["BARRIER", "is not known: no breakup found"]),
     ],
 )
-def test_the_answer_in_words_and_as_a_figure(monkeypatch, tmp_path, point, told):
+def test_the_answer_in_words_and_as_a_figure(monkeypatch, tmp_path, point, expected):
     briefly = partial(verdict, settings=SHORT_PROOFS)
     monkeypatch.setattr("workflows.ask.period.verdict", briefly)
     result = invoke("ask", tmp_path / "out", *point)
     assert result.exit_code == 0, result.output + repr(result.exception)
-    for words in told:
+    for words in expected:
         assert words in result.output
     name = "ask_{}_{}".format(*map(float, point[:2]))
     assert (tmp_path / f"out/{name}.png").stat().st_size > 5000
@@ -200,14 +200,17 @@ def test_the_answer_in_words_and_as_a_figure(monkeypatch, tmp_path, point, told)
 
 
 def test_strengths_and_a_point_of_a_plane_ask_the_same_question(tmp_path, monkeypatch):
-    kappas, found = [], verdict((0.3, 0.3, 0.3))
-    seen = "workflows.ask.period.verdict", lambda kappa, prove: kappas.append(tuple(kappa)) or found
+    kappas, answer = [], verdict((0.3, 0.3, 0.3))
+    seen = (
+        "workflows.ask.period.verdict",
+        lambda kappa, prove: kappas.append(tuple(kappa)) or answer,
+    )
     monkeypatch.setattr(*seen)
     asked = ["0.3", "0.2", "0.25"], ["0.3", "--plane", "three-kicks:0.25", "0.2"]
     results = [invoke("ask", tmp_path, *words) for words in asked]
-    told = {result.output.partition(": ")[2].partition("figures")[0] for result in results}
-    assert len(told) == 1
-    assert "a rotational invariant circle exists" in told.pop()
+    output = {result.output.partition(": ")[2].partition("figures")[0] for result in results}
+    assert len(output) == 1
+    assert "a rotational invariant circle exists" in output.pop()
     assert kappas == [(0.3, 0.2, 0.25)] * 2
     assert len(list(tmp_path.glob("ask_*.png"))) == 2
 
@@ -215,15 +218,15 @@ def test_strengths_and_a_point_of_a_plane_ask_the_same_question(tmp_path, monkey
 def test_an_aperiodic_forcing_gets_an_answer_of_its_own(tmp_path):
     kicks = str(tmp_path / "kicks.txt")
     np.savetxt(kicks, np.random.default_rng(1).uniform(1, 1.5, 70))
-    said = invoke("ask", tmp_path, "--once", kicks).output
-    assert "NO BARRIER survives these 70 kicks" in said
+    output = invoke("ask", tmp_path, "--once", kicks).output
+    assert "NO BARRIER survives these 70 kicks" in output
     assert (tmp_path / "ask_kicks.png").exists()
     repeated = invoke("ask", tmp_path, kicks).output
     assert "TRANSPORT at kappa of 70 kicks" in repeated
     assert "NO BARRIER" not in repeated
     np.savetxt(kicks, np.full(70, 0.9))
-    said = invoke("ask", tmp_path, "--once", kicks).output
-    assert "UNDECIDED for these 70 kicks" in said
+    output = invoke("ask", tmp_path, "--once", kicks).output
+    assert "UNDECIDED for these 70 kicks" in output
 
 
 @pytest.mark.parametrize(
@@ -258,10 +261,10 @@ def finite(digits):
 
 @pytest.mark.parametrize("kappa", [(2.0,), (1.2, 0.9), (2.0, 0.0), (0.9, 0.4, 0.7, 0.4)])
 def test_lifetimes_are_whole_numbers_of_kicks(kappa):
-    found = verdict(kappa)
-    (line,) = [line for line in sentences(np.array(kappa), None, found) if "eliminates" in line]
+    result = verdict(kappa)
+    (line,) = [line for line in sentences(np.array(kappa), None, result) if "eliminates" in line]
     (kicks,) = re.findall(r"after (\d+) kicks?\.", line)
-    assert int(kicks) == found.steps * len(kappa) >= 1
+    assert int(kicks) == result.steps * len(kappa) >= 1
     assert ("kicks" in line) == (int(kicks) > 1)
 
 
@@ -290,10 +293,10 @@ def drawn(kappa):
 
 def test_a_verdict_of_transport_is_drawn_as_dots_without_a_line():
     figure = drawn((1.0, 1.0))
-    (told,) = [line for line in figure.axes[0].lines if "not a barrier" in line.get_label()]
-    assert (told.get_ls(), told.get_mfc()) == ("None", "black")
+    (output,) = [line for line in figure.axes[0].lines if "not a barrier" in line.get_label()]
+    assert (output.get_ls(), output.get_mfc()) == ("None", "black")
     width = figure.axes[0].get_window_extent().width * 72 / figure.dpi
-    assert told.get_xdata().size * told.get_ms() < 0.8 * width  # dots do not merge into a line
+    assert output.get_xdata().size * output.get_ms() < 0.8 * width  # dots do not merge into a line
     assert all(line.get_ls() == "None" for line in figure.axes[0].lines)
 
 
@@ -313,7 +316,7 @@ def test_starts_that_survive_longer_beyond_bands_of_breakup_are_eliminated_by_mo
 
 
 def test_a_table_says_when_no_scale_was_proved():
-    found = verdict((0.3, 0.2))
-    assert "barrier proved up to" not in found._repr_html_()
-    assert "0.5 times the forcing" in replace(found, proved_below=0.5)._repr_html_()
-    assert "no scale, in the time given" in replace(found, proved_below=0.0)._repr_html_()
+    result = verdict((0.3, 0.2))
+    assert "barrier proved up to" not in result._repr_html_()
+    assert "0.5 times the forcing" in replace(result, proved_below=0.5)._repr_html_()
+    assert "no scale, in the time given" in replace(result, proved_below=0.0)._repr_html_()

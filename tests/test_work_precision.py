@@ -68,11 +68,11 @@ def test_seconds_count_from_where_all_errors_are_small():
 def test_direct_bias_falls_like_n_to_the_minus_one_third():
     ray = judged("45")
     steps = [1000, 10_000, 100_000]
-    found = [METHODS["direct-100"].run(ray, n) for n in steps]
-    errors = [raw / ray.value - 1 for (raw, _), _ in found]
+    results = [METHODS["direct-100"].run(ray, n) for n in steps]
+    errors = [raw / ray.value - 1 for (raw, _), _ in results]
     assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(-1 / 3, abs=0.07)
-    assert np.isnan(found[0][1]).all()  # 1000 steps are too few for a value by the law
-    for (_, (value, error)), raw in zip(found[1:], errors[1:], strict=True):
+    assert np.isnan(results[0][1]).all()  # 1000 steps are too few for a value by the law
+    for (_, (value, error)), raw in zip(results[1:], errors[1:], strict=True):
         assert abs(value / ray.value - 1) < raw
         assert abs(value - ray.value) < error
 

@@ -1,4 +1,4 @@
-"""Building blocks of kernels: their cache on disk, vectors, the sine, double-double numbers."""
+"""Building blocks of kernels: a cache on disk, vectors, the sine, double-double arithmetic."""
 
 import lazy_loader
 

@@ -1,13 +1,13 @@
-"""Double-double arithmetic: a number as the unevaluated sum of two floats, about 32 digits.
+"""Double-double arithmetic: numbers of about 32 digits as unevaluated sums of two floats.
 
     x = x_hi + x_lo,   |x_lo| ≤ ulp(x_hi)/2
 
-Sums and products consist of error-free transformations: a + b = s + e and a·b = p + e exactly, with
-s and p the rounded results (Knuth; Dekker; here with fma). If a long computation in floats has lost
-digits to rounding, its last steps in this arithmetic restore them.
+Sums and products are built from error-free transformations: a + b = s + e and a·b = p + e exactly,
+with s and p the rounded results (Knuth; Dekker; here with fma). If a long computation in floats has
+lost digits to rounding, repeating its last steps in this arithmetic restores them.
 
-`add`, `multiply` and `sincos_2pi` take and return pairs (hi, lo); they are written for functions of
-`numba.njit`.
+`add`, `multiply` and `sincos_2pi` take and return pairs (hi, lo); they are meant to be called from
+functions compiled with `numba.njit`.
 """
 
 from fractions import Fraction
@@ -20,7 +20,7 @@ from nasm.arithmetic.lanes import fma, rint
 __all__ = ["add", "divided", "multiply", "pair", "sincos_2pi"]
 
 
-# With twice as many digits as a pair.
+# Twice as many digits as a pair holds.
 EXACT_PI = Fraction("3.1415926535897932384626433832795028841971693993751058209749445923")
 
 
@@ -38,21 +38,24 @@ def pair(exact: Fraction) -> tuple[float, float]:
 
 
 def _taylor(first):
-    """Taylor coefficients of sin 2πr (first = 1) or cos 2πr (0) in r², to 1e-23 for |r| ≤ 1/8."""
+    """Return the Taylor coefficients in r² of (sin 2πr)/r (first = 1) or cos 2πr (first = 0).
+
+    With them both functions are accurate to 1e-23 for |r| ≤ 1/8.
+    """
     powers = range(first, first + 22, 2)
     return tuple(
         pair((-1) ** ((n - first) // 2) * (2 * EXACT_PI) ** n / factorial(n)) for n in powers
     )
 
 
-_FIRST_FLOAT = 5  # index of the first coefficient that is used as a float
+_FIRST_FLOAT = 5  # index of the first coefficient whose term is evaluated in floats
 _SIN, _COS = _taylor(1), _taylor(0)
 INVERSE_TWO_PI = pair(1 / (2 * EXACT_PI))
 
 
 @njit(inline="always")
 def two_sum(a, b):
-    """Compute a + b of two floats, exactly."""
+    """Compute a + b of two floats exactly, as the rounded sum and its rounding error."""
     s = a + b
     t = s - a
     return s, (a - (s - t)) + (b - t)
@@ -79,14 +82,14 @@ def multiply(a, b):
 
 @njit(inline="always")
 def divided(a, b):
-    """Compute a/b of two floats."""
+    """Compute the quotient a/b of two floats as a pair."""
     quotient = a / b
     return quotient, fma(-quotient, b, a) / b
 
 
 @njit
 def _polynomial(coefficients, square):
-    """Evaluate to 1e-23, for which floats suffice in terms below 1e-7."""
+    """Evaluate the polynomial to 1e-23; its terms below 1e-7 need only floats."""
     low = coefficients[len(coefficients) - 1][0]
     for k in range(len(coefficients) - 2, _FIRST_FLOAT - 1, -1):
         low = low * square[0] + coefficients[k][0]

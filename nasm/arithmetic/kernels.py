@@ -1,23 +1,25 @@
 """Compiled kernels, kept on disk: each is compiled once per machine, not once per process.
 
-`@kernel` is Numba's `njit(nogil=True)` with Numba's own cache on disk, and three more guarantees.
+`@kernel` is Numba's `njit(nogil=True)` with Numba's own cache on disk and three further guarantees.
 
-- *Never stale.* Numba checks whether the file of a kernel has changed; but the code of other files
-  is compiled into it. Here the directory is named after a digest of all sources of this package and
-  the version of rocket-fft; Numba's own keys are its version, the processor and the types. So every
-  version has its own directory. A process whose sources have been edited or upgraded since it
-  imported them may contain code of both versions: it neither loads kernels nor keeps them.
-- *Many processes.* If several need a missing kernel, one compiles it, and the others wait and load
-  it: a lock is held until the kernel is stored. On a file system without locks each may compile it;
-  files are replaced atomically, so none is corrupted.
-- *No harm.* If a file cannot be written or read, because the disk is full or the file is damaged, a
-  kernel is compiled as without a cache; kernels are still read from a directory that cannot be
-  written. Each file ends with a digest of its content: machine code with one bit changed would
-  crash every process that loads it. A kernel runs with the rights of its user: directories and
-  files that belong to anyone but this user or root, or that others can write, are not used.
+- *Never stale.* Numba checks only whether the file that defines a kernel has changed, but code from
+  other files is compiled into the kernel. Here the directory is named after a digest of all sources
+  of this package and the version of rocket-fft; Numba's own keys are its version, the processor and
+  the types. So every version of the sources has its own directory. A process whose sources have
+  been edited or upgraded since it imported them may contain code of both versions: it neither loads
+  nor stores kernels.
+- *Many processes.* If several processes need the same missing kernel, one compiles it while the
+  others wait and then load it: a lock is held until the kernel is stored. On a file system without
+  locks each may compile it; files are replaced atomically, so none is corrupted.
+- *No harm.* If a file cannot be written or read, because the disk is full or the file is damaged,
+  the kernel is compiled as if there were no cache; from a read-only directory kernels are still
+  loaded. Each file ends with a digest of its content: machine code with one flipped bit would crash
+  every process that loads it. A kernel runs with the rights of its user: directories and files that
+  belong to anyone but this user or root, or to which others can write, are not used.
 
-The directory is in NUMBA_CACHE_DIR if that is set, else in the user's cache folder. Only
-functions that Python calls are kernels; what they call is compiled into them (`njit` alone).
+The directory is in NUMBA_CACHE_DIR if that is set, else in the user's cache folder. Only functions
+called from Python are kernels; the functions that they call are compiled into them, and need only
+`njit`.
 """
 
 import hashlib
@@ -63,7 +65,7 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     Parameters
     ----------
     function : callable
-        The function; None for a decorator with options.
+        Function to compile; None to return a decorator with these options.
     **options
         Options of `numba.njit`.
 
@@ -87,10 +89,10 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 
 
 def begin_without_scipy() -> None:
-    """Load what Numba loads with the first kernel, except scipy.fft and scipy.linalg (half of it).
+    """Import what Numba imports with its first kernel, without scipy.fft and scipy.linalg.
 
-    Call it in programs; no module calls it on import. Numba then compiles neither np.cov nor
-    scipy.fft, which no kernel of nasm calls.
+    Those two are half of what Numba imports. Call this function in programs; no module calls it on
+    import. Afterwards Numba compiles neither np.cov nor scipy.fft, which no kernel of nasm calls.
     """
     if unused := {"scipy.fft", "scipy.linalg"} - sys.modules.keys():
         sys.modules.update(dict.fromkeys(unused))  # type: ignore[arg-type]  # None hides it
@@ -103,13 +105,13 @@ def begin_without_scipy() -> None:
 
 @cache
 def directory() -> Path | None:
-    """Return the directory of the kernels of these sources, and create it if necessary.
+    """Return the directory for kernels compiled from these sources; create it if necessary.
 
     Returns
     -------
     Path or None
-        None if it cannot be created, or if somebody other than this user can write it; a warning
-        about the latter is issued once.
+        None if it cannot be created, or if somebody other than this user can write to it; in the
+        latter case a warning is issued, once.
     """
     digest = sources.digest()
     digest.update(version("rocket-fft").encode())
@@ -136,12 +138,12 @@ def directory() -> Path | None:
 
 
 def _is_trusted(file):
-    """Return True if only this user or root can write the file or directory of this stat."""
+    """Return True if only this user or root can write to a file or directory, given its stat."""
     return file.st_uid in (os.geteuid(), 0) and not file.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 def are_missing() -> bool:
-    """Return True if kernels of these sources are still to be compiled, once on this machine."""
+    """Return True if the kernels of these sources have yet to be compiled on this machine."""
     path = directory()
     return path is not None and os.access(path, os.W_OK) and not any(path.glob("*.nbc"))
 
@@ -157,7 +159,7 @@ def _warn_of_changed_sources():
 
 
 class _Locator(_CacheLocator):
-    """Where Numba's cache keeps a function."""
+    """Tells Numba's cache where to store the compiled code of a function."""
 
     def __init__(self, function, source):
         self._py_file, self._line = source, function.__code__.co_firstlineno
@@ -174,7 +176,8 @@ class _Locator(_CacheLocator):
         return directory().name
 
     def get_disambiguator(self):
-        # Numba uses only the last part of circles.newton and tori.newton.
+        # Numba would use only the last part of the module name, the same in circles.newton and
+        # tori.newton.
         return f"{self._module}-{self._line}"
 
 
@@ -183,10 +186,10 @@ class _CompileResults(CompileResultCacheImpl):
 
 
 class _Files(IndexDataCacheFile):
-    """Numba's files of a function: an index, and one for each of its types; OSError if damaged."""
+    """Numba's cache files of a function: an index, and one per signature; OSError if damaged."""
 
     def _data_name(self, number):
-        # Random, so that two processes without a lock store two types in two files.
+        # Random, so that processes without a lock do not store two signatures in the same file.
         return super()._data_name(secrets.randbits(64))
 
     def _dump(self, obj):
@@ -210,9 +213,9 @@ class _Files(IndexDataCacheFile):
 
 
 def _check(path, start=0):
-    """Raise OSError unless the file is this user's and undamaged.
+    """Raise OSError if the file is damaged, or `_is_trusted` rejects it.
 
-    Its content from `start` on must end with the digest of what precedes.
+    The last 32 bytes must be the digest of the content from `start` up to them.
     """
     with open(path, "rb") as file:
         if not _is_trusted(os.fstat(file.fileno())):
@@ -223,7 +226,7 @@ def _check(path, start=0):
 
 
 class _Cache(FunctionCache):
-    """Numba's cache of a function, which fails silently."""
+    """Numba's cache of a function; if it fails, the function is silently compiled instead."""
 
     _impl_class = _CompileResults
 

@@ -1,11 +1,11 @@
-"""Numbers that are the same, to the last bit, on processors of different kinds.
+"""Functions whose results agree to the last bit on processors of different kinds.
 
-NumPy computes exp, log, powers and `geomspace` of arrays by other formulas where a processor has
+NumPy computes exp, log, powers and `geomspace` of arrays by different formulas on processors with
 AVX-512, and BLAS adds the terms of a matrix product in an order that depends on the processor. The
-functions of `math`, which kernels call too, do neither. The values and coordinates of cubes are
-computed without those functions of NumPy and without matrix products, except for proofs, whose
-results depend on time anyway. This holds for x86-64 processors with AVX2 and FMA, and one
-version of the C library.
+functions of `math`, which kernels also call, are not affected. The values and coordinates of cubes
+are computed without those functions of NumPy and without matrix products, except for proofs, whose
+results depend on computing time anyway. They agree on x86-64 processors with AVX2 and FMA, and with
+one version of the C library.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ def geometric(first: float, last: float, n: int) -> FloatArray:
 
 
 def powers(values: ArrayLike, exponent: float) -> FloatArray:
-    """Compute values**exponent for a few numbers, in 0.1 µs each.
+    """Compute values**exponent for a few numbers; each takes 0.1 µs.
 
     Examples
     --------

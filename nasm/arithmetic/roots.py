@@ -1,15 +1,16 @@
-"""Roots of functions of one number, by Chandrupatla's method (Adv. Eng. Software 28 (1997) 145).
+"""Roots of functions of one variable, by Chandrupatla's method (Adv. Eng. Software 28 (1997) 145).
 
 The root stays between two points at which the function has opposite signs. The next point is found
-by inverse quadratic interpolation if the last three are suited to it, and by bisection otherwise.
-It needs about as many values as Brent's method of scipy.optimize, which takes 0.3 s to import.
+by inverse quadratic interpolation if the last three points are suited to it, and by bisection
+otherwise. The function is evaluated about as often as by Brent's method in scipy.optimize, which
+takes 0.3 s to import.
 """
 
 from collections.abc import Callable
 
 __all__ = ["root"]
 
-_SPACING = 4e-16  # relative, of floats
+_SPACING = 4e-16  # relative spacing of floats
 
 
 def root(
@@ -26,7 +27,7 @@ def root(
     tol : float
         Absolute error.
     max_steps : int
-        After max_steps + 2 values of f the better end of the bracket is returned.
+        After max_steps + 2 evaluations of f, the better end of the bracket is returned.
 
     Returns
     -------

@@ -2,11 +2,11 @@
 
     sin 2πu = 2πu · (1 + c₁v + c₂v² + … + c₇v⁷),   v = u²,   |u| ≤ 1/4.
 
-An angle in turns is reduced by x - rint(x), which is exact for every x below 2⁵²; an angle in
-radians is not (libm's sin(2π·x) is wrong by 7e-10 at x = 10⁶, because 2πx was rounded).
+An angle in turns is reduced by x - rint(x), which is exact for every x below 2⁵². In radians the
+product 2πx is rounded before it is reduced: libm's sin(2π·x) is wrong by 7e-10 at x = 10⁶.
 
-The coefficients are those of the polynomial whose largest *absolute* error in sin 2πu on |u| ≤ 1/4
-is the least among those that start with exactly 1. They are found by Remez exchange in 60-digit
+Of all such polynomials whose constant term is exactly 1, this one has the smallest maximum of the
+*absolute* error in sin 2πu on |u| ≤ 1/4. Its coefficients were found by Remez exchange in 60-digit
 arithmetic with the weight 2πu, then rounded to double. The error is 1.10e-16 before rounding;
 `tests/test_sine.py` finds its extrema. With rounding in the evaluation, |error of sin2pi| ≤ 4e-16.
 
@@ -31,13 +31,13 @@ SINE = (
     0.6075197826138032,
     -0.11007027709872692,
 )
-"""1, c₁, …, c₇ of sin 2πu / 2πu as a polynomial in u²; see the module."""
+"""Coefficients 1, c₁, …, c₇ of (sin 2πu)/(2πu) as a polynomial in u²; see the module."""
 
 SINGLE_SINE = (1.0, -6.5797324892444, 12.987386239067208, -12.18679412216513, 6.315699279004127)
-"""The best polynomial of degree 4, accurate to 5e-9; single precision rounds by 6e-8."""
+"""The best polynomial of degree 4 in u²: its error is 5e-9; single precision rounds by 6e-8."""
 
 COSINE = tuple((2 * k + 1) * c for k, c in enumerate(SINE))
-"""Coefficients of cos 2πu, from the derivative of `SINE`: less accurate, for the same u."""
+"""Coefficients of cos 2πu, from the derivative of sin 2πu: less accurate, for the same u."""
 
 _C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7 = SINE
 _TWO_PI = 2 * np.pi

@@ -1,4 +1,4 @@
-"""Invariant circles: Newton's method, the continuation to their breakup, their symmetries."""
+"""Invariant circles: Newton's method, continuation to the breakup, and symmetries."""
 
 import lazy_loader
 

@@ -4,18 +4,20 @@ The length of a circle's finest structure is 1/M,
 
     M = ‖u‖_{H³} / ‖u‖_{H²}  →  ∞     as  s → s_c.
 
-Near the breakup it is self-similar. For ω with the tail (b_1, …, b_m) there are Λ and δ with
+Near the breakup the circle is self-similar. For ω with the tail (b_1, …, b_m) there are Λ and δ
+with
 
     M(s_c - d/δ) = Λ M(s_c - d)
 
 up to terms that vanish with d. Λ is the growth of the denominators of the convergents over m
 partial quotients, and δ the unstable eigenvalue of renormalisation, the same for all circles with
 that tail. So M blows up like d^(-ν), ν = log Λ / log δ, times a function that is periodic in log M:
-flat for golden tails, ±10% for the tail of fours. Three scales at which M differs by factors of Λ
-and Λ² are in phase, and yield s_c by Richardson's extrapolation, with the ratios δ and δ².
+constant for golden tails, varying by ±10% for the tail of fours. Three scales at which M differs by
+factors of Λ and Λ² are in phase, and yield s_c by Richardson extrapolation with the ratios δ and
+δ².
 
-That the blow-up marks the breakup is Calleja & de la Llave's criterion (Nonlinearity 23 (2010)
-2029), which the paper uses (arXiv:1606.04824, Sec. VI).
+That this blow-up marks the breakup is the criterion of Calleja & de la Llave (Nonlinearity 23
+(2010) 2029), which the paper uses (arXiv:1606.04824, Sec. VI).
 """
 
 import sys
@@ -48,40 +50,42 @@ UNSTABLE_EIGENVALUES = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}
 
 @dataclass(frozen=True)
 class ContinuationSettings:
-    """How far circles are continued towards their breakup, and what the estimates may claim.
+    """Limits of the continuation of circles, and least errors that its estimates may claim.
 
     Attributes
     ----------
     max_points : int
-        Points of the finest grid; the distance from the breakup that is reached is in inverse
-        proportion.
+        Points of the finest grid; the distance from the breakup that is reached is inversely
+        proportional to it.
     max_certified_points : int
-        Most points of the circle that is certified, on a grid four times finer.
+        Maximum number of points of the circle that is certified, on a grid four times finer.
     max_circles : int
-        Most circles on a ray, which needs 10 to 30.
+        Maximum number of circles on a ray, which usually needs 10 to 30.
     max_halvings : int
         Halvings of a step after which a failure of Newton's method is final.
     max_rounds : int
-        Rounds of the fixed-point iteration for s_c, which needs 5 to 20.
+        Maximum number of rounds of the fixed-point iteration for s_c, which usually needs 5 to 20.
     mode_share : float
-        M is computed from all modes, and from this share of them: the difference counts as error.
+        M is computed from all modes, and again from this share of them: the difference counts as
+        error.
     modes : float
-        Modes, times the relative distance from the breakup, that resolve a circle.
+        Number of modes that resolve a circle, multiplied by its relative distance from the breakup.
     modes_of_path : float
         The same for circles from which others are extrapolated: of 46 certificates, five failed
         with 3.5, and none with 4.5.
     two_scale_error : float
-        Error of s_c from two scales, over its distance to the last circle; 2.3 is the largest seen.
+        Error of s_c from two scales, divided by the distance from s_c to the last circle; 2.3 is
+        the largest seen.
     error_without_delta : float
-        Least error of s_c if δ is not known, over its distance to the last circle.
+        Least error of s_c if δ is not known, divided by the distance from s_c to the last circle.
     test_distance : float
         Relative distance beyond the value at which residues test for the circle, by
         `farey.circle_exists`.
     max_depth_ratio : float
-        Depth up to which circles do not show a cusp, over the distance from the breakup of the
-        second of the three scales.
+        Depth up to which circles do not resolve a cusp, divided by the distance from the breakup to
+        the second of the three scales.
     newton : NewtonSettings
-        When Newton's method has converged.
+        Criteria for the convergence of Newton's method.
 
     Examples
     --------
@@ -120,7 +124,7 @@ def critical_scale(
     1. If the forcing repeats itself, take the shorter map, as `periodic.critical_scale` does.
     2. Continue the circle from s = 0, each time by a fixed fraction of the estimated distance to
        the breakup, with as many modes as each circle needs.
-    3. Stop when `error` is below tol, or the modes are used up.
+    3. Stop when `error` is below tol, or no more modes are available.
     4. Certify the last circle of at most 2048 points.
 
     Parameters
@@ -130,17 +134,17 @@ def critical_scale(
     profile : array_like, shape (P,)
         Direction of the ray, not zero; no symmetry is needed.
     tol : float
-        Absolute error to aim at; that of the result may exceed it.
+        Target for the absolute error; the error of the result may exceed it.
     settings : ContinuationSettings
-        Limits, and what the estimates may claim.
+        Limits, and least errors that the estimates may claim.
 
     Returns
     -------
     CriticalScale
-        lower is the scale of the certified circle, upper NaN. Without an estimate, or with an error
-        as large as the value, value and error are NaN, for example where a large quotient hides the
-        tail from all circles with enough modes; lower remains. Status UNDECIDED if residues show
-        the circle beyond the value.
+        lower is the scale of the certified circle; upper is NaN. Without an estimate, or with an
+        error as large as the value, value and error are NaN, for example if a large quotient hides
+        the tail of ω from all circles with enough modes; lower is still returned. Status UNDECIDED
+        if residues show that the circle exists beyond the value.
 
     Raises
     ------
@@ -149,11 +153,11 @@ def critical_scale(
 
     Notes
     -----
-    The error is the spread of the last estimates and their last change, or the change due to the
-    third scale if that is larger, plus the change due to the highest modes. Near a forcing of a
-    shorter period it includes the depth of the boundary's cusp there, until the circles resolve it.
-    It is three times the distance from the last circle if M has not grown by Λ² yet, and at least a
-    fifth of that distance if δ is not known for the tail of ω.
+    The error is the spread of the last estimates plus their last change, or the change due to the
+    third scale plus that due to the highest modes, whichever is larger. Near a forcing of
+    shorter period the error includes the depth of the boundary's cusp there, until the circles
+    resolve the cusp. It is three times the distance from the last circle to the value if M has not
+    grown by Λ² yet, and at least a fifth of that distance if δ is not known for the tail of ω.
 
     Examples
     --------
@@ -180,7 +184,7 @@ def critical_scale(
         status = Status.NOT_CONVERGED if status is Status.OK else status
         return CriticalScale(nan, nan, lower, nan, omega, status, METHOD)
     # If the ray passes close to another sheet of the boundary, circles look as if they broke there.
-    # With one or two kicks there is one sheet.
+    # With one or two kicks there is only one sheet.
     beyond = value + max(2 * error, settings.test_distance * value)
     if short.size > 2 and circle_exists(short_omega, beyond * short):
         return CriticalScale(nan, nan, lower, nan, omega, Status.UNDECIDED, METHOD)
@@ -200,8 +204,9 @@ def certified_circle(
 
     1. Circles are computed at the relative distances d = 1/2, 0.15, 0.045, … from the breakup, with
        at least 4.5/d modes, which resolve their finest structures.
-    2. The one at d = `distance` is certified on a finer grid, from 2.4/d modes if they are enough,
-       or 4.2/d or 6/d; otherwise one slightly farther from the breakup, or the one before.
+    2. The circle at d = `distance` is certified on a finer grid, from 2.4/d modes if they suffice,
+       else from 4.2/d or 6/d; if that fails, one slightly farther from the breakup, or an earlier
+       one of step 1.
 
     Parameters
     ----------
@@ -210,7 +215,7 @@ def certified_circle(
     profile : array_like, shape (P,)
         Direction of the segment κ = start + s·profile.
     breakup : float
-        Scale of the breakup, e.g. by `periodic.critical_scale`.
+        Scale of the breakup, e.g. from `periodic.critical_scale`.
     distance : float
         Relative distance, 10⁻⁶ to 1/2.
     start : array_like, shape (P,), optional
@@ -218,7 +223,7 @@ def certified_circle(
     until : float
         The `time.thread_time` after which no circle nearer to the breakup is tried.
     settings : ContinuationSettings
-        Its numbers of modes.
+        Numbers of modes, and settings of Newton's method.
 
     Returns
     -------
@@ -256,7 +261,7 @@ def certified_circle(
         if u is None:
             break
         path.append((breakup * (1 - d), u))
-    # Fewer modes at first: they let less rounding in, and no other circle starts from this one.
+    # Try fewer modes first: they let in less rounding, and this circle is not extrapolated further.
     tries = [(distance, factor) for factor in (0.4, 0.7, 1.0)] + [(min(1.4 * distance, 0.5), 0.7)]
     nearest = (
         (breakup * (1 - d), circle_at(d, factor * settings.modes / d))
@@ -271,7 +276,7 @@ def certified_circle(
 
 
 def _first_circle(omega, start, settings):
-    """Return the path of circles at s = 0, [(0.0, u)]; empty if there is none."""
+    """Return the start of a path of circles, [(0.0, u)]; empty if no circle exists at s = 0."""
     if not start.any():
         return [(0.0, np.zeros((start.size, newton.MIN_POINTS)))]
     circle = newton.invariant_circle(omega, start, settings.max_points, settings=settings.newton)
@@ -286,7 +291,7 @@ def fineness(u: FloatArray, last: int | IntArray = -1) -> FloatArray:
     u : ndarray, shape (P, n)
         Deviations.
     last : int or array of int
-        Highest mode included, or several of them; default all modes.
+        Highest mode included, or an array of several such modes; by default all modes.
 
     Returns
     -------
@@ -311,29 +316,32 @@ def fineness(u: FloatArray, last: int | IntArray = -1) -> FloatArray:
 def _continue(omega, profile, tol, settings):
     """Continue the circle towards its breakup.
 
-    Returns the path; the last estimate of the breakup; its error, inf without one; and OK, or the
-    Status that ended the path.
+    Returns the path; the last estimate of the breakup; its error, or inf if there is no estimate;
+    and OK, or the Status that ended the path.
     """
     growth, delta = _scaling(omega.tail)
     step_ratio = 1 - 1 / delta if growth < 2 else 0.25
-    # As many circles as it takes s_c - s to shrink by δ, and M to pass through one oscillation.
+    # Number of circles over which s_c - s shrinks by a factor of δ, and M passes through one
+    # oscillation.
     window = max(3, 1 + round(log(delta) / -log(1 - step_ratio)))
     cusps = powers(distances_to_shorter(profile), CUSP_EXPONENT)
     path, logarithms, estimates = [(0.0, np.zeros((profile.size, newton.MIN_POINTS)))], [], []
     value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
-    # Below a relative step of 1e-14 the norms do not distinguish the circle from the breakup.
+    # Below a relative step of 1e-14 the norms do not distinguish the circle's scale from the
+    # breakup.
     while error > tol and len(path) < settings.max_circles and step > 1e-14 * path[-1][0]:
         (last_scale, u), status = _next_circle(omega, profile, path, step, settings)
         if status is not Status.OK:
             break
         path.append((last_scale, u))
-        # From most of the modes and from all: the two differ if the last modes are not resolved.
+        # M from most of the modes and from all of them: the two differ if the last modes are
+        # unresolved.
         kept = fourier.cut(omega, u.shape[-1], settings.newton.grid)
         finest = fineness(u, np.array([int(settings.mode_share * kept), kept]))
         logarithms.append([log(m) for m in finest])
         scales, log_m = np.array([scale for scale, _ in path[1:]]), np.array(logarithms).T[::-1]
         estimate, own_error = _estimate(omega, scales, log_m, growth, delta, settings)
-        if own_error == inf and value > last_scale:  # the previous estimate holds
+        if own_error == inf and value > last_scale:  # keep the previous estimate
             error, estimates = max(error, settings.two_scale_error * (value - last_scale)), []
         else:
             value, error = estimate, own_error
@@ -348,7 +356,8 @@ def _continue(omega, profile, tol, settings):
                 error,
                 np.ptp(estimates) + abs(estimates[-1] - estimates[-2]) if is_spread else distance,
             )
-            # A cusp that the circles so far do not resolve: residues found 0.8 to 1.1 of its depth.
+            # Add the depth of any cusp that these circles do not resolve; by residues it was 0.8 to
+            # 1.1 times this.
             depths = value * cusps
             unresolved = depths < settings.max_depth_ratio * delta * distance
             error += depths.max(where=unresolved, initial=0.0)
@@ -374,8 +383,8 @@ def _next_circle(omega, profile, path, step, settings):
 def _estimate(omega, scales, log_m, growth, delta, settings):
     """Estimate s_c and its error from three scales, at M, M/Λ and M/Λ², or from the first two.
 
-    Growth of M is counted from the wave number at which the tail of ω begins: the last denominator
-    of its prefix. NaN and inf if M has not grown by Λ yet.
+    Growth of M is counted from the wave number at which the tail of ω begins: the denominator of
+    the last convergent of its prefix. Returns NaN and inf if M has not grown by Λ yet.
     """
     decreases = np.flatnonzero(np.diff(log_m[0]) <= 0)  # far from the breakup M may decrease
     start = decreases[-1] + 1 if decreases.size else 0
@@ -400,9 +409,9 @@ def _estimate(omega, scales, log_m, growth, delta, settings):
 
 
 def _extrapolate(scales, log_m, growth, delta, order, max_rounds):
-    """Return s_c, and its value at one order less, by Richardson's rule; NaN if this diverges.
+    """Return s_c by Richardson extrapolation, and its value at one order less; NaN if it diverges.
 
-    The rule needs the scales at M, M/Λ, …, which are interpolated in log(s_c - s).
+    The extrapolation needs the scales at M, M/Λ, …; they are found by interpolating log(s_c - s).
     """
     levels = [log_m[-1] - k * log(growth) for k in range(1, order + 1)]
     nodes = [_interpolate(scales, log_m, level) for level in levels]
@@ -424,7 +433,7 @@ def _extrapolate(scales, log_m, growth, delta, order, max_rounds):
 
 
 def _linear_distance(scales, log_m, growth, delta):
-    """Return s_c - s from the last circle, by a line through the last two M^(-1/ν)."""
+    """Return s_c - s at the last circle, from a line through the last two values of M^(-1/ν)."""
     if len(scales) < 2 or not log_m[-1] > log_m[-2]:
         return inf
     shrink = exp((log_m[-2] - log_m[-1]) * log(delta) / log(growth))
@@ -432,14 +441,14 @@ def _linear_distance(scales, log_m, growth, delta):
 
 
 def _interpolate(scales, log_m, level):
-    """Return four (weight, scale) around log M = level, whose weighted sum is the cubic there."""
+    """Return (weight, scale) of four circles, for cubic interpolation to log M = level."""
     start = min(max(int(np.searchsorted(log_m, level)) - 2, 0), log_m.size - 4)
     weights = newton.lagrange(log_m[start : start + 4].tolist(), level)
     return list(zip(weights, scales[start : start + 4].tolist(), strict=True))
 
 
 def _distance(nodes, value):
-    """Return s_c - s, if s_c is `value`, by interpolation of its logarithm between the nodes."""
+    """Return s_c - s for s_c = `value`, by interpolating its logarithm between the nodes."""
     logarithm = 0.0
     for weight, scale in nodes:  # in this order on every processor, unlike a matrix product
         logarithm += weight * log(value - scale)
@@ -449,7 +458,7 @@ def _distance(nodes, value):
 def _scaling(tail):
     """Return Λ and δ of a tail.
 
-    Without a known δ, δ = Λ is used: ν is 0.987 to 1.04 for the ten tails tried.
+    If δ is not known, δ = Λ is used: ν is 0.987 to 1.04 for the ten tails tried.
     """
     (a, b), (c, d) = (1.0, 0.0), (0.0, 1.0)
     for quotient in tail:  # times the matrix [[quotient, 1], [1, 0]]

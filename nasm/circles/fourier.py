@@ -2,10 +2,10 @@
 
     f(θ) = Σ_k f̂_k e^{2πikθ},     f(θ + ω) ↔ e^{2πikω} f̂_k,     f'(θ) ↔ 2πik f̂_k
 
-A function is an array of its values at θ = i/n, along the last axis. The equations of KAM theory,
-g(θ + ω) - g(θ) = f(θ), divide f̂_k by e^{2πikω} - 1, which is small if k is the denominator of a
-convergent of ω, and never zero only because ω is irrational. So the phases kω mod 1 are computed in
-integers.
+A function is an array of its values at θ = i/n, along the last axis. Solving the equations of KAM
+theory, g(θ + ω) - g(θ) = f(θ), divides f̂_k by e^{2πikω} - 1, which is small if k is the
+denominator of a convergent of ω, and is never zero only because ω is irrational. So the phases kω
+mod 1 are computed in integers.
 """
 
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ __all__ = ["GridSettings", "derivative", "resample", "rotate", "solve_cohomology
 
 @dataclass(frozen=True)
 class GridSettings:
-    """How many points a grid has, and how many of its modes are kept.
+    """Settings for the number of points of a grid, and for the number of modes kept on it.
 
     Attributes
     ----------
     mode_ratio : float
-        Ratio of modes kept to points: products of so few modes do not alias much.
+        Ratio of modes kept to points; products of so few modes cause little aliasing.
     resonance_ratio : float
         A cut is moved below a resonant mode that exceeds this fraction of the cut.
     min_modes : int
@@ -58,7 +58,8 @@ DEFAULT_GRID_SETTINGS = GridSettings()
 def turns(omega: OmegaLike, n_modes: int) -> NDArray[np.complex128]:
     """Compute e^{2πikω} for k = 0, …, n_modes - 1, to the last digits.
 
-    kω mod 1 is exact for a convergent p/q of ω with q ≤ 10¹², which misses ω by less than 1/q².
+    kω mod 1 is computed exactly for a convergent p/q of ω with q ≤ 10¹², which differs from ω by
+    less than 1/q².
 
     Returns
     -------
@@ -80,9 +81,9 @@ def turns(omega: OmegaLike, n_modes: int) -> NDArray[np.complex128]:
 
 
 def grid(omega: OmegaLike, n_modes: float, settings: GridSettings = DEFAULT_GRID_SETTINGS) -> int:
-    """Choose the size of a grid that keeps n_modes or more, up to just below a resonance.
+    """Choose the size of a grid that keeps at least n_modes, up to just below a resonance.
 
-    Near a breakup the modes up to the next resonance are small, and those beyond it are not.
+    Near a breakup, modes are small up to the next resonance, but not beyond it.
 
     Raises
     ------
@@ -113,7 +114,7 @@ def cut(omega: OmegaLike, n: int, settings: GridSettings = DEFAULT_GRID_SETTINGS
     """Choose the number of modes to keep on a grid of n points: 36% of n, or fewer.
 
     A cut just above a resonant mode, the denominator q of a convergent, would keep that mode and
-    drop the ones that it drives. The cut is then moved below it.
+    drop the ones that it drives. In that case the cut is moved below the resonant mode.
 
     Examples
     --------
@@ -127,7 +128,7 @@ def cut(omega: OmegaLike, n: int, settings: GridSettings = DEFAULT_GRID_SETTINGS
 
 
 def rotate(f: FloatArray, turn: NDArray[np.complex128]) -> FloatArray:
-    """Compute f(θ + ω), with the factors of `turns` for ω; f(θ - ω) with their conjugates.
+    """Compute f(θ + ω) with the factors from `turns`, or f(θ - ω) with their conjugates.
 
     Examples
     --------
@@ -156,7 +157,7 @@ def derivative(f: FloatArray) -> FloatArray:
 
 
 def solve_cohomology(f: FloatArray, turn: NDArray[np.complex128], kept: int) -> FloatArray:
-    """Solve g(θ + ω) - g(θ) = f(θ) - ⟨f⟩ with ⟨g⟩ = 0, in fewer than `kept` modes.
+    """Solve g(θ + ω) - g(θ) = f(θ) - ⟨f⟩ with ⟨g⟩ = 0, using only the modes below `kept`.
 
     Examples
     --------
@@ -175,7 +176,7 @@ def solve_cohomology(f: FloatArray, turn: NDArray[np.complex128], kept: int) -> 
 
 
 def resample(f: FloatArray, n: int) -> FloatArray:
-    """Interpolate f on a grid of n points; exact if it has fewer than n/2 modes.
+    """Interpolate f on a grid of n points; exact if f has fewer than n/2 modes.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Invariant circles in chain form, by Newton's method, and how they are certified.
+"""Invariant circles in chain form: their computation by Newton's method, and certification.
 
 The sites of a circle's orbits are x_j = h_j(θ), j = 0, …, P - 1 within a period, and a period takes
 θ to θ + ω:
@@ -7,18 +7,20 @@ The sites of a circle's orbits are x_j = h_j(θ), j = 0, …, P - 1 within a per
     E_j = h_{j+1} - 2h_j + h_{j-1} - (κ_j/2π) sin 2πh_j = 0.
 
 The unknowns are the deviations u_j on a grid of n points, an array of shape (P, n). They are unique
-up to θ → θ + constant, which ⟨u_0⟩ = 0 fixes.
+up to a shift θ → θ + constant, which ⟨u_0⟩ = 0 fixes.
 
 Newton's step is Levi and Moser's (Proc. Sympos. Pure Math. 69 (2001) 733). Write the correction of
-u_j as h_j' w_j. The linearised equations times h_j' telescope, up to terms of the size of E²:
+u_j as h_j' w_j. The linearised equations, multiplied by h_j', telescope up to terms of the size of
+E²:
 
     c_j (w_{j+1} - w_j) - c_{j-1} (w_j - w_{j-1}) = -h_j' E_j,        c_j = h_j' h_{j+1}'.
 
-Summed over a period this is an equation g(θ + ω) - g(θ) = f(θ) for the flux c_j (w_{j+1} - w_j).
-Its free constant is fixed by ⟨Σ_j (w_{j+1} - w_j)⟩ = 0 if the twist ⟨Σ_j 1/c_j⟩ is not 0, and a
-second such equation yields w_0. Everything is diagonal in θ or in Fourier space: O(n log n).
+Summed over a period, they become an equation g(θ + ω) - g(θ) = f(θ) for the flux
+c_j (w_{j+1} - w_j). Its free constant is fixed by ⟨Σ_j (w_{j+1} - w_j)⟩ = 0 if the twist ⟨Σ_j
+1/c_j⟩ is not 0, and a second such equation yields w_0. Everything is diagonal in θ or in Fourier
+space: O(n log n).
 
-With too few modes Newton's method converges on "circles" far beyond the breakup. Therefore a circle
+With too few modes Newton's method converges to "circles" far beyond the breakup. Therefore a circle
 is certified only if the method converges again, with h' > 0, on a grid four times finer.
 
 Numba loads rocket-fft for np.fft inside kernels. Grids have up to 10⁶ points; see
@@ -54,34 +56,34 @@ __all__ = [
 ]
 
 MIN_POINTS, MAX_POINTS = 64, 2**16
-"""Points of the first grid, and of the finest."""
+"""Number of points of the first grid, and of the finest one."""
 
 
 @dataclass(frozen=True)
 class NewtonSettings:
-    """When Newton's method has converged, and what a certificate requires.
+    """Criteria for the convergence of Newton's method, and requirements of a certificate.
 
     Attributes
     ----------
     max_steps : int
-        Steps of Newton's method, which needs 3 to 8 if the circle exists.
+        Maximum number of steps of Newton's method, which needs 3 to 8 if the circle exists.
     max_update : float
-        Largest last update of u with which the method has converged.
+        The method has converged if its last update of u is at most this.
     max_tail : float
-        Share of the H³ norm in the last 15% of the modes, up to which the circle is resolved.
+        A circle is resolved if the last 15% of its modes carry at most this share of the H³ norm.
     min_divisor : float
-        Least divisor of the modes in use. Smaller ones turn rounding errors of 10⁻¹⁷ into updates
-        of u above `max_update`.
+        Smallest divisor accepted among the modes in use. Smaller ones turn rounding errors of 10⁻¹⁷
+        into updates of u above `max_update`.
     certificate_ratio : int
-        Points of the certificate's grid over those of the circle.
+        Number of points of the certificate's grid, divided by that of the circle's grid.
     polished_residual : float
-        max |E_j| with which `polish` ends, after a last step that reduces it to a tenth or less.
+        max |E_j| with which `polish` ends.
     max_residual : float
         max |E_j| that `polish` accepts if it stops decreasing, for example because of rounding.
     rounding : float
         max |E_j| that `polished_is_circle` attributes to rounding.
     grid : GridSettings
-        The modes that are kept on a grid.
+        Settings for the modes kept on a grid.
 
     Examples
     --------
@@ -125,7 +127,7 @@ class InvariantCircle(Result):
 
     Notes
     -----
-    Circles are compared by their contents, NaN equal to NaN. They contain arrays and cannot be
+    Circles are compared by their contents, with NaN equal to NaN. They contain arrays and cannot be
     hashed.
     """
 
@@ -168,10 +170,11 @@ def invariant_circle(
 ) -> InvariantCircle:
     """Compute the circle of rotation number omega under the forcing kappa.
 
-    1. Newton's method from `start`, or continued from κ = 0 along s·kappa: steps in s double after
-       a success and are halved after a failure.
-    2. The number of modes doubles while the last of them carry more than 0.3% of the H³ norm.
-    3. The certificate: Newton's method converges again on a grid four times finer, with h' > 0.
+    1. Newton's method starts from `start`, or the circle is continued from κ = 0 along s·kappa: the
+       step in s is doubled after a success and halved after a failure.
+    2. The number of modes is doubled while the last of them carry more than 0.3% of the H³ norm.
+    3. For the certificate, Newton's method must converge again, with h' > 0, on a grid four times
+       finer.
 
     Parameters
     ----------
@@ -180,11 +183,11 @@ def invariant_circle(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     n_max : int
-        Most grid points, 64 to 65536; the certificate uses 4 times as many.
+        Maximum number of grid points, 64 to 65536; the certificate uses 4 times as many.
     start : array_like, shape (P, n), optional
         Deviations near the circle; n is a power of 2, at least 16.
     settings : NewtonSettings
-        When the method has converged, and what the certificate requires.
+        Criteria for convergence, and requirements of the certificate.
 
     Returns
     -------
@@ -193,10 +196,10 @@ def invariant_circle(
 
     Notes
     -----
-    An existing circle may be missed, with too few modes or a bad start; `barriers.last_circle`
-    finds the one next to a known breakup, with 10⁵ modes or more. A certified circle exists as far
+    An existing circle may be missed with too few modes or a bad start; `barriers.last_circle`
+    finds the one next to a known breakup, on 10⁵ points or more. A certified circle exists as far
     as floating-point arithmetic on 4n points can show. This is not a proof, and resonances of ω
-    beyond those modes are not detected, as for a rational ω of large denominator.
+    beyond those modes are not detected, as with an ω very close to a fraction.
 
     Examples
     --------
@@ -236,7 +239,7 @@ def solve(
     Returns
     -------
     u : ndarray, shape (P, m)
-        Deviations on the grid where it converged; the last iterate if it did not.
+        Deviations on the grid where the method converged; the last iterate if it did not.
     status : Status
         OK, or the reason.
     """
@@ -289,13 +292,14 @@ def polish(
 ) -> bool:
     """Iterate Newton's method from u, in place, until max |E_j| < 10⁻⁹ before a step.
 
-    It also ends when max |E_j| is below 10⁻⁸ and no longer decreases. It is meant for 10⁵ modes or
-    more, whose small divisors let rounding into the updates of u.
+    The iteration also ends when max |E_j| is below 10⁻⁸ and no longer decreases. This function is
+    meant for circles of 10⁵ modes or more, whose small divisors let rounding errors into the
+    updates of u.
 
     Returns
     -------
     bool
-        True if it converged, with h' > 0.
+        True if the iteration converged, with h' > 0.
     """
     constants, workspace = _constants(omega, *u.shape, settings.grid), _workspace(*u.shape)
     best, least = u.copy(), np.inf
@@ -322,8 +326,9 @@ def polished_is_circle(
 ) -> bool:
     """Certify the result of `polish` on a grid with the modes up to the next resonance.
 
-    There max |E_j| must still be below 10⁻⁸, and the first or the second Newton step must reduce it
-    to a tenth or less, and below 10⁻¹⁰, or to rounding. Beyond the breakup it does not decrease.
+    On that grid max |E_j| must still be below 10⁻⁸, and the first or the second Newton step must
+    reduce it to a tenth or less and below 10⁻¹⁰, or to the level of rounding. Beyond the breakup
+    max |E_j| does not decrease.
 
     Returns
     -------
@@ -359,7 +364,7 @@ def newton_step(omega: OmegaLike, kappa: ArrayLike, u: ArrayLike) -> tuple[Float
     u : ndarray, shape (P, n)
         Deviations after the step.
     error : float
-        max |E_j| before it.
+        max |E_j| before the step.
 
     Examples
     --------
@@ -442,12 +447,12 @@ def extrapolate(path: Sequence[tuple[float, FloatArray]], target: float, n: int 
     Parameters
     ----------
     path : sequence of (float, ndarray)
-        Scales and deviations of at least one circle, on grids that do not shrink. The last three
-        are used, which saves a Newton step near the breakup.
+        Scales and deviations of at least one circle, each on a grid no smaller than the one before.
+        The last three circles are used, which saves a Newton step near the breakup.
     target : float
         Scale of the result.
     n : int
-        Points of its grid, if more than those of the last circle.
+        Number of points of the result's grid, if larger than that of the last circle's.
 
     Returns
     -------
@@ -466,7 +471,7 @@ def extrapolate(path: Sequence[tuple[float, FloatArray]], target: float, n: int 
 
 
 def lagrange(nodes: Sequence[float], at: float) -> list[float]:
-    """Return Lagrange's weights of the values at distinct nodes, for interpolation at `at`."""
+    """Return Lagrange's weights of values at distinct nodes, for interpolation at `at`."""
     return [prod((at - other) / (x - other) for other in nodes if other != x) for x in nodes]
 
 
@@ -486,7 +491,7 @@ def _angles(omega, n_sites):
     return float(as_rotation_number(omega)) * np.arange(n_sites) / n_sites
 
 
-@lru_cache(maxsize=16)  # of arrays as long as the grid
+@lru_cache(maxsize=16)  # the arrays are as long as the grid
 def _constants(omega, n_sites, n, grid_settings):
     turn, kept = fourier.turns(omega, n // 2 + 1), fourier.cut(omega, n, grid_settings)
     return _angles(omega, n_sites), turn, kept
@@ -507,7 +512,7 @@ def _newton(omega, kappa, u, settings):
 
 @kernel(error_model="numpy")
 def _iterate(kappa, angles, turn, kept, u, max_steps, max_update, max_tail):
-    """Take Newton steps to an outcome; return its index in _OUTCOMES, and the first error."""
+    """Take Newton steps up to one of _OUTCOMES; return its index there, and the first error."""
     workspace = _workspace(*u.shape)
     first = last_error = last_change = 1.0
     for step in range(max_steps):
@@ -524,11 +529,11 @@ def _iterate(kappa, angles, turn, kept, u, max_steps, max_update, max_tail):
 
 @njit(nogil=True, error_model="numpy")
 def step_outcome(error, change, slope, twist, tail, last_error, last_change, max_update, max_tail):
-    """Judge a Newton step: 0 for converged, 1 for too few modes, 2 for diverged, 3 for continue.
+    """Classify a Newton step: 0 converged, 1 too few modes, 2 diverged, 3 continue.
 
-    Each update is the square of the one before, so the last one need not be computed.
+    Convergence is quadratic, so the next update can be predicted and need not be computed.
     """
-    diverged = not (error < 1 and slope > 0 and twist > 0.5 and change < 1)  # NaN ends it too
+    diverged = not (error < 1 and slope > 0 and twist > 0.5 and change < 1)  # also if NaN
     if diverged or error > max(2 * last_error, 1e-9):
         return 2
     if tail > max_tail and change < 1e-3:
@@ -539,7 +544,7 @@ def step_outcome(error, change, slope, twist, tail, last_error, last_change, max
 
 @kernel(error_model="numpy")
 def _workspace(n_sites, n):
-    """Allocate arrays for `_chain_step`; above n = 4096 this takes as long as the step."""
+    """Allocate arrays for `_chain_step`; above n = 4096 this takes as long as a step."""
     return (
         np.empty((n_sites, n // 2 + 1), np.complex128),
         np.zeros((2 * n_sites + 3, n // 2 + 1), np.complex128),
@@ -570,7 +575,7 @@ def _chain_step(kappa, angles, turn, kept, u, workspace):
             total[i] -= slopes[j, i] * residual[j, i]
             flux[j, i] = total[i]
             u[j, i] = x[j + 1, i]
-        for i in range(n):  # separate, so that the loop above is vectorized
+        for i in range(n):  # a separate loop, so that the one above is vectorized
             error = max(error, abs(residual[j, i]))
             slope = min(slope, slopes[j, i])
     _solve_cohomology(total, turn, kept, line, w)  # the flux into site 0
@@ -605,7 +610,9 @@ def _chain_step(kappa, angles, turn, kept, u, workspace):
 
 @njit(nogil=True, error_model="numpy")
 def _sites(u, turn, kept, own, modes, values):
-    """Fill values with u_{-1}, …, u_P and h_0', …, h_P', of the modes below `kept`, with ⟨u_0⟩ = 0.
+    """Fill `values` with u_{-1}, …, u_P and h_0', …, h_P', from the modes below `kept`.
+
+    ⟨u_0⟩ is set to 0.
 
     Returns the share of the H³ norm in the last 15% of these modes.
     """

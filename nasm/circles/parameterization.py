@@ -2,8 +2,8 @@
 
     T ∘ K(θ) = K(θ + ω),     K(θ) = (θ + u_0(θ), ω/P + …),                        (42)
 
-arXiv:1606.04824, Sec. VI; equations have that paper's numbers. It follows the paper line by line;
-`circles.newton_step` is the same step in chain form, and faster.
+See arXiv:1606.04824, Sec. VI; equation numbers are that paper's. This module follows the paper line
+by line; `circles.newton_step` takes the same step in chain form, and is faster.
 
 Functions of θ are arrays whose last axis is the grid θ = i/n; vectors have shape (2, n), matrices
 (2, 2, n). J = [[0, 1], [-1, 0]].
@@ -68,13 +68,13 @@ def newton_step(omega: OmegaLike, kappa: ArrayLike, u: FloatArray) -> tuple[Floa
     e_1 = frame_after[1, 1] * e[0] - frame_after[0, 1] * e[1]
     e_2 = frame_after[0, 0] * e[1] - frame_after[1, 0] * e[0]
 
-    # 4), 5), 6) W_2 up to its average, its average, W_1: Eqs. (47), (48).
+    # 4), 5), 6) W_2 up to its average; the average; then W_1: Eqs. (47), (48).
     w_2 = fourier.solve_cohomology(e_2, turn, kept)
     w_2 -= np.mean(e_1 + s * w_2) / np.mean(s)
     w_1 = fourier.solve_cohomology(e_1 + s * w_2, turn, kept)
-    w_1 -= np.mean(frame[0, 0] * w_1 + frame[0, 1] * w_2)  # ⟨Δx⟩ = 0, for ⟨DK_x⟩ = 1
+    w_1 -= np.mean(frame[0, 0] * w_1 + frame[0, 1] * w_2)  # ⟨Δx⟩ = 0, because ⟨DK_x⟩ = 1
 
-    # 7) K_1 = K_0 + M W; then its sites.
+    # 7) K_1 = K_0 + M W; then the sites of K_1.
     x, y = np.stack([x, y]) + np.einsum("ab...,b...->a...", frame, np.stack([w_1, w_2]))
     after = [x - theta]
     for j, strength in enumerate(kappa[:-1], start=1):
@@ -112,7 +112,7 @@ def symplectic_frame(tangent: FloatArray) -> FloatArray:
 def twist(map_tangent: FloatArray, frame: FloatArray, frame_after: FloatArray) -> FloatArray:
     """Compute S(θ) in DT(K) M(θ) = M(θ + ω) [[1, S], [0, 1]], Eq. (45).
 
-    S = N(θ+ω) DK(θ+ω)ᵀ DT(K) J⁻¹ DK N. The paper's formula for it lacks J⁻¹.
+    S = N(θ+ω) DK(θ+ω)ᵀ DT(K) J⁻¹ DK N. The paper's formula for S lacks J⁻¹.
 
     Parameters
     ----------

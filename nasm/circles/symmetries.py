@@ -1,4 +1,4 @@
-"""Circles carried by a symmetry to other parameters (Sec. VI.C).
+"""Circles mapped by symmetries to other parameters (Sec. VI.C of the paper).
 
 If T∘K(θ) = K(θ + ω), and a change of variables C turns T into T', then C∘K is a circle of T'. Here
 K is given by the deviations u_j of its sites (see `circles`), for which the paper's compositions
@@ -10,8 +10,8 @@ are
     P_{1/2} ∘ K:       (2κ) → (κ, 0):                       u_1(θ) = (u_0(θ) + u_0(θ + ω))/2
     S_κ0 ∘ K:          (κ_0, …) → (…, κ_0):                 u_j(θ) → u_{j+1}(θ - ω/P)
 
-By the third the paper's circle of S_κ∘R_{-1/2} becomes one of (κ, -κ) with 2ω + 1. The last is
-S_κ2⁻¹∘K for P = 2, one step of T earlier. Each result is certified anew.
+The third symmetry maps the paper's circle of S_κ∘R_{-1/2} to one of (κ, -κ) with 2ω + 1. For P = 2
+the last one is S_κ2⁻¹∘K, one step of T earlier. Each resulting circle is certified anew.
 """
 
 import numpy as np
@@ -72,7 +72,7 @@ def alternate(circle: InvariantCircle) -> InvariantCircle:
 
 
 def interleave(circle: InvariantCircle) -> InvariantCircle:
-    """Return the circle under (κ_0/2, 0, κ_1/2, 0, …): kicks of strength 0 between halved ones.
+    """Return the circle under (κ_0/2, 0, κ_1/2, 0, …): kicks are halved, with 0 between them.
 
     Examples
     --------
@@ -90,7 +90,7 @@ def interleave(circle: InvariantCircle) -> InvariantCircle:
 
 
 def shift(circle: InvariantCircle) -> InvariantCircle:
-    """Return the circle under (κ_1, …, κ_{P-1}, κ_0), the swap for P = 2; ω is unchanged.
+    """Return the circle under (κ_1, …, κ_{P-1}, κ_0), a swap if P = 2; ω is unchanged.
 
     Examples
     --------

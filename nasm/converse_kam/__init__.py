@@ -1,7 +1,8 @@
-"""Converse KAM: orbits through which no circle passes.
+"""Converse KAM: criteria that exclude invariant circles through an orbit.
 
-`symmetry_line` takes its starts from the dominant symmetry line, `transversal` from a curve that
-every circle crosses, for forcings without such a line; `aperiodic` is for aperiodic forcing.
+`symmetry_line` takes its starts from the dominant symmetry line; `transversal` takes them from a
+curve that every circle crosses, for forcings without such a line; `aperiodic` is for aperiodic
+forcing.
 """
 
 import lazy_loader

@@ -2,38 +2,43 @@
 
     y_{n+1} = y_n + (κ_n/2π) sin 2π(x_n - θ_n),     x_{n+1} = x_n + y_{n+1},     n = 0, …, N - 1
 
-The recorded field of `nasm.self_consistent` is such a sequence. A phase that is the same in all
-kicks is a shift of x, and θ_n = nΩ is the standard map in x - nΩ, y - Ω. In X_n = x_n - θ_n
+The recorded field of `nasm.self_consistent` is such a sequence of kicks. A phase that is the same
+in all kicks is a shift of x, and θ_n = nΩ yields the standard map in x - nΩ, y - Ω. In terms of
+X_n = x_n - θ_n,
 
     X_{n+1} - 2X_n + X_{n-1} = (κ_n/2π) sin 2πX_n - (θ_{n+1} - 2θ_n + θ_{n-1}):
 
 only changes in the speed of the phase matter.
 
-The map does not recur, so there are no invariant circles. A barrier is a rotational curve and its
-images, one before each kick. If all N + 1 of them are graphs of Lipschitz functions of x, the
-distances of neighbours on an orbit form a solution ξ_n > 0 of the linearised chain (see
-`nasm.converse_kam.symmetry_line`). The criterion of `nasm.converse_kam.transversal`, applied to a
-start before the kick of a site, then shows that no such family of graphs passes through the start,
+The sequence of kicks does not repeat, so there are no invariant circles. A barrier is a rotational
+curve and its images, one before each kick. If all N + 1 of them are graphs of Lipschitz functions
+of x, the distances between neighbouring points, followed along an orbit, yield a solution ξ_n > 0
+of the linearised chain (see `nasm.converse_kam.symmetry_line`). The criterion of
+`nasm.converse_kam.transversal`, applied to a start before the kick of a site, then shows that no
+such family of graphs passes through the start if for some n
 
     v_{n+1} = (2 + κ_n cos 2π(x_n - θ_n)) v_n - v_{n-1} ≤ 0,   v_site = 0,  v_{site+1} = 1,
 
-and likewise backwards, or by the sum given there. All graphs cross the line x = a before a kick: if
-all its starts are eliminated, no family of graphs exists. By the symmetry y → y + 1, y from 0 to 1
-suffices.
+or if the same holds backwards, or by the sum given there. Before each kick, all graphs cross the
+line x = a: if all starts on it are eliminated, no family of graphs exists. By the symmetry
+y → y + 1, it suffices to take y from 0 to 1.
 
 This does not show that orbits cross. For aperiodic forcing no theorem like Birkhoff's says that
 barriers are graphs: `asymptotic` computes curves that are as good as circles from some kick on, but
-fold before it. So apply the criterion to kicks over which the forcing has settled, and search for
-orbits that escape: they alone show transport. N kicks say nothing about later ones.
+fold before that kick. So apply the criterion to kicks over which the forcing has settled, and
+search for orbits that escape: only such orbits show transport. N kicks say nothing about later
+ones.
 
 For κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), θ_n = 0, one line without survivors therefore shows, to within
 sampling:
 
-- Ω = p/q: no rotational circle under this φ0. By the theorem for products of twist maps each circle
-  is a graph before every kick. Other φ0 are other forcings, and may have circles.
-- Ω irrational: no invariant torus y = g(x, φ) that is Lipschitz in x. It would be a family of
-  graphs for every φ0, so one φ0 is enough, and one line: that with the shortest lifetimes. Tori
-  that fold are not excluded: only their continuation and escapes suggest that there are none.
+- Ω = p/q: no rotational circle exists under this φ0. By the theorem for products of twist maps,
+  each circle is a graph before every kick. Other values of φ0 are other forcings, and may have
+  circles.
+- Ω irrational: no invariant torus y = g(x, φ) exists that is Lipschitz in x. Such a torus would be
+  a family of graphs for every φ0, so one φ0 is enough, and so is one line: the one with the
+  shortest lifetimes. Tori that fold are not excluded: only the continuation of tori, and orbits
+  that escape, suggest that none exist.
 """
 
 from dataclasses import dataclass, replace
@@ -64,31 +69,32 @@ _METHOD = "converse KAM"
 HORIZON = 200
 """Largest lifetime, in kicks, that is accepted as evidence that no graph persists.
 
-If kicks grow beyond the breakup, a minimizing orbit is lost in rounding: before the kick of
-strength κ_G in the ramp κ_G + 0.003·n the longest lifetime found is 233 kicks, while a segment
-found by Newton's method survives 279. On lines before later kicks lifetimes agree with a search for
-segments, or are up to 6% longer (29 lines in ramps from 10⁻² to 10⁻⁷)."""
+If kicks grow beyond the breakup, rounding errors destroy a minimizing orbit: before the kick of
+strength κ_G in the ramp κ_G + 0.003·n, the longest lifetime found is 233 kicks, while an orbit
+segment found by Newton's method survives 279. On lines before later kicks, lifetimes agree with
+those of a search for such segments, or are up to 6% longer (29 lines in ramps from 10⁻² to
+10⁻⁷)."""
 
 DEFAULT_SEARCH = SearchSettings(resolution=0.0)
 
 
 @dataclass(frozen=True)
 class AperiodicSettings:
-    """The lines on which survivors are sought, and how.
+    """Settings of the lines on which survivors are sought, and of the search on them.
 
     Attributes
     ----------
     search : SearchSettings
-        The search on a line; the effort multiplies its starts and its width. Its resolution is 0:
-        no orbit recurs, so lifetimes still differ for starts that the shear of a map would not
-        separate.
+        The search on a line; `effort` multiplies its number of starts and its width. Its resolution
+        is 0: no orbit recurs, so lifetimes still differ between starts that the shear of a periodic
+        map would not separate.
     max_lines : int
         Maximum number of lines that `last_survivor` searches.
     middle_kicks : int
-        They are chosen from the kicks less than this number of kicks from the middle.
+        All lines but the first are before kicks whose distance from the middle is less than this.
     lower_ratios : tuple of float
-        Ratios to a scale without survivors at which `critical_scale` looks for a lower one, in
-        this order.
+        `critical_scale` looks for a lower scale without survivors at these multiples of the lowest
+        one so far, in this order.
 
     Examples
     --------
@@ -187,33 +193,33 @@ def longest_lived(
     effort: int = 1,
     settings: AperiodicSettings = DEFAULT_SETTINGS,
 ) -> tuple[float, float, float]:
-    """Find the start on a line x = a before the kick of `site` that takes longest to be eliminated.
+    """Find the longest-lived start on a line x = a before the kick of `site`.
 
-    a is where the kick reverses orbits: θ + 1/2 if κ > 0, θ otherwise.
+    a is where 2 + κ cos 2π(a - θ) is smallest: θ + 1/2 if κ > 0, and θ otherwise.
 
     Parameters
     ----------
     kappa, theta, site
         As for `elimination_time`.
     effort : int
-        Factor that multiplies the starts of the first grids, 1 to 100.
+        Factor that multiplies the number of starts on the first grids, 1 to 100.
     settings : AperiodicSettings
-        Its search.
+        Only its `search` is used.
 
     Returns
     -------
     x, y : float
         The start, y in [0, 1].
     time : float
-        Kicks in either direction; inf for a start that survives all N, which need not be the last
-        one.
+        Kicks in either direction; inf for a start that survives all N kicks, which need not be the
+        longest-lived one.
 
     Notes
     -----
     The beam search of `symmetry_line.longest_lived` may miss the longest lifetime: on 18 lines in
     fields of 4096 particles, with lifetimes of 50 to 1750, an effort of 64 found lifetimes up to
-    1.7 times those of effort 1, and up to 1.3 times those of effort 8, and one survivor of 2048
-    kicks where an effort of 1 had found 1963.
+    1.7 times those of effort 1, and up to 1.3 times those of effort 8. It also found one survivor
+    of 2048 kicks where the longest lifetime found with an effort of 1 was 1963.
 
     Examples
     --------
@@ -246,7 +252,7 @@ def last_survivor(
     """Find the longest-lived start of the first line on which all starts are eliminated.
 
     Up to `settings.max_lines` lines are searched: before the strongest kick, and before the
-    strongest of those in the middle.
+    strongest of the kicks near the middle.
 
     Parameters
     ----------
@@ -255,13 +261,13 @@ def last_survivor(
     effort : int
         As for `longest_lived`.
     settings : AperiodicSettings
-        Lines, and the search on them.
+        The lines, and the search on them.
 
     Returns
     -------
     LongestLived
-        If a start survives all N kicks on each line, the first of these starts: a family of graphs
-        may or may not exist.
+        If a start survives all N kicks on each line, the first of these starts; then a family of
+        graphs may or may not exist.
 
     Examples
     --------
@@ -273,7 +279,7 @@ def last_survivor(
     (kappa, theta), effort = aperiodic_forcing(kappa, theta), count("effort", effort, 1, 100)
     from_middle, survivors = np.abs(np.arange(kappa.size) - kappa.size // 2), []
     for site in _sites_of_lines(np.abs(kappa), from_middle, settings):
-        for effort_on_line in sorted({1, effort}):  # little effort usually finds a survivor
+        for effort_on_line in sorted({1, effort}):  # a small effort usually finds a survivor
             start = longest_lived(kappa, theta, site, effort_on_line, settings)
             longest = LongestLived(site, *start)
             if longest.kicks == np.inf:
@@ -306,7 +312,7 @@ def around_strongest(kappa: ArrayLike) -> FloatArray:
 
 
 def _sites_of_lines(size, from_middle, settings):
-    """Return the site of the largest |κ|, and in the middle those of the largest distinct |κ|."""
+    """Return the site of the largest |κ|, and middle sites of the largest distinct |κ|."""
     order = np.lexsort((from_middle, -size))
     inner = order[from_middle[order] < settings.middle_kicks]
     _, distinct = np.unique(size[inner].round(12), return_index=True)
@@ -319,13 +325,13 @@ def critical_scale(
 ) -> CriticalScale:
     """Compute the lowest scale at which no family of graphs survives the N kicks κ = s·profile.
 
-    1. Bisect between a scale with survivors of the middle quarter of the kicks and one without: a
-       survivor that a search misses may have a longer lifetime than the longest-lived start found,
-       but seldom four times as long.
-    2. Starts next to orbits that minimize the action outlive others, so the scales with survivors
-       do not form an interval: search up to 15% lower, and begin again from the lowest scale
-       without survivors.
-    3. At the end search for survivors of all kicks, with an effort of 8.
+    1. Bisect between a scale at which starts survive the middle quarter of the kicks, and one at
+       which none does: a start that a search misses may have a longer lifetime than the
+       longest-lived one found, but seldom four times as long.
+    2. Starts next to orbits that minimize the action have longer lifetimes than others, so the
+       scales with survivors do not form an interval: search up to 15% lower, and begin again from
+       the lowest scale without survivors.
+    3. At the end, search for survivors of all N kicks with an effort of 8.
 
     Parameters
     ----------
@@ -334,15 +340,16 @@ def critical_scale(
     tol : float
         Relative width of the bracket, 10⁻⁶ to 10⁻¹.
     settings : AperiodicSettings
-        Lines, the search on them, and how lower scales are sought.
+        The lines, the search on them, and the ratios at which lower scales are sought.
 
     Returns
     -------
     CriticalScale
-        upper : no start survives there on one of the lines of `last_survivor`. value is the middle
-        of the bracket, and error half of its width. lower is NaN and omega None: survivors do not
-        show a barrier. The scale decreases with the number of kicks. Status NO_BREAKUP if a start
-        survives kicks of strength 2, and UNDECIDED if the search at the end finds one.
+        upper : on one of the lines of `last_survivor`, no start survives at this scale. value is
+        the middle of the bracket, and error half of its width. lower is NaN and omega None, because
+        survivors do not show a barrier. The larger the number of kicks, the lower the scale. Status
+        NO_BREAKUP if a start survives kicks of strength 2, and UNDECIDED if the search at the end
+        finds a survivor.
 
     Raises
     ------
@@ -396,10 +403,11 @@ def asymptotic(
 
         K_0 = S_{κ_0}⁻¹ ∘ … ∘ S_{κ_{N-1}}⁻¹ ∘ S_limit^N (x, y).
 
-    For points of an invariant circle of S_limit, K(ϑ), the last factor is K(ϑ + Nω), and K_0 is the
-    asymptotic circle of Canadell & de la Llave (Physica D 310 (2015) 104), if kappa → limit and
-    theta → 0 fast enough: K_0 converges as N grows. It is not invariant, but its images converge to
-    an invariant circle, and it bounds the same area as that circle. It may fold; see the module.
+    For points (x, y) = K(ϑ) of an invariant circle of S_limit, the last factor yields K(ϑ + Nω). If
+    kappa → limit and theta → 0 fast enough, K_0 converges as N grows: it is the asymptotic circle
+    of Canadell & de la Llave (Physica D 310 (2015) 104). K_0 is not invariant, but its images
+    converge to an invariant circle, and it bounds the same area as that circle. It may fold; see
+    the module.
 
     Parameters
     ----------
@@ -436,7 +444,7 @@ def aperiodic_forcing(kappa: ArrayLike, theta: ArrayLike) -> tuple[FloatArray, F
     Raises
     ------
     ValueError
-        If they are not such vectors.
+        If they cannot be converted to such arrays, or are out of range.
 
     Examples
     --------

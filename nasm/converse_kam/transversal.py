@@ -10,30 +10,33 @@ No rotational invariant circle passes through the start if some v_n ≤ 0 or u_{
     Σ_{n≥1} 1/(v_n v_{n+1}) + Σ_{n≥1} 1/(u_{-n} u_{-n-1})  ≥  2 + κ_0 cos 2πx_0
 
 holds for partial sums. Indeed, a circle yields a solution ξ_n > 0 of the linearised chain (see
-`nasm.converse_kam.symmetry_line`, whose criterion this becomes on a symmetry line). ξ_n v_{n+1} -
-ξ_{n+1} v_n = ξ_0 is constant, so v_n > 0, and ξ_n/v_n falls by ξ_0/(v_n v_{n+1}) from each site to
-the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same holds backwards, and ξ_1 + ξ_{-1} is ξ_0 times the
-right-hand side.
+`nasm.converse_kam.symmetry_line`; on a symmetry line, the criterion here becomes the one there).
+The combination ξ_n v_{n+1} - ξ_{n+1} v_n = ξ_0 is constant, so v_n > 0, and ξ_n/v_n falls by
+ξ_0/(v_n v_{n+1}) from each site to the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same holds backwards,
+and ξ_1 + ξ_{-1} is ξ_0 times the right-hand side.
 
 Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. If all starts on one such
-curve are eliminated, no circle exists. Orbits that minimize the action are never eliminated. The
+curve are eliminated, no circle exists. Orbits that minimize the action are never eliminated. So the
 curve must pass through the gaps between them, for every ω, and a *minimax* orbit of p/q is in the
-middle of one: among the orbits of p/q that minimize the action for a fixed x_0, it has the largest
-action. So the *transversal* is a chain of straight pieces through minimax orbits before the kick of
-one site, in order of ω. If all minimax orbits are on one symmetry line, it is that line.
+middle of such a gap: among the orbits of p/q that minimize the action for a fixed x_0, it has the
+largest action. Therefore the *transversal* is a chain of straight pieces through minimax orbits
+before the kick of one site, in order of ω. If all minimax orbits are on one symmetry line, the
+transversal is that line.
 
 1. Start with the orbits of ω = 0, 1, … and P/2 per period. The symmetries y → y + 1 and
    (x, y) → (-x, -y) continue this curve to all ω.
 2. The longest-lived start is on a piece between two orbits, p/q and p'/q'. Bend the piece through
-   the minimax orbit of (p + p')/(q + q'), at its point nearest to the piece in units of the gap.
-3. Repeat this as long as the start survives and its lifetime resolves the change. This leads down
-   the Farey tree, to minimizing orbits on the curve, and to the circle that breaks last.
+   the minimax orbit of (p + p')/(q + q'), at the point of this orbit nearest to the piece in units
+   of the gap.
+3. Repeat this as long as the longest-lived start survives, and its lifetime resolves the change.
+   This leads down the Farey tree, to minimizing orbits on the curve, and to the circle that breaks
+   last.
 
-Beyond the last circle's breakup, at the scale s_c of a ray, the longest lifetime T on the curve
-obeys s/s_c - 1 ≈ C/T, as on a symmetry line, with C in EXCESS_BOUNDS. This is sampled, in floating
-point: strong evidence, not a proof. The choice of the curve matters: 0.5% beyond the breakup of the
-standard map, lifetimes on it are up to 130 steps, while on 15 of 20 other lines x = a starts
-survive 3000.
+On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the curve obeys,
+beyond breakup, s/s_c - 1 ≈ C/T, as on a symmetry line, with C in EXCESS_BOUNDS. These results rest
+on sampled starts and floating point: strong evidence, not a proof. The choice of the curve matters:
+0.5% beyond the breakup of the standard map, lifetimes on the transversal are up to 130 steps, while
+on 15 of 20 other lines x = a some starts survive 3000 steps.
 """
 
 import math
@@ -74,20 +77,20 @@ __all__ = [
 
 MAX_STEPS = 10**6
 EXCESS_BOUNDS = 0.6, 0.95
-"""Least and largest C of the law, in steps."""
+"""Smallest and largest C in s/s_c - 1 ≈ C/T, with T in steps."""
 
 DEFAULT_SEARCH = SearchSettings(grids=((1024, 0.5), (797, 0.382)), width=16)
 
 
 @dataclass(frozen=True)
 class TransversalSettings:
-    """How transversals are bent and searched, and how the scale is lowered.
+    """Settings for bending and searching transversals, and for lowering the scale.
 
     Attributes
     ----------
     search : SearchSettings
         The search for the longest-lived start. Its width is multiplied by the number of kicks per
-        period, at least 2, and is the same for cells of all sizes.
+        period, or by 2 if that is larger, and is the same for cells of all sizes.
     first_ratio : int
         Ratio of the width to that of the first search, which usually finds a survivor if one
         exists.
@@ -95,17 +98,17 @@ class TransversalSettings:
         Approximate number of kicks between two tests of the starts. It affects only the computing
         time.
     min_gap, min_proof_gap : float
-        Least gap in which a corner is placed, relative to the widest gap before the kick of a site:
-        in searches for survivors, and in polygons for proofs.
+        Narrowest gap in which a corner is placed, relative to the widest gap before the kick of a
+        site: the former in searches for survivors, the latter in polygons for proofs.
     max_sites : int
-        Sites whose transversals are tried.
+        Maximum number of sites whose transversals are tried.
     period_factor : float
         Longest period of the minimax orbits by which pieces are bent, divided by √n_max.
     short_lifetime : float
-        Lifetime in kicks up to which the transversals of all sites are compared, to find the one
-        with the shortest.
+        If the longest lifetime, in kicks, is at most this, the transversals of all sites are
+        compared to find the one on which it is shortest.
     typical_excess : float
-        C of the law in most cases; used only to choose the next scale.
+        Typical C in s/s_c - 1 ≈ C/T; used only to choose the next scale.
     bracket_width : float
         Width of the bracket at which bisection ends, divided by the scale and multiplied by the
         number of steps.
@@ -136,7 +139,7 @@ class TransversalSettings:
     scan_steps: int = 40
 
     def search_of_width(self, width: int) -> SearchSettings:
-        """Return the search with this width for cells of all sizes."""
+        """Return `search` with this width for cells of all sizes."""
         return replace(self.search, width=width, final_width=width)
 
 
@@ -149,7 +152,7 @@ def longest_lived(
     until: float = math.inf,
     settings: TransversalSettings = DEFAULT_SETTINGS,
 ) -> LongestLived:
-    """Find the start that takes longest to be eliminated, on the transversals of the module.
+    """Find the longest-lived start on the transversals that the module describes.
 
     Parameters
     ----------
@@ -166,10 +169,10 @@ def longest_lived(
     Returns
     -------
     LongestLived
-        On the transversal before the kick of the largest |κ|. If a start survives there, or none
-        survives `settings.short_lifetime` kicks, that of the next largest is tried as well, and so
-        on; the shortest of their longest lifetimes counts. Its kicks are inf if a start survives on
-        each one.
+        The longest-lived start on the transversal before the kick of the largest |κ|. If a start
+        survives there, or none survives `settings.short_lifetime` kicks, the transversal of the
+        next largest |κ| is tried as well, and so on; the one whose longest lifetime is shortest
+        counts. kicks is inf if a start survives on each of them.
 
     Notes
     -----
@@ -199,7 +202,7 @@ class Transversal:
     kappa : ndarray, shape (P,)
         The forcing from that site on.
     orbits : list of (Fraction, ndarray)
-        ω, and the sites from there on, of minimax orbits, in order of ω.
+        ω of minimax orbits, and their sites from this site on, in order of ω.
     minimax : callable
         (ω, x) → the sites of the minimax orbit near x.
     """
@@ -246,7 +249,7 @@ def eliminated_transversals(
     n_max : int
         Steps (periods of the forcing) in either direction.
     until : float
-        The `time.thread_time` after which the search ends, within a bend or two.
+        The `time.thread_time` after which the search ends, at most a bend or two later.
     settings : TransversalSettings
         How transversals are bent and searched.
 
@@ -255,7 +258,7 @@ def eliminated_transversals(
     transversal : Transversal
         At most one for each site.
     kicks : float
-        The longest lifetime.
+        The longest lifetime on it.
 
     Examples
     --------
@@ -292,9 +295,9 @@ def upper_scale(
 ) -> tuple[float, LongestLived | None]:
     """Find a scale just above the last breakup on κ = start + s·profile.
 
-    Lower the scale until a start survives 30 steps or so, bisect until the bracket is narrow,
-    continue with four times the steps, and so on to n_max. On a ray from zero the breakup is lower
-    by a relative distance of about 0.7/T.
+    Lower the scale until a start survives about 30 steps, bisect until the bracket is narrow,
+    continue with four times as many steps, and so on up to n_max. On a ray from zero the breakup is
+    lower by a relative distance of about 0.7/T.
 
     Parameters
     ----------
@@ -370,9 +373,9 @@ def upper_scale(
                 upper, longest = scale, trial
                 unit = np.abs(start + upper * profile).max() / size
                 step_ratio = min(1.5 * step_ratio, 0.3)
-        if longest is None:  # of fewer steps than the search before
+        if longest is None:  # no trial has lowered `upper`
             longest = longest_at(upper, 16 * n_max)
-        # By the law, the breakup is that far below.
+        # By the law, the breakup is this far below `upper`.
         step_ratio = settings.typical_excess / longest.kicks * profile.size
     return upper, longest
 
@@ -390,8 +393,8 @@ def _by_strength(kappa, max_sites):
 def _longest_lived(kappa, n_steps, sites, until, settings):
     """Return the LongestLived of the transversal whose longest lifetime is the shortest.
 
-    Of transversals without survivors and with a long lifetime, the first is taken. The last site
-    that improved the result is moved to the front of `sites`.
+    The first transversal without survivors but with a long lifetime is taken. The last site that
+    improved the result is moved to the front of `sites`.
     """
     best = None
     # A transversal covers all ω up to P/2.
@@ -415,7 +418,7 @@ def _transversals(kappa, sites, min_gap):
 
     Its corners are in gaps wider than min_gap times the widest.
     """
-    # All need the same orbits.
+    # All transversals need the same orbits.
     minimizers = {}
     ordered = cache(lambda omega: ordered_orbits(kappa, *omega.as_integer_ratio(), minimizers))
     for site in sites:
@@ -477,8 +480,8 @@ def _first_orbits(kappa, minimax):
     """
     period = kappa.size
     omegas = sorted({*map(Fraction, range(period // 2 + 1)), Fraction(period, 2)})
-    # This replaces orbits that cannot be found, far beyond the breakup: on the other side of the
-    # kick they would be minimizing, and survive.
+    # x_before also replaces orbits that cannot be found, far beyond the breakup: on the other side
+    # of the kick these would be minimizing, and survive.
     orbits, x_before = [], 0.5 if kappa[0] > 0 else 0.0
     for omega in omegas:
         orbits.append((omega, minimax(omega, x_before)))
@@ -503,8 +506,8 @@ def _place(omega, sites):
 def _minimax(ordered, period, site, min_gap, omega, target):
     """Return the sites of the minimax orbit of p/q before the kick of `site`.
 
-    They start with the one nearest to x = target, relative to the width of its gap. ordered :
-    `ordered_orbits` of ω. min_gap : as for `_transversals`.
+    They start with the site nearest to x = target, relative to the width of its gap. ordered : a
+    function that returns `ordered_orbits` of ω. min_gap : as for `_transversals`.
     """
     p, q = omega.numerator, omega.denominator
     rotation = np.arange(period * q) * (p / (period * q))
@@ -531,9 +534,9 @@ def elimination(
 ) -> tuple[FloatArray, FloatArray]:
     """Compute when each start before kick 0 is eliminated, and its slope γ.
 
-    With V_0 = 1, V_{-1} = 1 - γ the solution V of the linearised chain is ≤ 0 in both directions by
-    then, or soon after: the sums of the module are ≥ 1 + κ_0 cos 2πx_0 + γ and ≥ 1 - γ, or v or u
-    has become negative.
+    The solution V of the linearised chain with V_0 = 1, V_{-1} = 1 - γ has become ≤ 0 in both
+    directions by then, or does so soon after: the two sums of the module are at least
+    1 + κ_0 cos 2πx_0 + γ and 1 - γ, or v or u has become negative.
 
     Parameters
     ----------
@@ -607,7 +610,7 @@ def _replay(ahead, behind, state, lane, bound):
 
 @kernel
 def _eliminate(strength, ahead, behind, x, y, n_kicks, one_is_enough, times, slopes):
-    """Run `elimination`; a lane whose start is done takes the next one."""
+    """Run `elimination`; a lane whose start is finished takes the next start."""
     state, before = np.full((11, FEW), np.nan), np.empty((11, FEW))
     start, age, bound = (
         np.full(FEW, -1),

@@ -1,6 +1,7 @@
 """Proofs that a barrier exists or that transport is global; README.md states the theorems.
 
-Only this package proves anything. All other results of `nasm` rest on samples or on floating point.
+Only this package proves anything: all other results of `nasm` rest on samples or on
+floating-point arithmetic.
 """
 
 import lazy_loader

@@ -2,20 +2,21 @@
 
     E_j(φ) = g_{j+1}(φ + α) - 2g_j(φ) + g_{j-1}(φ - α) - (κ_j/2π) sin 2πg_j(φ),      α = ω/P,
 
-where g_j(φ) = φ + u_j(φ), u_{j+P} = u_j: the chain of `nasm.circles` with g_j(θ + jα) = h_j(θ).
-If E is small enough for trigonometric polynomials u_j, a true circle exists near them; the theorem
-of proofs/README.md, "A barrier exists", states how small. With ‖f‖ = Σ_k |f_k| e^{2π|k|ρ}, its
-hypotheses are stated in terms of the upper bounds
+where g_j(φ) = φ + u_j(φ), u_{j+P} = u_j: the chain of `nasm.circles` with g_j(θ + jα) = h_j(θ). If
+E is small enough for some trigonometric polynomials u_j, a true circle exists near them; the
+theorem "A barrier exists" of proofs/README.md states how small E must be. With ‖f‖ = Σ_k |f_k|
+e^{2π|k|ρ}, the hypotheses of the theorem are stated in terms of the upper bounds
 
     n_j ≥ ‖g_j'‖,    p_j ≥ ‖1/g_j'‖,    k_j ≥ ‖e^{2πig_j}‖,    ε ≥ Σ_j n_j ‖E_j‖,    C ≥ C_R + δ.
 
 A proof relies on the balls of FLINT (python-flint, the extra `proof`), and on the functions from
-`_omega_ball` to `balls`. There every number that enters a bound is a ball or an exact dyadic
-number; floats only choose ρ, ρ̂, the mode at which sums are cut, and the polynomial near 1/g_j', and
-any choice is sound. The functions after these search for u, which may come from any source.
+`_omega_ball` to `balls`. In these functions, every number that enters a bound is a ball or an exact
+dyadic number; floats only choose ρ, ρ̂, the mode at which sums are cut off, and the polynomial near
+1/g_j', and the proof is sound for any choice. The functions below them search for u, which may come
+from any source.
 
-For P ≤ 2 the u_j are odd, as h_j(θ) → -h_{-j}(-θ) maps circles to circles. Their modes are then
-imaginary, so that one real number stands for each and one transform serves two functions.
+For P ≤ 2 the u_j are odd, because h_j(θ) → -h_{-j}(-θ) maps circles to circles. Their modes are
+then imaginary, so each is stored as one real number, and one transform serves two functions.
 """
 
 import time
@@ -48,14 +49,14 @@ try:
 except ImportError:  # the extra `proof`
     arb = None  # type: ignore[assignment, misc]
 
-MODES_PER_POINT = 0.38  # modes of u
-_MAX_NEWTON_STEPS = 6  # in balls; 0 to 3 are needed
+MODES_PER_POINT = 0.38  # modes of u per point of the grid
+_MAX_NEWTON_STEPS = 6  # in ball arithmetic, 0 to 3 are needed
 _MAX_POINTS = 2**22  # of a grid
 _SECONDS_PER_POINT = 1e-5  # CPU seconds per point and kick, on a fast machine
 _LOG_ROUNDING = 46  # e^-46 is 10^-20, the rounding of long doubles near 0.1
 
 ComplexArray: TypeAlias = NDArray[Any]
-"""Complex numbers, in double or long double."""
+"""Complex numbers, in double or long double precision."""
 
 Ball: TypeAlias = Any
 """A ball of FLINT: an `arb` for the modes of odd functions, otherwise an `acb`."""
@@ -71,7 +72,7 @@ class BarrierProof(Result):
     Attributes
     ----------
     proved : bool
-        True if the circle is proved to exist; False makes no statement.
+        True if the circle is proved to exist; False makes no statement about it.
     reason : str
         "" if proved, else "not proved: " and the reason.
     omega : RotationNumber
@@ -82,20 +83,20 @@ class BarrierProof(Result):
         The same for the shorter map (`symmetries.shorten`), to which the proof applies. Nothing is
         shortened if tilt is not 0.
     tilt : tuple of float
-        For a patch, as many floats as in short_kappa; otherwise empty.
+        For a patch, as many floats as short_kappa has; otherwise empty.
     scales : tuple of 2 floats
-        For a patch; otherwise empty.
+        Bounds of s for a patch; otherwise empty.
     n : int
-        Points of the grid.
+        Number of points of the grid.
     rho : float
         Half width of the strip in which E was bounded; NaN if it was not.
     constants : dict of float
-        Upper bounds, for all s and t: see proofs/README.md.
+        Upper bounds on the constants of the theorem for all s and t; see proofs/README.md.
     unit : int
         Binary exponent of the coefficients.
     coefficients : list
-        [m][l][j] is [re, im], lists of integers: u_j = Σ C_jml T_m(σ) T_l(t), where C_jml has the
-        modes (re[k] + i im[k])·2^unit, k ≥ 0; modes beyond the lists are 0. For one forcing
+        Entry [m][l][j] is [re, im], two lists of integers: u_j = Σ C_jml T_m(σ) T_l(t), where C_jml
+        has the modes (re[k] + i im[k])·2^unit, k ≥ 0; modes beyond the lists are 0. For one forcing
         m = l = 0.
 
     Examples
@@ -185,7 +186,7 @@ def prove(
     1. If the forcing repeats itself, take the shorter map.
     2. Compute the circle in doubles, by `circles.invariant_circle`, unless `start` is passed.
     3. Refine it by Newton's method, with linear algebra in doubles and the residual E in balls.
-    4. Try to verify the theorem with each residual. If it fails because the grid is too coarse,
+    4. Try to verify the theorem with each residual. If that fails because the grid is too coarse,
        repeat with a third more points, as long as the budget lasts.
 
     FLINT's precision is global to the process, so proofs must not run in several threads at once.
@@ -195,19 +196,20 @@ def prove(
     omega : RotationNumber or str
         Rotation number per period, irrational, e.g. "gamma".
     kappa : array_like, shape (P,)
-        Strengths of the kicks, first kick first. The proof is about exactly these floats.
+        Strengths of the kicks, first kick first. The proof holds for exactly these floats.
     n : int, optional
-        Points of the grid, even, from 64 to 4194304; by default chosen from the decay of the modes.
+        Number of grid points, even, from 64 to 4194304; by default chosen from the decay of the
+        modes.
     start : array_like, shape (P, m), optional
         Approximate deviations u of the circle on a grid. If the forcing is shortened, only the
         first rows are used.
     budget : float
-        CPU seconds; grids that would take longer are not tried.
+        CPU seconds; grids that would take longer are not tried, unless n is given.
 
     Returns
     -------
     BarrierProof
-        A proof that fails makes no statement about the circle.
+        A failed proof makes no statement about the circle.
 
     Raises
     ------
@@ -269,9 +271,9 @@ def proved_lower(
     """Search for the largest scale s at which the circle of omega is proved under s·profile.
 
     Circles closer and closer to the breakup are proved until the budget is spent; the work grows
-    like the distance to the power -1.2 to -1.4. The proof is about exactly s·profile rounded to
+    like the distance to the power -1.2 to -1.4. The proof holds for exactly s·profile rounded to
     doubles. It makes no statement about smaller scales, at which the circle might not exist;
-    `patches.proved_below` does.
+    `patches.proved_below` covers those.
 
     Parameters
     ----------
@@ -283,14 +285,15 @@ def proved_lower(
         Scale at which the circle breaks, e.g. by `periodic.critical_scale`, from 1e-300 to 1e306.
         Used only to choose where to try proofs.
     budget : float
-        CPU seconds, kept to approximately: 0.1 s reaches 0.95 of the breakup, 1 s more than 0.99.
+        Approximate limit in CPU seconds. In 0.1 s the proofs reach 0.95 of the breakup scale, in
+        1 s more than 0.99.
 
     Returns
     -------
     scale : float
-        NaN if nothing was proved.
+        Scale of the proof; NaN if nothing was proved.
     proof : BarrierProof or None
-        Proof at that scale, or the last that failed; None if no circle was found in doubles.
+        Proof at that scale, or the last failed attempt; None if no circle was found in doubles.
 
     Raises
     ------
@@ -325,7 +328,7 @@ def proved_lower(
             distance /= closer if closer > 1.1 else inf
         elif best_proof is None or not best_proof.proved:
             best_proof, distance = proof or None, 2 * distance
-        else:  # halfway back
+        else:  # go halfway back to the best scale
             distance = sqrt(distance * (1 - best / value))
             if distance > 0.9 * (1 - best / value) or now > until:
                 break
@@ -391,7 +394,8 @@ def _omega_ball(omega: RotationNumber, bits: int) -> Ball:
 def _divisors(omega: RotationNumber) -> list[tuple[int, Ball, bool]]:
     """Return (q_n, |e^{2πiq_nω} - 1|, whether n is in the last period) for n = 0, 1, …
 
-    The last period begins 40 quotients or more after the start of the tail, and bounds all later n.
+    The last period begins 40 quotients or more after the start of the tail; its terms bound those
+    of all later n.
     """
     length = len(omega.tail)
     last = len(omega.prefix) + (40 // length + 2) * length
@@ -408,7 +412,7 @@ def _divisors(omega: RotationNumber) -> list[tuple[int, Ball, bool]]:
 def _russmann(omega: RotationNumber, delta: Ball) -> Ball:
     """Bound C_R = sup δ'σ(δ') over 0 < δ' ≤ δ, σ(δ) = sup_k e^{-2πkδ}/|e^{2πikω} - 1|.
 
-    For any delta the peaks of the last period bound those of all later ones, up to a factor
+    For any delta, the peaks of the last period bound those of all later ones, up to a factor of
     1 + 10⁻⁶. See README.md, "Small divisors".
     """
     worst, two_pi = arb(0), 2 * arb.pi()
@@ -425,14 +429,14 @@ def _russmann(omega: RotationNumber, delta: Ball) -> Ball:
 
 
 class Grid:
-    """The chain of P sites on n points: the balls that every call of `residual` needs."""
+    """The chain of P sites on n points, with the balls that every call of `residual` needs."""
 
     def __init__(self, omega: RotationNumber, kappa: Sequence[float], n: int) -> None:
         self.omega, self.n, self.sites, self.odd = omega, n, len(kappa), len(kappa) <= 2
         self.kappa = [arb(k) for k in kappa]
         alpha, half = _omega_ball(omega, ctx.prec + 40) / self.sites, n // 2
         phases = [2 * alpha * k for k in range(half)]
-        if self.odd:  # u_{j+1}(φ + α) + u_{j-1}(φ - α), both sites being the same
+        if self.odd:  # for u_{j+1}(φ + α) + u_{j-1}(φ - α), with u_{j+1} = u_{j-1}
             self.turn = [2 * x.cos_pi() for x in phases]
         else:
             self.turn = [acb(x).exp_pi_i() for x in phases]
@@ -460,12 +464,12 @@ class Grid:
     def _sines(self, rows: list[list[Ball]]) -> list[list[Ball]]:
         """Return 2 Σ_k x_k sin(2πki/n), i < n/2, for one or two rows of n/2 reals with x_0 = 0."""
         x = [acb(*pair) for pair in zip(*rows, strict=True)]
-        y = acb.dft([*x, arb(0), *(-v for v in x[:0:-1])])[: self.n // 2]  # -i times that
+        y = acb.dft([*x, arb(0), *(-v for v in x[:0:-1])])[: self.n // 2]  # -i times the sum
         return [[-v.imag for v in y], [v.real for v in y]][: len(rows)]
 
 
 def residual(grid: Grid, u: list[list[Ball]]) -> list[list[Ball]]:
-    """Return the modes 0, …, n/2 - 1 of E_j, in which those of the sine are aliased."""
+    """Return the modes 0, …, n/2 - 1 of E_j; the modes of the sine in them are aliased."""
     sines = [
         [(angle + 2 * x).sin_pi() for angle, x in zip(grid.angles, row, strict=True)]
         for row in grid.samples(u)
@@ -504,7 +508,7 @@ def bounds_of_the_residual(
     rho_hat: Ball,
     cut: int,
 ) -> list[Ball]:
-    """Bound ‖E_j‖_ρ, given bounds u and E of the absolute values of the modes.
+    """Bound ‖E_j‖_ρ, given bounds u and E on the absolute values of the modes.
 
     |sin 2πg_j| ≤ M for |Im φ| ≤ ρ̂, so its modes are below M e^{-2πρ̂|k|}. Modes |k| < cut are taken
     from E, which contains their aliases k + n, k - n, …; the others are modes of the sine alone.
@@ -534,8 +538,8 @@ def bound_of_the_inverse(
 ) -> Ball:
     """Bound p ≥ ‖1/g'‖_ρ = ‖d/(1 - (1 - g'd))‖ for all g' with ‖g' - slope‖ ≤ moved.
 
-    The modes of d are doubles near those of 1/g'; the bound is infinite if ‖1 - g'd‖ ≥ 1. g'd is
-    multiplied out for the first `kept` modes of slope, and bounded for the others.
+    The modes of d are doubles near those of 1/g'; the bound is infinite if ‖1 - g'd‖ ≥ 1. The
+    product g'd is computed for the first `kept` modes of slope, and bounded for the others.
     """
     d = [arb(x.real) if odd else acb(x.real, x.imag) for x in near]
     sizes = [x.abs_upper() for x in slope]
@@ -566,13 +570,13 @@ def inequalities(
     k: list[Ball],
     part: float = 1,
 ) -> tuple[list[str], dict[str, Ball]]:
-    """Return the names of the inequalities of the theorem that fail, and its constants.
+    """Return the names of the inequalities that fail, and the constants of the theorem.
 
-    The constants are the left sides, the largest |κ_j|, δ, C and ε. A left side fails unless it is
-    below `part` of its right side, 0 < part ≤ 1.
+    The constants are the left-hand sides, the largest |κ_j|, δ, C and ε. An inequality fails unless
+    its left-hand side is below `part` times its right-hand side, 0 < part ≤ 1.
     """
     two_pi, e = 2 * arb.pi(), arb(1).exp()
-    eps = eps.max(arb(2) ** -1000)  # any upper bound will do; and 0 would give 0/0
+    eps = eps.max(arb(2) ** -1000)  # any upper bound is valid, and 0 would give 0/0
     tau, eta, given = arb(1) / 10, arb(1) / 100, arb(99) / 100
     delta = given * rho / (4 + 2 * tau)
     C = _russmann(omega, delta) + delta
@@ -612,22 +616,22 @@ def verified(
     grids, u, E
         Grids at the points of the patch, and the modes of u and of the residuals there.
     sizes
-        For each degree (m, l) the sizes of the modes of C_jml.
+        For each degree (m, l), the absolute values of the modes of C_jml.
     apart
-        For each degree, a bound of the difference of T_m T_l from its value at the nearest point.
+        For each degree, a bound on the difference of T_m T_l from its value at the nearest point.
     kappa
-        Bounds of |κ_j|.
+        Bounds on |κ_j|.
     between : callable
-        (error, rho, norms of the C_jml, j) → a bound of ‖E_j‖ on the whole patch, from the bound
-        `error` at the points.
+        Maps (error, rho, norms of the C_jml, j) to a bound on ‖E_j‖ on the whole patch, where
+        `error` is the bound at the points.
     part : float
         As for `inequalities`.
 
     Returns
     -------
     dict
-        Fields of a `BarrierProof`, and `estimated_ratio`, the left side of (1) in floats. Floats
-        only choose ρ, ρ̂, the cut and the polynomials near 1/g_j'.
+        Fields of a `BarrierProof`, and `estimated_ratio`, the left-hand side of (1) in floats.
+        Floats only choose ρ, ρ̂, the cut and the polynomials near 1/g_j'.
     """
     (grid, *_), two_pi = grids, 2 * arb.pi()
     bounds = [[[[x.abs_upper() for x in row] for row in t] for t in rows] for rows in (u, E)]
@@ -685,7 +689,7 @@ def balls(coefficients: list[list[list[int]]], unit: int, size: int, odd: bool) 
 
 @np.errstate(all="ignore")
 def best_widths(grid: Grid, u: FloatArray, e: FloatArray, near: FloatArray) -> dict[str, Any]:
-    """Choose ρ, ρ̂ and the cut in floats; `estimated_ratio` is the left side of (1) with them."""
+    """Choose ρ, ρ̂ and the cut, in floats; `estimated_ratio` is the resulting left side of (1)."""
     n, K = grid.n, u.shape[1] - 1
     k, strength = np.arange(n // 2), np.abs(np.array(grid.kappa, dtype=float))[:, None] / (2 * pi)
     hats = decay(u.max(axis=0)) * np.geomspace(0.005, 1.25, 60)
@@ -695,7 +699,7 @@ def best_widths(grid: Grid, u: FloatArray, e: FloatArray, near: FloatArray) -> d
     hat, M = hats[best], sizes[best][:, None] * np.exp(pi * n * hats[best])
     beyond = (e[:, K + 1 :] > strength * M * np.exp(-2 * pi * hat * k[K + 1 :])).all(axis=0)
     cut = K + 1 + int(beyond.argmax()) if beyond.any() else n // 2
-    near = np.where(near < 1e-13 * near.max(), 0, near)  # rounding
+    near = np.where(near < 1e-13 * near.max(), 0, near)  # remove rounding errors
     trials = []
     for rho in hat * np.geomspace(0.015, 0.24, 12):
         weights = np.where(k > 0, 2, 1) * np.exp(2 * pi * rho * k)
@@ -786,7 +790,7 @@ def stepped(
 
 
 def turns(omega: RotationNumber, n_sites: int, n_modes: int) -> ComplexArray:
-    """Return e^{2πikα}, α = ω/P, in long double, by a convergent of ω: see `fourier.turns`."""
+    """Return e^{2πikα}, α = ω/P, in long double, from a convergent of ω; see `fourier.turns`."""
     for f in convergents(omega):
         if f.denominator * n_sites > 10**12:
             break
@@ -798,8 +802,8 @@ def turns(omega: RotationNumber, n_sites: int, n_modes: int) -> ComplexArray:
 def polished(kappa: Sequence[Any], n: int, turn: ComplexArray, start: FloatArray) -> ComplexArray:
     """Refine values of a circle on a grid by Newton's method in long double; return its modes.
 
-    Modes of the size of rounding errors are left unchanged: small divisors would make their
-    rounding errors larger than u itself.
+    Modes as small as rounding errors are left unchanged, because small divisors would make their
+    errors larger than u itself.
     """
     modes = np.zeros((len(kappa), int(MODES_PER_POINT * n) + 1), np.clongdouble)
     known = np.fft.rfft(start)[:, : modes.shape[1]] / start.shape[1]
@@ -832,7 +836,7 @@ def correction(turn: ComplexArray, modes: ComplexArray, E: ComplexArray) -> Comp
     """
     n, sites = 2 * (turn.size - 1), np.arange(len(modes)).reshape(-1, *[1] * (modes.ndim - 1))
     turn = turn.astype(complex)
-    shift = turn**sites  # the step is made in h_j, where θ is the same for all j
+    shift = turn**sites  # the step is computed in h_j, where θ is the same for all j
     slopes = slopes_on_grid(modes * shift[..., : modes.shape[-1]], n)
     residual = np.fft.irfft(E * shift[..., : E.shape[-1]], n) * n
     whole = turn ** len(modes)
@@ -854,7 +858,7 @@ def slopes_on_grid(modes: ComplexArray, n: int) -> FloatArray:
 
 
 def as_balls(modes: ComplexArray, odd: bool) -> list[list[Ball]]:
-    """Convert modes in long double to exact balls, each long double in two parts."""
+    """Convert modes in long double to exact balls; each long double is split into two doubles."""
 
     def exact(x):
         high = x.astype(float)
@@ -894,6 +898,6 @@ def grid_size(start: FloatArray) -> int:
 
 
 def fast_size(n: int) -> int:
-    """Return the least 2^k, 5·2^k or 6·2^k that is ≥ n; FLINT transforms these twice as fast."""
+    """Return the least 2^k, 5·2^k or 6·2^k ≥ n; FLINT transforms these sizes twice as fast."""
     power = 2 ** (n.bit_length() - 3)
     return power * next(m for m in (4, 5, 6, 8) if m * power >= n)

@@ -1,7 +1,8 @@
-"""Proofs: cells of the (κ1, κ2) plane with global transport, and triangles with a barrier.
+"""Proofs of global transport in cells of the (κ1, κ2) plane, and of barriers in triangles.
 
-`nasm.proofs.transport_cells` proves transport for all forcings of a cell; a cell for which it fails
-is divided into four. `nasm.proofs.patches` proves a barrier for triangles with a corner at κ = 0.
+`nasm.proofs.transport_cells` proves transport for all forcings of a cell; a cell for which the
+proof fails is divided into four. `nasm.proofs.patches` proves that a barrier exists for all
+forcings of a triangle with a corner at κ = 0.
 """
 
 from collections.abc import Sequence
@@ -21,27 +22,28 @@ OPEN = 1
 TRANSPORT = 2
 """State of a cell for which transport is proved to be global."""
 
-# Relative distance from the boundary, for 1 s per proof; only 2 of 128 closer cells were proved.
+# Minimum relative distance from the boundary for which a proof is tried, at 1 s per proof; of 128
+# closer cells only 2 were proved.
 _MIN_DISTANCE = 0.003
 
 
 def distance(rays: Sequence[Sequence[float]], kappa1: ArrayLike, kappa2: ArrayLike) -> FloatArray:
-    """Estimate 1 - s/s_c of forcings with κ1, κ2 ≥ 0, negative beyond the breakup.
+    """Estimate 1 - s/s_c of forcings with κ1, κ2 ≥ 0; it is negative beyond the breakup.
 
     Used only to choose which proof to try in a cell.
 
     Parameters
     ----------
     rays : sequence of (angle, scale)
-        Angles in degrees, from 0 to 45, and the scale s_c of the last breakup; between them the
+        Angle in degrees, from 0 to 45, and scale s_c of the last breakup; between these angles, the
         scale is interpolated linearly.
     kappa1, kappa2 : array_like
-        Strengths, not negative.
+        Non-negative strengths.
 
     Returns
     -------
     ndarray
-        Its shape is the broadcast shape of kappa1 and kappa2.
+        Distances, of the broadcast shape of kappa1 and kappa2.
 
     Examples
     --------
@@ -65,14 +67,14 @@ def triangles(
     circles : sequence of str
         The last circle on each ray, as text.
     sagitta : float
-        Largest relative distance by which the boundary lies inside the far side of a triangle that
-        comprises more than two rays.
+        Largest relative distance by which the boundary may lie inside the far side of a triangle
+        that spans more than two rays.
 
     Returns
     -------
     list of (corner, corner, circles)
-        Far corners, each a pair of floats with 20 binary places, shared with neighbouring
-        triangles, and the one or two circles to try.
+        The two far corners of each triangle, which it shares with its neighbours, and the one or
+        two circles to try. A corner is a pair of floats with 20 binary places.
 
     Examples
     --------
@@ -117,23 +119,23 @@ def proved_cells(
     """Prove global transport in the 4**depth cells of a square.
 
     1. Try a proof for the whole square, unless it is too close to the boundary.
-    2. If that fails, divide it into quarters, and begin with those far from the boundary.
-    3. Once a proof has failed, skip squares that are no smaller and no farther away.
+    2. If that fails, divide the square into quarters, and begin with those far from the boundary.
+    3. Once a proof has failed, skip squares that are no smaller and no farther from the boundary.
 
     Parameters
     ----------
     low : (float, float)
-        κ1 and κ2 of the lower left corner, not negative.
+        κ1 and κ2 of the lower left corner, non-negative.
     size : float
         Width of the square; the corners of all cells must be multiples of 2⁻³⁰.
     depth : int
-        Number of divisions by two.
+        Number of times that the width is halved.
     rays : sequence of (angle, scale)
         The boundary, as for `distance`.
     seconds : float
         CPU time for a proof in a cell of the finest level; larger squares get half.
     failed : list of (size, distance), optional
-        Squares for which transport was not proved; for recursive calls.
+        Squares for which no proof of transport was found; used in recursive calls.
 
     Returns
     -------
@@ -167,7 +169,7 @@ def proved_cells(
             return np.full_like(states, TRANSPORT), [proof]
         failed.append((size, nearest))
     if depth:
-        # Beyond the boundary, the upper right quarter is the farthest.
+        # Beyond the boundary, the upper right quarter is the farthest from it.
         for i, j in (1, 1), (1, 0), (0, 1), (0, 0):
             quarter = low1 + j * size / 2, low2 + i * size / 2
             quarter_states, more = proved_cells(quarter, size / 2, depth - 1, rays, seconds, failed)

@@ -1,29 +1,29 @@
-"""Check certificates of proofs in ball arithmetic, by an independent program, slow and simple.
+"""Check certificates of proofs in ball arithmetic by an independent program, slow but simple.
 
     check(json.loads(text))   # returns the claim, which is then proved, or raises Refuted
 
-It needs only python-flint, and shares no code with the programs that made the certificates.
+It needs only python-flint, and shares no code with the programs that make the certificates.
 nasm/proofs/README.md, "Certificates", describes the fields and states the five theorems.
 
 *Transport.* Given a forcing, or a cell of forcings, and boxes with their lifetimes N, it verifies
-that the boxes cover the initial conditions on a curve, and that for each box there is an η of
-finite support whose second variation along every orbit of the box is
+that the boxes cover the initial conditions on a curve, and that for each box there is a sequence η
+of finite support for which the second variation along every orbit of the box is
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0.
 
-On a symmetry line η is even, and half of Q is summed. On a polygon both halves are summed, with
-η = 1 at the site of the curve, each with its own share of that site. Orbits of a box are
+On a symmetry line η is even, and only half of Q is summed. On a polygon η = 1 at the site of the
+curve, and both halves are summed, each with its own share of that site. The orbits of a box are
 
     x_k = x̂_k + Σ_i σ_i ξ_ik + Σ_{i≤j} σ_iσ_j ξ_ijk + ρ_k,   |σ_i| ≤ 1,
 
 where x̂_k, ξ_ik, … are exact numbers of 128 bits, and the bound on ρ_k includes their errors. One
-parameter is that of the initial condition; in a cell two more are those of the strengths k + σ_i h.
-Any sequence of floats will do for η.
+parameter σ_i is that of the initial condition; in a cell there are two more, for the strengths
+k + σ_i h. Any sequence of floats is valid for η.
 
-*A barrier*, under one forcing or in a patch (a "fan" in certificates). Functions are Laurent
-polynomials in z = e^{2πiφ} with balls as coefficients, and 1/g_j' is computed from their sums and
-products. The sine is evaluated on a grid, at many points of a patch, with a bound on the aliases
-(`Grid`).
+*A barrier*, under one forcing or throughout a patch (called a "fan" in certificates). Functions are
+Laurent polynomials in z = e^{2πiφ} with balls as coefficients, and 1/g_j' is computed from their
+sums and products. The sine is evaluated on a grid of φ, for many forcings of a patch, with a bound
+on the aliases (`Grid`).
 
 A certificate may come from anyone. Before anything is computed, `within_limits` refuses it if the
 check would take too much time or memory.
@@ -60,13 +60,13 @@ MAX_LIFETIME = 10**5  # kicks of one box: 50 MB of memory
 MAX_TOTAL_KICKS = 10**7  # kicks of all boxes: a quarter of an hour
 MAX_QUOTIENTS, MAX_DIGITS = 200, 50  # of ω, and of each quotient
 MAX_DEGREES = 64  # in s, and in t
-MAX_UNIT = 10**4  # largest |unit| of 2^unit; and bits of the integer of a mode
-_MAX_SPREAD = 1000  # turns between orbits of a box; beyond, bounds grow like 4 to the power of 4^n
+MAX_UNIT = 10**4  # largest |unit| in 2^unit, and bits of the integer of a mode
+_MAX_SPREAD = 1000  # turns between orbits of a box; above it, bounds grow like 4 to the power 4^n
 MAX_MODES = 3 * 10**7  # modes of the longest function, times points, times kicks: an hour
 
 _TRANSPORT = {"kappa", "site", "boxes", "lives"}
 _BARRIER = {"kappa", "omega", "rho", "shortened_from", "moves"}
-# For each theorem the digest of its statement, and the fields besides claim, theorem and seal.
+# For each theorem: digest of its statement, and the fields besides claim, theorem and seal.
 THEOREMS = {
     "Transport is global": (
         "262141d95693b0b62f3f795cda61e9e083a5385af394d67e85edbe1571432456",
@@ -103,7 +103,8 @@ def check(certificate: Certificate, max_kicks: float = MAX_TOTAL_KICKS) -> str:
     certificate : dict
         A JSON object; see nasm/proofs/README.md, "Certificates".
     max_kicks : float
-        Largest number of kicks of all boxes together, for transport; each takes about 7·10⁻⁵ s.
+        For transport, maximum number of kicks in all boxes together; each kick takes about
+        7·10⁻⁵ s.
 
     Raises
     ------
@@ -270,11 +271,11 @@ def decimals(numbers: list[str]) -> str:
 
 
 def shortened(data: Certificate) -> None:
-    """Refute unless the forcing and ω are the original ones or the shortened ones.
+    """Refute unless the forcing and ω are the original ones, unchanged or correctly shortened.
 
     Either the original κ repeats the shortened one; or only every m-th site is kicked, and the
-    original repeats the shortened one up to alternating signs, as x advances by an extra 1/2 from
-    each of these sites to the next.
+    original repeats the shortened one up to alternating signs, because x advances by an extra 1/2
+    from each kicked site to the next.
     """
     original = data["shortened_from"]
     long, short = (
@@ -429,7 +430,7 @@ def hypothesis_of_several(certificate: Certificate) -> None:
 
 
 def is_positive(kappa: list[Fraction]) -> bool:
-    """Return True if the matrix of 2 - |κ_j|, with -1 beside the diagonal, is positive definite."""
+    """Return True if the matrix with diagonal 2 - |κ_j| and -1 next to it is positive definite."""
     pivot = None
     for k in kappa:
         pivot = 2 - abs(k) - (1 / pivot if pivot else 0)
@@ -441,13 +442,13 @@ def is_positive(kappa: list[Fraction]) -> bool:
 def halves(
     x: Fraction, y: Fraction, x_width: Fraction, y_width: Fraction, split: Fraction
 ) -> tuple[tuple[tuple[Any, Any], ...], ...]:
-    """Return the initial η, x, v and t of both halves of Q, at the site before the first and at it.
+    """Return η, x, v and t of both halves of Q, each at the site before the first and at the first.
 
-    One half begins at the site of the curve, the other, with x_{c-n} → -x_{c-n}, at the site before
-    it. The site of the curve counts in the former as if η before it were 1 - split, which is η at
-    the first site of the latter.
+    One half begins at the site of the curve; the other, with x_{c-n} → -x_{c-n}, begins at the site
+    before it. In the former half, the site of the curve counts as if η before it were 1 - split,
+    which is η at the first site of the latter half.
     """
-    # Any slope making v independent of t will do: `split`, unless both are then nearly parallel.
+    # Any slope that makes v independent of t is valid: `split`, unless v and t are near parallel.
     near = abs(y_width - split * x_width) < (abs(x_width) + abs(y_width)) / 10_000
     slope = split + near
     ahead = (1 - split, 1), (x - y, x), (1 - slope, 1), (x_width - y_width, x_width)
@@ -460,7 +461,8 @@ def cover_of_piece(
 ) -> tuple[Fraction, Fraction]:
     """Return the interval of y that boxes with the same shear cover for every κ of the cell.
 
-    In u = y - g_0 κ_0 - g_1 κ_1 they are cuboids, which must tile a cuboid.
+    In the coordinates u = y - g_0 κ_0 - g_1 κ_1, κ_0 and κ_1 the boxes are cuboids, and they must
+    tile a cuboid.
     """
     (shears,) = {box[6:8] for box in boxes}
     cuboids = []
@@ -477,7 +479,7 @@ def cover_of_piece(
 
 
 def tile(whole: Cuboid, cuboids: Sequence[Cuboid]) -> bool:
-    """Return True if cuboids made by bisection tile `whole`, by repeating the bisections."""
+    """Return True if cuboids made by bisection tile `whole`; the test repeats the bisections."""
     if len(cuboids) == 1:
         return cuboids[0] == whole
     for axis, (low, high) in enumerate(whole):
@@ -500,8 +502,8 @@ def ball(fraction: Fraction) -> Ball:
 def second_variation(a: Fraction, box: Sequence[Fraction], lifetime: int) -> Ball:
     """Bound Q/2 from above on a box of a symmetry line, for an even η chosen here.
 
-    box : ŷ, δ, then k and h of each strength, beginning with the kick at x = a, then, in a cell,
-    the shears.
+    box : ŷ, δ, then k and h of each strength, beginning with the kick at x = a; in a cell, the
+    shears follow.
     """
     with ctx.workprec(128):
         (start, strengths, aside), eta = on_a_line(a, box)
@@ -514,7 +516,7 @@ def on_a_line(a: Fraction, box: Sequence[Fraction]) -> tuple[Any, tuple[Any, ...
     strengths = list(zip(strengths[::2], strengths[1::2], strict=True))
     shears = [ball(number) for number in box[6:8]] or [arb(0)] * len(strengths)
     aside = [shear * width for shear, (_, width) in zip(shears, strengths, strict=True)]
-    before = 1 + strengths[0][0] / 2 * (1 if a == 0 else -1)  # the same as after the site
+    before = 1 + strengths[0][0] / 2 * (1 if a == 0 else -1)  # equals η after the site
     begun = (ball(a) - y, ball(a)), (before, arb(1)), (-delta, arb(0))
     return (begun, strengths, aside), (before, 1.0, fmpq(1, 2))
 
@@ -529,7 +531,7 @@ def summed(sites: list[Any], before: Ball, first: float, share: Any = 1) -> Ball
     middle = rest = arb(0)
     signed, squares = ([arb(0)] * len(terms) for terms in sites[0][1:3])
     for n, (terms, value) in enumerate(zip(sites, eta, strict=True)):
-        half = share if n == 0 else 1  # its other half belongs to the other half of Q
+        half = share if n == 0 else 1  # the rest of that site belongs to the other half of Q
         square = arb(value) ** 2 * half
         after = arb(eta[n + 1]) if n + 1 < len(eta) else arb(0)
         if n > 0:
@@ -551,12 +553,12 @@ def orbits(
     f_i are the parameters σ_i, followed by the products of two different ones.
 
     begun : x, v and t, each at the site before the first and at the first. strengths : k and h of
-    each kick, beginning with the first site. aside : how much x of the second site changes with
-    each strength; [] if all h are 0.
+    each kick, beginning with the first site. aside : the change of x at the second site with each
+    strength; [] if all h are 0.
     """
     pi = arb.pi()
     (x_last, x), (v_last, v), (t_last, t) = begun
-    # Derivatives by the parameters: the initial condition and the strengths; then second order.
+    # First order in the parameters (initial condition and strengths), then second order.
     moves_last, moves = [t_last, *(-move for move in aside)], [t] + [arb(0)] * len(aside)
     pairs = list(combinations_with_replacement(range(len(moves)), 2))
     bends_last = bends = [arb(0)] * len(pairs)
@@ -590,11 +592,11 @@ def orbits(
             [term for term, (a, b) in zip(quadratic, pairs, strict=True) if a == b],
             upper(k) * (2 * pi * upper(sine) * rho + 2 * pi**2 * upper(cosine) * squares)
             + upper(k) * 4 * pi**3 / 3 * largest**3
-            # σ_i h_i (cos - cos), beyond σ_i h_i ξ
+            # σ_i h_i times the change of cos 2πx, beyond the term with ξ
             + width * 2 * pi * (upper(sine) * curved + pi * largest**2),
         )
-        # The defect of the expansion at the next site is written in terms of v and t, which have
-        # defects too, by Cramer's rule, with the Wronskian v_n t_{n+1} - v_{n+1} t_n.
+        # By Cramer's rule, with the Wronskian v_n t_{n+1} - v_{n+1} t_n, the defect of the
+        # expansion at the next site is written in terms of v and t, which have defects too.
         defect = upper(k) * (
             pi * upper(sine) * squares
             + 2 * pi**2 / 3 * upper(cosine) * largest**3
@@ -616,7 +618,7 @@ def orbits(
             slope * bend - last - pi * k * sine * product + width * cosine * other
             for bend, last, product, other in zip(bends, bends_last, products, mixed, strict=True)
         ]
-        # Exact numbers replace the balls, which would grow; the defect includes the change.
+        # Exact numbers replace the balls, which would grow; the defect includes this change.
         x_next, missed = x_next.mid(), upper(x_next - x_next.mid())
         defect += missed + on_v * upper(v_next - v_next.mid())
         defect += sum(upper(move - move.mid()) for move in moves_next + bends_next)
@@ -633,8 +635,8 @@ def orbits(
 def some_sequence(sites: list[Any], before: Ball, first: float, share: Any = 1) -> list[float]:
     """Choose η: the solution of the linear chain in the middle of the box, in floats.
 
-    It is raised to offset the amount by which Q may exceed its value in the middle, and cut off
-    where it is not positive. Arguments as for `summed`.
+    It is raised to offset the amount by which Q may exceed its value in the middle, and is cut off
+    where it would not be positive. The arguments are those of `summed`.
     """
     eta, last, paid = [first], float(arb(before).mid()), 0.0
     signed, squares = ([0.0] * len(terms) for terms in sites[0][1:3])
@@ -747,7 +749,7 @@ def russmann(divisors: list[tuple[int, Ball]], period: int, delta: Ball) -> Ball
         peak = 1 / (2 * arb.pi() * q)
         at = delta if peak > delta and n < len(divisors) - period else peak
         term = at * (-2 * arb.pi() * q * at).exp() / divisor
-        if n >= len(divisors) - period:  # these repeat forever, up to 10^-12
+        if n >= len(divisors) - period:  # these repeat forever, to a relative 10^-9
             term = term * (1 + arb(10) ** -9)
         worst = worst.max(term)
     return worst
@@ -763,7 +765,7 @@ def conclusion(
     p: list[Ball],
     k: list[Ball],
 ) -> tuple[bool, dict[str, float]]:
-    """Return True if the inequalities of the theorem hold, and all of its constants."""
+    """Return whether the inequalities of the theorem hold, with all of its constants."""
     eps = sum(a * b for a, b in zip(n, errors, strict=True)).max(arb(2) ** -1000)
     delta = arb("0.99") * rho / arb("4.2")
     C = russmann(divisors, period, delta) + delta
@@ -782,7 +784,7 @@ def inequalities(
     p: list[Ball],
     k: list[Ball],
 ) -> tuple[bool, dict[str, Ball]]:
-    """Return True if (1), (2) and (3) hold, and their left-hand sides with the largest |κ_j|."""
+    """Return whether (1), (2) and (3) hold, with their left-hand sides and the largest |κ_j|."""
     P, e, two_pi, eta = len(kappa), arb(1).exp(), 2 * arb.pi(), arb("0.01")
     grown = 1 + eta
     q = [p[j] * p[(j + 1) % P] for j in range(P)]
@@ -802,7 +804,7 @@ def inequalities(
 
 
 def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
-    """Return True if the theorem applies to the forcing, or to all of a patch, and its constants.
+    """Return whether the theorem applies to the forcing or to the whole patch, with its constants.
 
     u_j = Σ_ml C_jml T_m(σ) T_l(t); a polynomial of the modes k ≥ 0 represents a real function of φ.
     """
@@ -838,13 +840,13 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
     n = [1 + sum(column) for column in zip(*slopes.values(), strict=True)]
     k = [(two_pi * (rho + real_norm(f, r))).exp() for f in totals]
     p, errors, grid = [arb(0)] * len(n), [arb(0)] * len(n), Grid(rho, totals)
-    # One more point than degrees, if anything depends on s, or on t.
+    # One more point than degrees in s and in t, or a single point if nothing depends on s or t.
     points = len(numbers) + 1 if long else 1, widest + 1 if fanned else 1
     for angle, beside, u in at_points(moves, points):
         there = strengths(middle + half * angle.cos_pi(), beside.cos_pi())
         found = grid.residuals(there, u, omega / len(kappa))
         errors = [old.max(new) for old, new in zip(errors, found, strict=True)]
-    # Between these points an angle differs by at most π/2f, and T_m by 2 sin(mπ/4f).
+    # An angle differs from the nearest of f points by at most π/2f, and T_m by 2 sin(mπ/4f).
     demand(all(error < 1 for error in errors), "a residual is not below 1")
     nodes = 12 if long else 1, 8 if fanned else 1
     step = [
@@ -897,11 +899,11 @@ def slope(f: Any) -> list[Ball]:
 
 
 class Grid:
-    """n points of φ, n > 2K, on which sin 2πg_j is evaluated for one of the forcings.
+    """n points of φ, n > 2K, at which sin 2πg_j is evaluated for one of the forcings.
 
     A mode and its aliases k + n, k + 2n, … appear as their sum. Each mode |k| ≥ n/2 counts twice in
-    the error: it is omitted, and is an alias of a mode of smaller weight. With ‖sin 2πg_j‖ ≤ M for
-    ρ̂ > ρ both errors together are at most 2M e^{-2π(ρ̂-ρ)n/2}.
+    the error: it is omitted, and it is an alias of a mode of smaller weight. If ‖sin 2πg_j‖ ≤ M for
+    ρ̂ > ρ, both errors together are at most 2M e^{-2π(ρ̂-ρ)n/2}.
 
     sizes : for each j a polynomial whose coefficients bound |û_k|, k ≥ 0.
     """
@@ -920,7 +922,7 @@ class Grid:
         self.angles = [arb(i) / self.half for i in range(2 * self.half)]
 
     def residuals(self, kappa: list[Ball], u: list[Any], alpha: Ball) -> list[Ball]:
-        """Bound ‖E_j‖; u contains for each j the polynomial of the modes û_k, k ≥ 0."""
+        """Bound ‖E_j‖; u contains, for each j, the polynomial of the modes û_k, k ≥ 0."""
         half, two_pi, errors = self.half, 2 * arb.pi(), []
         u = [[*f.coeffs(), *[acb(0)] * (half - len(f))] for f in u]
         turns = [acb(2 * k * alpha).exp_pi_i() for k in range(half)]
@@ -949,7 +951,7 @@ def half_modes(re: list[int], im: list[int], unit: Ball) -> acb_poly:
 def at_points(
     moves: dict[tuple[int, int], list[Any]], points: tuple[int, int]
 ) -> Iterator[tuple[Ball, Ball, list[Any]]]:
-    """Yield the angle of σ, that of t, and the functions u_j there, at all Chebyshev points."""
+    """Yield the angles of σ and t, and the functions u_j there, at all Chebyshev points."""
     for angle in [arb(2 * i + 1) / (2 * points[0]) for i in range(points[0])]:
         rows: dict[int, list[Any]] = {}  # Σ_m C_jml T_m(σ), by l
         for (m, degree), functions in moves.items():

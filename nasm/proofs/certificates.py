@@ -43,18 +43,20 @@ def certificate(
     omega: RotationNumber | None = None,
     scales: tuple[float, ...] = (),
 ) -> dict[str, Any]:
-    """Return the certificate of a proof, a dict fit for JSON: `fields`, claim, theorem and seal.
+    """Return the certificate of a proof, a JSON-serializable dict.
+
+    It contains `fields`, the claim, the theorem, and the SHA-256 of all these.
 
     Parameters
     ----------
     proof : BarrierProof, TransportProof or CellProof
         The proof.
     theorem : str
-        Name of its theorem in proofs/README.md.
+        Name of the theorem, as in proofs/README.md.
     fields : dict
-        Data from which the hypothesis of the theorem is verified.
+        Data from which a checker can verify the hypothesis of the theorem.
     kappa : tuple of float
-        Forcing of the claim.
+        Forcing in the claim; for a cell its centre, for a patch its profile.
     half_width : tuple of float
         Half width of the cell, or the tilt of a patch; () for one forcing.
     omega : RotationNumber or None
@@ -83,7 +85,7 @@ def certificate(
 
 
 def in_hex(numbers: Iterable[float]) -> list[str]:
-    """Write floats exactly, as hexadecimal texts.
+    """Write floats exactly, as hexadecimal strings.
 
     Examples
     --------
@@ -95,7 +97,7 @@ def in_hex(numbers: Iterable[float]) -> list[str]:
 
 
 def columns_in_hex(rows: FloatArray) -> list[str]:
-    """Write each column of a matrix as one text: 16 digits per number, its 8 bytes, sign first.
+    """Write each column of a matrix as one hexadecimal string: 16 digits per float, big-endian.
 
     Certificates may have a million rows, and this form is compact.
 

@@ -1,21 +1,22 @@
 """A proof that a barrier exists under every forcing of a patch.
 
 A patch consists of the forcings κ = s(a + tb), low ≤ s ≤ high, |t| ≤ 1. Patches with the same a
-and b, each beginning at the s where the last one ended, fill a triangle with a corner at κ = 0, or
-a ray if b = 0. In each of them
+and b, each beginning at the s where the previous one ended, fill a triangle with a corner at κ = 0,
+or, if b = 0, a segment of a ray. On each patch
 
     u_j(φ; s, t) = Σ_{m<Q, l<R} C_jml(φ) T_m(σ) T_l(t),    s = (low + high)/2 + σ (high - low)/2,
 
 |σ| ≤ 1, with the Chebyshev polynomials T_m. The theorem of `nasm.proofs.barrier` applies for every
-s and t if its constants hold for all σ and t. Bounds of n_j and k_j are sums over m and l. The
-bound of p_j uses how much g_j' differs from its value at the nearest of Q·R Chebyshev points. For
-the residual
+s and t if its constants hold for all σ and t. The bounds n_j and k_j are sums over m and l. The
+bound p_j allows for the difference between g_j' and its value at the nearest of Q·R Chebyshev
+points. The residual obeys
 
     ‖E_j‖ ≤ Λ_Q Λ_R max ‖E_j‖ at the points + interpolation error,    Λ_Q = 1 + (2/π) log Q.
 
-So the circle exists for all weaker kicks too; it does not break and reappear on the way. See
-proofs/README.md, "A patch". A proof relies on `_Patch` and the functions of `nasm.proofs.barrier`
-that it calls; C may come from any source. Certificates call a patch a fan.
+Patches that begin at s = 0 therefore show that the circle exists for all weaker kicks too: it does
+not break and reappear on the way. See proofs/README.md, "A patch". A proof relies on `_Patch` and
+the functions of `nasm.proofs.barrier` that it calls; C may come from any source. Certificates call
+a patch a fan.
 """
 
 import time
@@ -59,21 +60,21 @@ try:
 except ImportError:  # the extra `proof`
     arb = None  # type: ignore[assignment, misc]
 
-# Distance from the breakup at the end of a patch, relative to that at its beginning.
+# Ratio of the distances from the breakup at the end of a patch and at its beginning.
 _MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
-# The residual ε that suffices 1% below the breakup, and its power law in the distance.
+# The ε that suffices 1% below the breakup, and the power of the distance with which it scales.
 _RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 3e-19, 6.3
 _LONG_DOUBLE_RESIDUAL = 1e-15  # ε down to which circles in long doubles are accurate enough
-_GRID_FACTOR = 1.1  # points of a grid, relative to those for one forcing
+_GRID_FACTOR = 1.1  # number of grid points, relative to that for a single forcing
 _MIN_NODES, MAX_NODES = 8, 64  # Chebyshev points in s, and in t
-_TRIAL_NODES = 24  # across the far end of a patch, to choose the number of points in t
-_STRIP_RATIO = 0.1  # ρ relative to the strip in which circles are analytic, approximately
-_SLOWDOWN = 1.25  # of the work, relative to a power law 1/distance
+_TRIAL_NODES = 24  # points in t at the far end of a patch, from which R is chosen
+_STRIP_RATIO = 0.1  # ρ relative to the half width of the strip where circles are analytic, roughly
+_SLOWDOWN = 1.25  # allowance for work that grows faster than 1/distance
 _BOUND_FRACTION = 0.8
 """A patch counts as proved if the theorem's left sides are below this fraction of its right sides.
 
-The checker of certificates computes its own bounds, which may be slightly larger: in one of 988
-cells of forcings by a factor of 1.15.
+The checker of certificates computes its own bounds, which may be slightly larger: for one of 988
+cells of forcings, by a factor of 1.15.
 """
 
 
@@ -85,7 +86,7 @@ def proved_below(
     tilt: ArrayLike | None = None,
     nearest: float = 1e-4,
 ) -> tuple[float, list[BarrierProof]]:
-    """Prove that the circle of omega exists at all scales from 0 on, along a ray or in a triangle.
+    """Prove that the circle of omega exists from scale 0 upwards, along a ray or in a triangle.
 
     Parameters
     ----------
@@ -94,13 +95,13 @@ def proved_below(
     profile : array_like, shape (P,)
         Direction of the ray, not zero.
     value : float
-        Scale at which the circle breaks, e.g. by `periodic.critical_scale`, from 1e-300 to 1e306;
-        for a triangle the least on its rays. Used only to choose where to try proofs.
+        Scale at which the circle breaks, e.g. from `periodic.critical_scale`; 1e-300 to 1e306. For
+        a triangle, the smallest such scale on its rays. Used only to choose where to try proofs.
     budget : float
-        CPU seconds, approximately. For two kicks 2 s reach 0.97 of the breakup, and 12 s reach
+        CPU seconds, approximately. For two kicks, 2 s suffice for 0.97 of the breakup, and 12 s for
         0.99; proofs/README.md has a table.
     tilt : array_like, shape (P,), optional
-        For a triangle: it consists of the rays profile + t·tilt, -1 ≤ t ≤ 1.
+        For a triangle, which consists of the rays profile + t·tilt, -1 ≤ t ≤ 1.
     nearest : float
         Relative distance from the breakup at which to stop, from 0 to 1.
 
@@ -108,7 +109,7 @@ def proved_below(
     -------
     scale : float
         The circle exists under s·(profile + t·tilt) for all real s and t, 0 ≤ s ≤ scale. This is a
-        statement about real numbers: forcings rounded to floats lie off the ray by some 10⁻¹⁶.
+        statement about real numbers: forcings rounded to floats lie off the ray by about 10⁻¹⁶.
     proofs : list of BarrierProof
         Proofs of the patches that fill the ray or the triangle.
 
@@ -152,7 +153,7 @@ def proved_below(
     )
     while part <= _MAX_DISTANCE_RATIO and not omega.is_rational:
         before = time.thread_time()
-        # The work is about proportional to 1/distance.
+        # The work is roughly proportional to 1/distance.
         affordable = _SLOWDOWN * pace / max(until - before, 1e-9)
         distance = max((1 - reached / value) * part, affordable, nearest)
         if not distance < _MAX_DISTANCE_RATIO * (1 - reached / value):
@@ -238,8 +239,8 @@ def _points(Q: int) -> FloatArray:
 def _points_across(far: list[circles.InvariantCircle], n: int, max_error: float) -> int:
     """Choose R such that the error of interpolation in t is at most max_error.
 
-    The error is that of `_Patch._between`, with the norms of coefficients of the circles at the far
-    end.
+    The error is estimated as in `_Patch._between`, from the norms of the coefficients of the
+    circles at the far end.
     """
     degrees = np.arange(_TRIAL_NODES)[:, None]
     turn = turns(far[0].omega, len(far[0].kappa), n // 2 + 1)
@@ -265,9 +266,9 @@ def _points_across(far: list[circles.InvariantCircle], n: int, max_error: float)
 
 
 def _above_rounding(coefficients: list[Any], Q: int, R: int) -> list[Any]:
-    """Replace coefficients C by 0 if they are as small as rounding errors of modes in long double.
+    """Replace coefficients C by 0 if they are as small as the rounding errors of long doubles.
 
-    C decays with the sum of its degrees, so coefficients of high degrees in both are mere rounding.
+    C decays with the sum of its degrees: where both degrees are high, it is only rounding error.
     """
     size = max(1, *(len(part) for table in coefficients for row in table for part in row))
     sizes = np.zeros((Q * R, size))
@@ -284,7 +285,7 @@ def _above_rounding(coefficients: list[Any], Q: int, R: int) -> list[Any]:
 class _Patch:
     """The forcings s(profile + t·tilt), low ≤ s ≤ high, |t| ≤ 1, at Q·R Chebyshev points, in balls.
 
-    Lists run over all points, or all degrees, those of t fastest.
+    Lists run over all points, or all pairs of degrees; the index for t varies fastest.
     """
 
     def __init__(
@@ -320,15 +321,15 @@ class _Patch:
     def circles(self, starts: list[FloatArray], epsilon: float = 0.0) -> list[Any] | None:
         """Return the modes of circles at the points, as exact balls, from values on grids.
 
-        If epsilon is close to the rounding of long doubles, add a step of Newton's method in balls.
-        None if Newton's method diverges.
+        If long doubles are not accurate enough for epsilon, take a step of Newton's method in
+        balls. Return None if Newton's method diverges.
         """
         all_modes = []
         for grid, start in zip(self.grids, starts, strict=True):
             modes = polished(grid.kappa, grid.n, self.turn, start)
             if not np.isfinite(modes).all():
                 return None
-            modes[0, 0] = 0  # the same phase at all points
+            modes[0, 0] = 0  # fixes the same phase at all points
             modes = as_balls(modes, self.odd)
             if epsilon < _LONG_DOUBLE_RESIDUAL:
                 modes = stepped(grid, self.turn, modes, residual(grid, modes))
@@ -361,7 +362,8 @@ class _Patch:
         u = self._product(self.T, C)
         E = [residual(grid, modes) for grid, modes in zip(self.grids, u, strict=True)]
         sizes = [[[x.abs_upper() for x in row] for row in table] for table in C]
-        # |T_m(σ) - T_m(σ_i)| for the nearest σ_i: their angles differ by π/2Q or less.
+        # Bounds on |T_m(σ) - T_m(σ_i)| for the nearest σ_i: its angle arccos σ_i and that of σ
+        # differ by at most π/2Q.
         steps = [[2 * (arb(m) / (4 * n)).sin_pi() for m in range(n)] for n in self.shape]
         apart = [a + b for a, b in product(*steps)]
         kappa = [self.high * self._largest(j) for j in range(len(self.profile))]
@@ -381,7 +383,7 @@ class _Patch:
         (Q, R), two_pi, misses = self.shape, 2 * arb.pi(), []
         degrees = [*product(range(Q), range(R))]
         for axis, count in enumerate(self.shape):
-            least = arb.pos_inf() if count > 1 else arb(0)  # nothing depends on t
+            least = arb.pos_inf() if count > 1 else arb(0)  # one point: nothing depends on t
             sums = [arb(0)] * count
             for m, x in zip(degrees, norms, strict=True):
                 sums[m[axis]] += x

@@ -1,9 +1,10 @@
 """A computer-assisted proof that transport is global: no rotational invariant circle exists.
 
-Every rotational circle crosses a curve that leads from y = -∞ to y = ∞: for one or two kicks a
-symmetry line x_c = a, for more a polygon through minimax orbits (`nasm.converse_kam.transversal`).
-Along an orbit on a circle the second variation of the action is positive. So if for every initial
-condition on the curve, up to symmetries, some η of finite support has
+Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. For one or two kicks the
+curve is a symmetry line x_c = a; for more kicks it is a polygon through minimax orbits (see
+`nasm.converse_kam.transversal`). Along an orbit on a circle the second variation of the action is
+positive. So if for every initial condition on the curve, up to symmetries, some η of finite support
+has
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0,   η ≠ 0,
 
@@ -15,15 +16,17 @@ The curve is covered by boxes |s - ŝ| ≤ δ, whose orbits are
 
     x_n(σ) = x̂_n + σ t_n + σ² q_n + ρ_n,   |ρ_n| ≤ A_n|v_n| + B_n|t_n|,   s = ŝ + σδ,   |σ| ≤ 1.
 
-All orbits of a box share one η: V, the solution v of the linearised chain, increased at each kick
-by a payment for the amount by which Q may exceed its value in the middle of the box. V_N ≤ 0 shows
-Q ≤ 0 on the whole box, and N is its lifetime. A box that fails is bisected. On a symmetry line the
-sites n ≥ c are enough. On a polygon the sites before c are followed too, like those after c but
-under the kicks in reverse order, so that a box has two lifetimes.
+All orbits of a box share one η, called V. It is the solution v of the linearised chain, increased
+at each kick by a *payment*, which covers the amount by which Q may exceed its value in the middle
+of the box. V_N ≤ 0 shows that Q ≤ 0 on the whole box; N is called the lifetime of the box. A box
+that fails is bisected. On a symmetry line the sites n ≥ c are enough. On a polygon the sites before
+c are followed too, like those after c but under the kicks in reverse order, so that a box has two
+lifetimes.
 
-Sixteen boxes run in lockstep on `nasm.arithmetic.lanes`. After an event in one of them, its block
-of kicks is repeated on floats, by the same function. The proof relies on IEEE arithmetic with
-rounding to nearest, gradual underflow and a fused fma, which `check_arithmetic` tests at run time.
+Sixteen boxes run in lockstep on `nasm.arithmetic.lanes`. After an event in one of them (V ≤ 0 or a
+violated bound), its block of kicks is repeated on floats, by the same function. The proof relies on
+IEEE arithmetic with rounding to nearest, gradual underflow and a fused fma, which
+`check_arithmetic` tests at run time.
 """
 
 import math
@@ -73,30 +76,30 @@ _SERIES = [(-1) ** k * (2 * EXACT_PI) ** (2 * k) / factorial(2 * k + 1) for k in
 _S0, _S1, _S2, _S3 = map(pair, _SERIES[:4])
 _S4 = tuple(map(float, _SERIES[4:]))
 
-ULP = 2.0**-53  # relative rounding error; also a bound of the error of h = sin 2πx/2π
-ORBIT = 2.0**-66  # a bound of the error of h as a sum of two floats, and of rounding x and y
-COS = 2.1e-14  # a bound of the error of cos 2πx; the tests prove both in ball arithmetic
-UP = 1 + 1e-14  # more than 90 roundings of sums and products of positive numbers
-PAYMENT_FACTOR = 1.0001  # more than `_MAX_LIFETIME` roundings of a sum of positive numbers
+ULP = 2.0**-53  # relative rounding error; also a bound on the error of h = sin 2πx/2π
+ORBIT = 2.0**-66  # bounds the error of h as a sum of two floats, and that of rounding x and y
+COS = 2.1e-14  # bounds the error of cos 2πx; the tests prove both bounds in ball arithmetic
+UP = 1 + 1e-14  # covers 90 roundings of sums and products of positive numbers
+PAYMENT_FACTOR = 1.0001  # covers `_MAX_LIFETIME` roundings of a sum of positive numbers
 PI, TWO_PI, TWO_PI2 = 3.141592653589793, 6.283185307179586, 19.739208802178716
-CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: remainders of h
-COS_CUBIC = 41.35  # (2π)³/6, rounded up: the remainder of cos
+CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: for the remainders of h
+COS_CUBIC = 41.35  # (2π)³/6, rounded up: for the remainder of cos
 
-_MAX_DEVIATION = 0.1  # |x - x̂| up to which the bounds hold
+_MAX_DEVIATION = 0.1  # largest |x - x̂| for which the bounds hold
 _MAX_UNKNOWN_SHARE = 0.8  # fraction of |x - x̂| beyond first order; above it the box is bisected
 _MAX_WRONSKIAN_ERROR = 1e-3  # relative, of v_n t_{n+1} - v_{n+1} t_n = δ
 _MAX_V = 1e100  # beyond it, products may overflow
-_MAX_LIFETIME = 1e11  # kicks of a box in a proof; they would take hours
+_MAX_LIFETIME = 1e11  # kicks of a box in a proof; so many would take hours
 
-_MIN_TOTAL_STRENGTH = 0.1  # of P Σ|κ_j|; it is 0.97 where the last circle of one kick in P breaks
+_MIN_TOTAL_STRENGTH = 0.1  # of P Σ|κ_j|; for one kick in P, the last circle breaks at 0.97
 _FIRST_BOXES = 16  # on each piece
-_MIN_DELTA = 2.0**-50  # down to which centres are exact, up to s = 8
-_KICKS_PER_BLOCK = 8  # between checks for events; rounded up to periods
-_STATE, _ROWS, _V = 18, 19, 6  # numbers of a box: those that change, all, and the index of V
+_MIN_DELTA = 2.0**-50  # δ down to which centres are exact, for s up to 8
+_KICKS_PER_BLOCK = 8  # between checks for events; rounded up to whole periods
+_STATE, _ROWS, _V = 18, 19, 6  # numbers of a box that change, all of them; index of V
 _FIRST_EXCESS = 0.1  # relative excess of s over value with which `proved_upper` begins
-_KICKS_PER_CALL = 2_000_000  # of the kernel, between checks of the clock
-_MIN_CROWD = 128  # waiting boxes above which a piece of the polygon may be bent
-_MAX_STEPS = 2**14  # in which all initial conditions on a polygon must be eliminated in floats
+_KICKS_PER_CALL = 2_000_000  # kicks per kernel call, between checks of the clock
+_MIN_CROWD = 128  # a piece of the polygon on which more boxes wait may be bent
+_MAX_STEPS = 2**14  # within which floats must eliminate all initial conditions on a polygon
 _CORNER_GRID = 2.0**26  # inverse spacing of corners, so that their sums are exact in two floats
 
 
@@ -124,7 +127,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Proof(Result):
-    """A proof that transport is global, or the reason why none was found.
+    """A proof that transport is global, or the reason why no proof was found.
 
     A failed proof makes no statement about circles.
     """
@@ -144,7 +147,7 @@ class Proof(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TransportProof(Proof):
-    """A proof that a forcing has no rotational invariant circle, or the reason why none was found.
+    """A proof that no rotational invariant circle exists, or the reason why no proof was found.
 
     Attributes
     ----------
@@ -153,7 +156,7 @@ class TransportProof(Proof):
     original_kappa : tuple of float
         Forcing passed to `prove`. The proof holds for exactly these floats.
     kappa : tuple of float
-        The same forcing, shortened; the boxes belong to it.
+        The same forcing, shortened; the boxes refer to it.
     site : int
         Index of the kick at the curve.
     points : ndarray, shape (m, 2)
@@ -163,9 +166,9 @@ class TransportProof(Proof):
         Rows ŝ, δ: no circle passes through initial conditions with |s - ŝ| ≤ δ; s is 0 at the first
         corner, 1/2 at the second, and so on. The boxes of a proof tile the curve, in order.
     lifetimes : ndarray of int, shape (n, 1) or (n, 2)
-        Kicks N until V ≤ 0, for each box; for three or more kicks, forwards and backwards.
+        Kicks N until V ≤ 0, for each box; if P > 2 after shortening, forwards and backwards.
     slopes : ndarray, shape (n,)
-        γ of each box.
+        γ of each box, defined in proofs/README.md.
 
     Examples
     --------
@@ -229,7 +232,7 @@ class TransportProof(Proof):
 
     @property
     def a(self) -> float:
-        """First x of the curve; on a symmetry line it is the only one."""
+        """x of the first corner of the curve; on a symmetry line all points have this x."""
         return float(self.points[0, 0])
 
 
@@ -243,10 +246,10 @@ def prove(kappa: ArrayLike, budget: float = 10.0) -> TransportProof:
         P = 1, or P = 2 with min |κ_i| < 2, or 2 < P ≤ 64 and the matrix of `_is_twist` positive
         definite; otherwise the outcome is SCOPE. For P Σ|κ_j| < 0.1 it is WEAK.
     budget : float
-        CPU seconds. A relative distance of 10⁻³ beyond the breakup takes some 10⁻² s for two kicks
-        and up to 0.5 s for three or four; a distance three times smaller takes ten times as long.
-        For P > 2 this includes the search for the polygon, whose last step may exceed the budget by
-        a second.
+        CPU seconds. At a relative distance of 10⁻³ beyond the breakup, a proof takes about 10⁻² s
+        for two kicks and up to 0.5 s for three or four; at a distance three times smaller, ten
+        times as long. For P > 2 the budget includes the search for the polygon, whose last stage
+        may exceed it by a second.
 
     Returns
     -------
@@ -258,7 +261,7 @@ def prove(kappa: ArrayLike, budget: float = 10.0) -> TransportProof:
     ValueError
         If kappa is not finite or too large, or budget is not positive.
     RuntimeError
-        If the arithmetic of this machine is not IEEE 754 as the proof requires.
+        If the arithmetic of this machine is not the IEEE 754 arithmetic that the proof requires.
 
     References
     ----------
@@ -278,7 +281,7 @@ def prove(kappa: ArrayLike, budget: float = 10.0) -> TransportProof:
     budget = positive("budget", budget, "seconds of computing time")
     check_arithmetic()
     nothing = np.empty((0, 2))
-    _followed(np.zeros(1), 0, nothing, nothing, np.empty(0), math.inf)  # compiled beforehand
+    _followed(np.zeros(1), 0, nothing, nothing, np.empty(0), math.inf)  # compile the kernels first
     original_kappa, strengths = tuple(kappa.tolist()), tuple(short.tolist())
     if short.size * np.abs(short).sum() < _MIN_TOTAL_STRENGTH:
         return _unproved(Outcome.WEAK, original_kappa, strengths)
@@ -295,7 +298,7 @@ def prove(kappa: ArrayLike, budget: float = 10.0) -> TransportProof:
 def _unproved(
     outcome: Outcome, original_kappa: tuple[float, ...], kappa: tuple[float, ...]
 ) -> TransportProof:
-    """Return a proof that failed before there were boxes."""
+    """Return the TransportProof of an attempt that ended before there were boxes."""
     nothing = np.empty((0, 2))
     lifetimes = np.empty((0, 2), int)
     return TransportProof(
@@ -311,8 +314,8 @@ def _on_polygon(
 ) -> TransportProof:
     """Try to prove that transport is global under three or more kicks.
 
-    A piece of the polygon is bent if more boxes wait on it than kicks were needed to eliminate all
-    starts in floats. If that does not help, another polygon is tried; the last one gets the
+    A piece of the polygon is bent if the boxes that wait on it outnumber the kicks in which floats
+    eliminate all starts. If bending does not help, another polygon is tried; the last one gets the
     remaining time.
     """
     _compile_search()
@@ -344,8 +347,8 @@ def _compile_search() -> None:
 def _closed(corners: FloatArray) -> tuple[FloatArray, list[int]]:
     """Round the corners to a grid, and add ends that are their own images.
 
-    Also return the index of each piece among those of `corners`; it is out of range for the two
-    pieces at the ends.
+    Also return the index of each piece among the pieces of `corners`; the two pieces added at the
+    ends have indices out of range.
     """
     points = np.rint(corners * _CORNER_GRID) / _CORNER_GRID
     first, last = np.rint(2 * points[[0, -1]]) / 2
@@ -355,10 +358,10 @@ def _closed(corners: FloatArray) -> tuple[FloatArray, list[int]]:
 
 
 def _is_twist(kappa: tuple[float, ...]) -> bool:
-    """Return True if for some m the kicks other than κ_m make x_{m+P} grow with x_{m+1}.
+    """Return True if, for some m, the kicks other than κ_m make x_{m+P} grow with x_{m+1}.
 
-    They do if the matrix with 2 - |κ_j| on the diagonal, j = m + 1 … m + P - 1, and -1 beside it is
-    positive definite: all its leading minors are positive, in exact arithmetic.
+    They do if the matrix with 2 - |κ_j|, j = m + 1 … m + P - 1, on the diagonal and -1 next to the
+    diagonal is positive definite: all its leading minors are positive. Arithmetic is exact.
     """
     entries = [2 - abs(Fraction(k)) for k in kappa]
     return any(_is_positive(entries[m + 1 :] + entries[:m]) for m in range(len(kappa)))
@@ -379,10 +382,10 @@ def proved_upper(profile: ArrayLike, value: float, budget: float) -> tuple[float
     Parameters
     ----------
     profile : array_like, shape (P,)
-        Direction of the ray, with the same requirements as kappa of `prove`.
+        Direction of the ray; it must meet the requirements for kappa in `prove`.
     value : float
-        Scale at which the last circle breaks, e.g. by `barriers.critical_scale`, from 1e-300 to
-        1e306. The proof does not depend on it; a bad value only costs time.
+        Scale at which the last circle breaks, e.g. from `barriers.critical_scale`; 1e-300 to 1e306.
+        The proof does not depend on it; a bad value only costs time.
     budget : float
         CPU seconds in all.
 
@@ -391,7 +394,7 @@ def proved_upper(profile: ArrayLike, value: float, budget: float) -> tuple[float
     scale : float
         Scale of the best proof; NaN if nothing was proved.
     proof : TransportProof
-        Proof at scale·profile, or the last that failed.
+        Proof at scale·profile, or the last failed attempt.
 
     Raises
     ------
@@ -416,7 +419,7 @@ def proved_upper(profile: ArrayLike, value: float, budget: float) -> tuple[float
         after = end - time.thread_time()
         if proof.proved:
             best, scale, reached = proof, value * (1 + excess), excess
-            # Work grows like the square of 1/excess, or a little slower.
+            # The work grows like the square of 1/excess, or a little more slowly.
             affordable = excess * math.sqrt(1.5 * (left - after) / max(after, 1e-9))
         elif best is None and excess < 4:
             excess *= 2
@@ -437,7 +440,7 @@ def _covered(
 ) -> tuple[TransportProof, int | None]:
     """Try to prove on a curve that transport is global; bisect boxes that fail, level by level.
 
-    If more than `max_waiting` boxes wait on one piece, stop, and return the index of the piece too.
+    If more than `max_waiting` boxes wait on one piece, stop and also return the piece's index.
     """
     forwards = np.tile(np.roll(kappa, -site), -(-_KICKS_PER_BLOCK // len(kappa)))
     ways = [forwards, forwards[::-1].copy()] if len(kappa) > 2 else [forwards]
@@ -482,7 +485,7 @@ def _covered(
 
 
 def _slopes(kappa: FloatArray, points: FloatArray, starts: FloatArray) -> FloatArray:
-    """Choose γ of each box, if possible such that V crosses zero on both sides in floats."""
+    """Choose γ of each box, if possible such that V, in floats, crosses zero on both sides."""
     x, y = (np.interp(2 * starts, np.arange(len(points)), axis) for axis in points.T)
     _, slopes = transversal.elimination(kappa, x, y, _MAX_STEPS * len(kappa))
     return np.clip(np.rint(slopes * 2.0**20) / 2.0**20, -3, 1 - 2.0**-20)
@@ -496,7 +499,7 @@ def _followed(
     slopes: FloatArray,
     end: float,
 ) -> IntArray:
-    """Return the lifetimes of boxes; 0 for those that fail, or that remain when time is up."""
+    """Return the lifetimes of boxes; 0 for boxes that fail, or that remain when time is up."""
     lifetimes, first, unfinished = np.zeros(len(boxes), np.int64), 0, True
     lanes, ages, box_ids = np.zeros((_ROWS, FEW)), np.zeros(FEW, np.int64), np.full(FEW, -1)
     while unfinished and time.thread_time() < end:
@@ -528,7 +531,7 @@ def check_arithmetic() -> None:
     Raises
     ------
     RuntimeError
-        If they do not.
+        If one of these does not hold.
     """
     if not _arithmetic_is_ieee(1.0, 2.0**-53, 2.0**-52, 2.0**-1022):
         raise RuntimeError(
@@ -539,7 +542,7 @@ def check_arithmetic() -> None:
 
 @kernel
 def _arithmetic_is_ieee(one, half, ulp, tiny):
-    """Test the arithmetic on powers of two, arguments that the compiler cannot fold."""
+    """Test the arithmetic on powers of two, passed as arguments to prevent constant folding."""
     nearest = one + half == one and one + 1.5 * half == one + ulp and -one - half == -one
     fused = fma(one + ulp, one - ulp, -one) == -ulp * ulp
     return nearest and fused and tiny / 2 > 0
@@ -550,10 +553,11 @@ _ELIMINATED, _FAILED = 0, 1
 
 @kernel(error_model="numpy")
 def _follow(cycle, way, points, boxes, slopes, lifetimes, lanes, ages, box_ids, first, most_kicks):
-    """Follow the boxes for some more kicks; return the first not begun, and whether any remain.
+    """Follow boxes for some more kicks; return the first one not begun, and whether any remain.
 
     cycle : a block of kicks. boxes, slopes : ŝ, δ and γ. lifetimes : receives the results. lanes,
-    ages, box_ids : the state of each lane, the kicks so far, and the index of its box, -1 for none.
+    ages, box_ids : for each lane, its state, its kicks so far, and the index of its box; -1 for an
+    idle lane.
     """
     before, events, kicks = np.empty((_ROWS, FEW)), np.empty((2, FEW)), 0
     while kicks < most_kicks:
@@ -587,7 +591,7 @@ def _follow(cycle, way, points, boxes, slopes, lifetimes, lanes, ages, box_ids, 
 def _start(lanes, lane, points, s, delta, slope, way):
     """Set the state of a box before the kick at the curve.
 
-    With way = 1: before the kick at the preceding site, with the kicks in reverse order.
+    If way is 1, the state before the kick at the preceding site, with kicks in reverse order.
     """
     for row in range(_ROWS):
         lanes[row, lane] = 0.0
@@ -596,7 +600,7 @@ def _start(lanes, lane, points, s, delta, slope, way):
     dx, dy = points[at + 1, 0] - x, points[at + 1, 1] - y
     lanes[2, lane], lanes[3, lane] = _along(y, part, dy)
     t, z, last = 2 * delta * dx, 2 * delta * dy, slope
-    if abs(z - last * t) < 1e-4 * (abs(t) + abs(z)):  # v would be along the curve
+    if abs(z - last * t) < 1e-4 * (abs(t) + abs(z)):  # v would point along the curve
         last += 1
     wronskian = z - last * t
     if way:
@@ -612,7 +616,7 @@ def _start(lanes, lane, points, s, delta, slope, way):
 
 @njit(nogil=True)
 def _along(start, part, length):
-    """Return start + part·length exactly, as a sum of two floats: see README.md."""
+    """Return start + part·length, exactly, as a sum of two floats; see proofs/README.md."""
     product = part * length
     total, error = two_sum(start, product)
     return total, error + fma(part, length, -product)
@@ -620,7 +624,7 @@ def _along(start, part, length):
 
 @njit(nogil=True, error_model="numpy")
 def _advance(cycle, lanes, events):
-    """Advance all lanes by a block of kicks, in place; events[0] = the least V, [1] = Σ bad."""
+    """Advance all lanes by a block of kicks, in place; set events to the smallest V and Σ bad."""
     own_frame()
     state = load_state(lanes, 0, _STATE, FEW)
     scale = load_few(lanes, 18 * FEW)
@@ -635,7 +639,7 @@ def _advance(cycle, lanes, events):
 
 @njit(nogil=True, error_model="numpy")
 def _replay(cycle, lanes, lane):
-    """Repeat the block of one lane kick by kick; return the kicks to its event, and the outcome."""
+    """Repeat the block of one lane kick by kick; return kicks up to its event, and outcome."""
     state = load_state(lanes, lane, _STATE, 1)
     for n in range(len(cycle)):
         state, bad = _kick(cycle[n], lanes[18, lane], state)
@@ -648,9 +652,9 @@ def _replay(cycle, lanes, lane):
 
 @njit(forceinline=True)
 def _accurate(x, x_low):
-    """Return rint x - x, h = sin 2πX/2π as a sum of two floats, and cos 2πX, X = x + x_low + 1/4.
+    """Return rint x - x, h = sin 2πX/2π as a sum of two floats, and cos 2πX; X = x + x_low + 1/4.
 
-    For lanes or floats.
+    Arguments are lanes or floats.
     """
     back = rint(x) - x
     r = fabs(back)
@@ -683,7 +687,7 @@ def horner(v, c):
 
 @njit(forceinline=True)
 def _next(s, s_low, v, v_low, coefficient):
-    """Return (s + s_low)(v + v_low) + coefficient, where coefficient[0] is the largest number."""
+    """Return (s + s_low)(v + v_low) + coefficient, where coefficient[0] is the largest term."""
     product = s * v
     error = fma(s_low, v, fma(s, v_low, fma(s, v, -product)))
     total = coefficient[0] + product
@@ -703,7 +707,7 @@ def _kick(k, scale, state):
     kc = k * c
     f2 = -TWO_PI2 * k * h  # κh''/2
 
-    # |x - x̂|: its first order, the known second order, the bound of the rest; and their sums.
+    # Bounds on |x - x̂|: its first order, the unknown rest, all beyond first order, and the total.
     straight = fabs(t)
     unknown = fma(A, fabs(v), B * straight)
     curved = fabs(q) + unknown
@@ -733,7 +737,7 @@ def _kick(k, scale, state):
     z = fma(kc, t, z)
     p = fma(f2 * t, t, fma(kc, q, p))
     v1, t1, q1 = v + w, t + z, q + p
-    # Defects: of the orbit, of its expansion, of the three solutions, of the cosine.
+    # Defects of the orbit, of its expansion, of the three solutions, and of the cosine.
     E1 = fma(A, fabs(v1), fma(B, fabs(t1), fabs(t1) + fabs(q1)))
     expansion = fma(PI * sine, both, fma(CUBIC * cosine, E3, QUARTIC * E2 * E2))
     solutions = fma(E1 + E, 3.1 * ULP, fma(E2, 41.0, E) * (size * (COS + 4 * ULP)))

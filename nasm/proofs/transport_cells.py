@@ -7,10 +7,11 @@ condition and the two strengths,
     x_n = x̂_n + σ t + σ_0 p + σ_1 q + σ² tt + σσ_0 tp + σσ_1 tq + σ_0² pp + σ_0σ_1 pq + σ_1² qq + ρ,
     |ρ_n| ≤ A_n|v_n| + B_n|t_n|.
 
-The shear g moves the initial conditions with κ, so that the rotation number of their orbit hardly
-changes and p and q grow more slowly. [0, 1/2] is cut into pieces, each with its own shear. Boxes
-that reach Σ_i |g_i| h_i beyond the ends of a piece cover it for all κ of the cell. A box that fails
-is bisected in the parameter that has moved its orbit most. See `proofs/README.md`, "Cells".
+The shear g shifts the initial conditions as κ varies, so that the rotation numbers of their orbits
+hardly change and p and q grow more slowly. The interval 0 ≤ y ≤ 1/2 is cut into pieces, each with
+its own shear. Boxes that extend Σ_i |g_i| h_i beyond the ends of a piece cover it for all κ of the
+cell. A box that fails is bisected in the parameter that has moved its orbit most. See
+`proofs/README.md`, "Cells".
 """
 
 import time
@@ -62,7 +63,7 @@ from nasm.types import FloatArray, IntArray
 
 __all__ = ["CellProof", "prove_cell"]
 
-# As in `transport`.
+# The same values as in `transport`.
 _MAX_DEVIATION, _MAX_UNKNOWN_SHARE, _MAX_WRONSKIAN_ERROR, _MAX_V = 0.1, 0.8, 1e-3, 1e100
 
 _STRENGTH_GRID = 2.0**30  # inverse spacing of strengths, so that bisecting a cell is exact
@@ -71,15 +72,15 @@ _END_GRID = 2.0**-20  # spacing of the ends of pieces
 _SHEAR_GRID = 2.0**-8  # spacing of g
 _MIN_DELTA, _MIN_STRENGTH_WIDTH = 2.0**-45, 2.0**-40
 _KICKS_PER_BLOCK = 8  # between checks for events
-_STATE, _ROWS, _COLUMNS = 40, 45, 9  # numbers per lane, those that change and all; numbers per box
+_STATE, _ROWS, _COLUMNS = 40, 45, 9  # numbers of a lane that change, all of them; numbers of a box
 _MAX_WAITING = 4096  # boxes on the stack
-_KICKS_PER_CALL, _MAX_ELIMINATED = 200_000, 16_384  # of the kernel, between checks of the clock
-DOWN = 1 - 1e-14  # as `UP`, for a sum that is subtracted
+_KICKS_PER_CALL, _MAX_ELIMINATED = 200_000, 16_384  # per kernel call, between checks of the clock
+DOWN = 1 - 1e-14  # like `UP`, for a sum that is subtracted
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CellProof(Proof):
-    """A proof that no forcing of a cell has a rotational invariant circle, or why none was found.
+    """A proof that no circle exists under any forcing of a cell, or the reason why it failed.
 
     Attributes
     ----------
@@ -92,8 +93,8 @@ class CellProof(Proof):
     a : float
         x of the symmetry line before that kick.
     boxes : ndarray, shape (n, 9)
-        Rows ŷ, δ, k_0, h_0, k_1, h_1, g_0, g_1 and the piece of [0, 1/2]; index 0 is the kick at
-        `site`.
+        Rows ŷ, δ, k_0, h_0, k_1, h_1, g_0, g_1, and the index of the piece of 0 ≤ y ≤ 1/2. The
+        subscript 0 stands for the kick at `site`.
     lifetimes : ndarray of int, shape (n,)
         Kicks N until V ≤ 0, for each box.
 
@@ -172,7 +173,7 @@ def prove_cell(kappa: ArrayLike, half_width: ArrayLike, budget: float = 1.0) -> 
     ValueError
         If an argument is out of range or not a multiple of 2⁻³⁰.
     RuntimeError
-        If the arithmetic of this machine is not IEEE 754 as the proof requires.
+        If the arithmetic of this machine is not the IEEE 754 arithmetic that the proof requires.
 
     Examples
     --------
@@ -208,7 +209,7 @@ def prove_cell(kappa: ArrayLike, half_width: ArrayLike, budget: float = 1.0) -> 
 def _covered(
     kappa: Sequence[float], half_width: Sequence[float], a: float, budget: float
 ) -> tuple[Outcome, FloatArray, IntArray]:
-    """Cover a cell by boxes; the first kick is the one at the line."""
+    """Cover a cell with boxes; the first kick is the one at the symmetry line."""
     (k0, k1), (h0, h1), x = kappa, half_width, a - 0.25
     waiting, n_waiting = np.empty((_MAX_WAITING, _COLUMNS)), _PIECES
     for piece in range(_PIECES):
@@ -237,7 +238,7 @@ def _covered(
 def _shears(x, y, k0, k1):
     """Choose g_i = -p_i/t where v crosses zero, so that the orbit hardly depends on κ_i there.
 
-    No proof depends on the choice.
+    Proofs are valid whatever the choice.
     """
     v, w, t, z, p0, z0, p1, z1 = 1.0, abs(k0) / 2, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
     for n in range(1000):
@@ -262,11 +263,11 @@ _ELIMINATED, _FAILED = 0, 1
 
 @kernel(error_model="numpy")
 def _cover(x, waiting, n_waiting, lanes, boxes, ages, eliminated, lifetimes, most_kicks):
-    """Continue a cover for some kicks; return how it ended, n_waiting and n_eliminated.
+    """Continue to cover a cell for some kicks; return the outcome, n_waiting and n_eliminated.
 
-    waiting[:n_waiting] : boxes to do, a stack of rows as in CellProof. lanes, boxes, ages : the
-    state of each lane, its box (δ = 0 for none) and its kicks so far, in columns. eliminated,
-    lifetimes : receive the boxes eliminated, and their kicks.
+    waiting[:n_waiting] : the boxes still to be followed, a stack of rows as in CellProof. lanes,
+    boxes, ages : for each lane, in columns, its state, its box (δ = 0 if it is idle) and its kicks
+    so far. eliminated, lifetimes : receive the eliminated boxes and their lifetimes.
     """
     before, events = np.empty((_ROWS, FEW)), np.empty((2, FEW))
     n_eliminated = kicks = 0
@@ -304,10 +305,10 @@ def _cover(x, waiting, n_waiting, lanes, boxes, ages, eliminated, lifetimes, mos
 
 @njit(nogil=True)
 def _bisect(waiting, n_waiting, box, split):
-    """Put both halves of a box on the stack; return False if they are too small, or inexact.
+    """Put both halves of a box on the stack; False if inexact, too small, or the stack is full.
 
-    split : the parameter to bisect, 0 for the initial condition, 1 and 2 for the strengths. The
-    shear moves the centre ŷ along with a strength.
+    split : the parameter to bisect, 0 for the initial condition, 1 or 2 for a strength. Because of
+    the shear, bisecting a strength also shifts the centre ŷ.
     """
     width = box[1 + 2 * split] / 2
     smallest = _MIN_DELTA if split == 0 else _MIN_STRENGTH_WIDTH
@@ -319,14 +320,14 @@ def _bisect(waiting, n_waiting, box, split):
         half[2 * split], error = two_sum(half[2 * split], step)
         if split > 0 and error == 0:
             half[0], error = two_sum(half[0], box[5 + split] * step)
-        if error != 0:  # as with NaN
+        if error != 0:  # true for NaN, too
             return False
     return True
 
 
 @njit(nogil=True)
 def _start(lanes, lane, x, box):
-    """Set the state of a box before the kick at the line."""
+    """Set the state of a box before the kick at the symmetry line."""
     state = lanes[:, lane]
     k0, h0, h1 = box[2], box[3], box[5]
     weight = 0.5 if x > 0 else -0.5  # -cos 2πa/2
@@ -335,14 +336,14 @@ def _start(lanes, lane, x, box):
     state[2] = state[4] = 1.0  # v, V
     state[3] = state[5] = weight * k0  # their last differences
     state[7], state[9], state[11] = box[1], box[6] * h0, box[7] * h1  # those of t, p, q
-    # Site c counts half: half of what σ_0 adds there, h_0 cos 2πa, is subtracted beforehand.
+    # Site c counts half: half of the term of σ_0 there, h_0 cos 2πa, is subtracted beforehand.
     state[27] = weight * h0
     state[_STATE], state[_STATE + 1 :] = 1 / box[1], box[2:6]
 
 
 @njit(nogil=True, error_model="numpy")
 def _advance(lanes, events):
-    """Advance all lanes by a block of kicks, in place; events[0] = the least V, [1] = Σ bad."""
+    """Advance all lanes by a block of kicks, in place; set events to the smallest V and Σ bad."""
     own_frame()
     rows = load_state(lanes, 0, _ROWS, FEW)
     state, (scale, k0, h0, k1, h1) = rows[:_STATE], rows[_STATE:]
@@ -358,14 +359,14 @@ def _advance(lanes, events):
 
 @njit(nogil=True, error_model="numpy")
 def _replay(lanes, lane):
-    """Repeat the block of one lane; return the kicks to its event, outcome and what to bisect."""
+    """Repeat the block of one lane; return the kicks up to its event, the outcome, and `split`."""
     state = load_state(lanes, lane, _STATE, 1)
     scale, k0, h0, k1, h1 = lanes[_STATE:, lane]
     for n in range(_KICKS_PER_BLOCK):
         state, bad = _kick(k0, h0, k1, h1, scale, state)
         if not bad <= 0 or state[4] <= 0:
             most, first, second = state[37], state[38], state[39]
-            if n % 2 == 0:  # the parameters have changed places
+            if n % 2 == 0:  # the two strengths have changed places
                 first, second = second, first
             split = 0 if most >= max(first, second) else 1 if first >= second else 2
             return n + 1, _FAILED if not bad <= 0 else _ELIMINATED, split
@@ -375,7 +376,7 @@ def _replay(lanes, lane):
 
 @njit(forceinline=True)
 def _trigonometry(x):
-    """Return rint x - x, h = sin 2πX/2π and cos 2πX, X = x + 1/4, for lanes or floats."""
+    """Return rint x - x, h = sin 2πX/2π and cos 2πX, where X = x + 1/4, for lanes or floats."""
     back = rint(x) - x
     u = 0.25 - fabs(back)
     u2 = u * u
@@ -384,11 +385,11 @@ def _trigonometry(x):
 
 @njit(forceinline=True, error_model="numpy")
 def _kick(k, spread, k_next, spread_next, scale, state):
-    """Kick a box, with strength k ± spread, on lanes or floats; as in `transport`.
+    """Kick a box with strength k ± spread, on lanes or floats; the method is that of `transport`.
 
-    p depends on this strength, q on that of the next kick; the returned state has them exchanged,
-    as well as tp and tq, pp and qq. zp, … are the last differences of p, …, lt, ltt, … the sums,
-    mt, mp, mq the largest |t|, |p|, |q| so far.
+    p is the response to this strength, q that to the strength of the next kick; the returned state
+    has p and q exchanged, as well as tp and tq, pp and qq. zp, … are the last differences of p, …;
+    lt, ltt, … are the sums in Q; mt, mp, mq are the largest |t|, |p|, |q| so far.
     """
     x, y, v, w, V, W, t, zt, p, zp, q, zq = state[:12]
     tt, ztt, tp, ztp, tq, ztq, pp, zpp, pq, zpq, qq, zqq = state[12:24]
@@ -399,7 +400,7 @@ def _kick(k, spread, k_next, spread_next, scale, state):
     sc = spread * c
     bend = -TWO_PI2 * k * h  # κh''/2
 
-    # |x - x̂|: its first order, the known second order, the bound of the rest; and their sums.
+    # Bounds on |x - x̂|: its first order, the unknown rest, all beyond first order, and the total.
     at, ap, aq = fabs(t), fabs(p), fabs(q)
     straight = at + ap + aq
     unknown = (A * fabs(v) + B * at) * UP
@@ -452,7 +453,7 @@ def _kick(k, spread, k_next, spread_next, scale, state):
     zqq = fma(kc, qq, zqq) + bend * q2
     v1, t1, p1, q1 = v + w, t + zt, p + zp, q + zq
     tt, tp, tq, pp, pq, qq = tt + ztt, tp + ztp, tq + ztq, pp + zpp, pq + zpq, qq + zqq
-    # Defects: of the orbit, of its expansion, of the solutions, of the cosine.
+    # Defects of the orbit, of its expansion, of the solutions, and of the cosine.
     E1 = A * fabs(v1) + (1.0 + B) * fabs(t1) + fabs(p1) + fabs(q1)
     E1 = E1 + fabs(tt) + fabs(tp) + fabs(tq) + fabs(pp) + fabs(pq) + fabs(qq)
     expansion = PI * sine * both + CUBIC * fabs(c) * E3 + QUARTIC * E2 * E2

@@ -1,4 +1,4 @@
-"""Invariant tori under kicks of two frequencies: Newton's method, and bracketing the last one."""
+"""Invariant tori of the rotating standard map: Newton's method, and a bracket on the last one."""
 
 import lazy_loader
 

@@ -1,17 +1,17 @@
-"""The last barrier of a rotating standard map of irrational frequency, from both sides.
+"""A bracket on the breakup of the last barrier of a rotating standard map with irrational Ω.
 
     κ_n = s·(κ̄ + Δκ cos 2π(φ0 + nΩ)),     n = …, -1, 0, 1, …
 
-For Ω = p/q the barriers are circles of T^q, different ones for each φ0: see `nasm.barriers`. For an
-irrational Ω they are tori, for all φ0 at once:
+For Ω = p/q the barriers are circles of T^q, which differ for each φ0: see `nasm.barriers`. For an
+irrational Ω they are tori, each of which serves all φ0. The bracket is computed in three steps:
 
-1. `upper`: the lowest scale found at which converse KAM eliminates all starts, by the kicks from -N
-   to N (`nasm.converse_kam.aperiodic`): no torus that is a graph exists.
-2. Below it some starts survive. Weighted Birkhoff averages separate those on tori from those next
-   to orbits that minimize the action, and yield their ω.
+1. `upper`: the lowest scale found at which converse KAM eliminates all starts, using the kicks from
+   -N to N (`nasm.converse_kam.aperiodic`): no torus that is a graph exists there.
+2. Below `upper` some starts survive. Weighted Birkhoff averages separate those on tori from those
+   next to orbits that minimize the action, and yield the ω of the tori.
 3. `lower`: the largest scale at which a torus of one of these ω is certified.
 
-The last torus breaks inside the bracket. Its ω may differ from that of `lower`.
+The last torus breaks inside the bracket. Its ω may differ from that of the torus at `lower`.
 """
 
 from dataclasses import dataclass
@@ -33,23 +33,23 @@ _METHOD = "converse KAM, and continuation of what survives"
 
 @dataclass(frozen=True)
 class LastTorusSettings:
-    """How precise `upper` is, and where candidates for the last torus are sought.
+    """Precision of `upper`, and settings of the search for candidates for the last torus.
 
     Attributes
     ----------
     upper_tol : float
         Relative width of the bracket from converse KAM that ends at `upper`.
     distances : tuple of float
-        Relative distances below `upper` at which candidates are sought, in this order.
+        Relative distances below `upper` at which to search for candidates, in this order.
     n_starts : int
-        Starts on a line whose averages are compared.
+        Number of starts on a line; averages are computed for those that survive.
     average_kicks : int
-        Kicks over which they are averaged.
+        Number of kicks over which orbits are averaged.
     max_difference : float
-        Largest difference, for a regular start, between its averages over all kicks and over half
-        of them, in turns per kick.
+        A start is regular if its averages over all kicks and over half of them differ by less than
+        this, in turns per kick.
     min_distance : float
-        Least distance between two candidates, in turns per kick.
+        Smallest distance between two candidates, in turns per kick.
     max_candidates : int
         Maximum number of candidates whose tori are continued, which takes most of the time.
 
@@ -93,7 +93,7 @@ def last_critical_scale(
     tol: float = 0.01,
     settings: LastTorusSettings = DEFAULT_SETTINGS,
 ) -> tuple[CriticalScale, float]:
-    """Bracket the breakup of the last torus of an irrational Ω on (κ̄, Δκ) = s·(mean, amplitude).
+    """Bracket the breakup of the last torus on (κ̄, Δκ) = s·(mean, amplitude), Ω irrational.
 
     Parameters
     ----------
@@ -102,20 +102,21 @@ def last_critical_scale(
     mean, amplitude : float
         The direction (κ̄, Δκ), not zero.
     n_kicks : int
-        N, 100 to 10⁶.
+        N, the number of kicks before and after the middle one; 100 to 10⁶.
     tol : float
         Target relative error of the breakup of a torus.
     settings : LastTorusSettings
-        How precise `upper` is, and where candidates are sought.
+        Precision of `upper`, and settings of the search for candidates.
 
     Returns
     -------
     scale : CriticalScale
-        value is the middle of the bracket, and error half of its width; omega is None. If there is
-        no value, the status is UNDECIDED if no torus was certified or searches for survivors
-        disagree, and NO_BREAKUP, without bounds, if a start survives kicks of strength 2.
+        value is the middle of the bracket, and error half its width; omega is None. If no torus was
+        certified, or if searches for survivors disagree, there is no value and the status is
+        UNDECIDED. If a start survives kicks of strength 2, there are no bounds either and the
+        status is NO_BREAKUP.
     torus_omega : float
-        Turns per kick of the torus at lower, in [0, 1/2]; NaN without one.
+        Turns per kick of the torus at lower, in [0, 1/2]; NaN if none was certified.
 
     Examples
     --------
@@ -150,15 +151,15 @@ def upper_scale(
     n_kicks: int = 8_000,
     settings: LastTorusSettings = DEFAULT_SETTINGS,
 ) -> float:
-    """Compute a scale at which no torus that is a graph exists for an irrational Ω, whatever its ω.
+    """Compute a scale at which no torus that is a graph exists, whatever its ω; Ω is irrational.
 
     Parameters are those of `last_critical_scale`.
 
     Returns
     -------
     float
-        `upper` of `converse_kam.aperiodic.critical_scale`; NaN if there is none. It takes a
-        second or two.
+        `upper` of `converse_kam.aperiodic.critical_scale`; NaN if there is none. The computation
+        takes a second or two.
 
     Examples
     --------
@@ -177,7 +178,7 @@ def _kicks(frequency, mean, amplitude, n_kicks):
 
 
 def _regular(kappa, settings):
-    """Return turns per kick of regular starts that survive the kicks, the most regular first."""
+    """Return the turns per kick of the regular starts among the survivors, most regular first."""
     survivor = aperiodic.last_survivor(kappa, 0.0, 1)
     if survivor.kicks < np.inf:
         return []

@@ -1,31 +1,32 @@
 """Invariant tori of the rotating standard map, for an irrational Ω.
 
-The forcing κ_n = κ̄ + Δκ cos 2πφ_n, φ_n = φ0 + nΩ, never repeats itself. The analogues of circles
-under a periodic forcing are tori, two-dimensional graphs over (θ, φ):
+The forcing κ_n = κ̄ + Δκ cos 2πφ_n, φ_n = φ0 + nΩ, never repeats. The analogues of circles under a
+periodic forcing are tori, two-dimensional graphs over (θ, φ):
 
     x_n = h(θ_n, φ_n) = θ_n + u(θ_n, φ_n),     θ_{n+1} = θ_n + ω,   φ_{n+1} = φ_n + Ω,
     E = u(θ + ω, φ + Ω) - 2u + u(θ - ω, φ - Ω) - (κ(φ)/2π) sin 2πh = 0.
 
 The unknown is u on a grid of m × n points, an array of shape (m, n), φ first. It is unique up to
-θ → θ + constant, which ⟨u⟩ = 0 fixes. One torus serves all phases φ0.
+θ → θ + constant, and ⟨u⟩ = 0 fixes the constant. One torus serves all phases φ0.
 
 Newton's step is that of `nasm.circles` with one site, and (θ, φ) in place of θ. Write the
-correction as h_θ w, and f⁺ for f(θ + ω, φ + Ω); up to terms of the size of E²
+correction as h_θ w, and f⁺ and f⁻ for f(θ ± ω, φ ± Ω). Up to terms of order E²
 
     c (w⁺ - w) - [c (w⁺ - w)]⁻ = -h_θ E,     c = h_θ h_θ⁺.
 
-It is solved by two divisions in Fourier space, by e^{2πi(k₁ω + k₂Ω)} - 1, for the modes in an
-ellipse whose semi-axes are 36% of the number of points along each axis. A rotation vector with a
-divisor below 10⁻⁶ among the modes in use is refused as resonant. Resonant modes are left out near
-the rim of the ellipse, more of them closer to it: the modes that they drive are missing, which
-would make Newton's method diverge. Their estimated size counts as unresolved. The two axes are
-refined separately.
+This equation is solved by two divisions in Fourier space, by e^{2πi(k₁ω + k₂Ω)} - 1, for the modes
+in an ellipse whose semi-axes are 36% of the number of points along each axis. A rotation vector is
+refused as resonant if a mode in use has a divisor below 10⁻⁶. Near the rim of the ellipse resonant
+modes are left out, and more of them the closer they are to it: the modes that they drive are
+missing there, which would make Newton's method diverge. The estimated size of the modes left out
+counts as unresolved. The two axes are refined separately.
 
-With too few modes Newton's method converges on "tori" beyond the breakup. Therefore a torus is
+With too few modes Newton's method converges to "tori" beyond the breakup. Therefore a torus is
 certified only if the method converges again, with h_θ > 0, on a grid twice as fine along both axes.
 
 No renormalisation theory predicts exponents for the breakup of tori, and norms grow irregularly.
-max (h⁻¹)' = 1/min h_θ is more regular; `critical_scale` fits the breakup and the exponent to it.
+max (h⁻¹)' = 1/min h_θ grows more regularly; `critical_scale` fits the breakup and the exponent to
+it.
 """
 
 from collections.abc import Sequence
@@ -68,34 +69,34 @@ TORUS_NEWTON_SETTINGS = NewtonSettings(min_divisor=1e-6)
 
 @dataclass(frozen=True)
 class TorusSettings:
-    """Grids and modes of tori, and how far they are continued towards their breakup.
+    """Grids and modes of tori, and how far tori are continued towards their breakup.
 
     Attributes
     ----------
     first_grid : tuple of int
-        Points of the first grid, along φ and θ.
+        Number of points of the first grid along φ and θ.
     max_points : int
-        Most points of a grid, both on the way to a breakup and for the torus that is certified.
+        Maximum number of grid points, on the way to a breakup and for the certified torus.
     inner_radius : float
-        Squared relative radius in the ellipse of modes up to which all modes are used.
+        Squared relative radius, in the ellipse of modes, up to which all modes are used.
     outer_radius : float
-        Squared relative radius beyond which modes count as outer ones.
+        Squared relative radius beyond which modes count as outer modes.
     hole_divisor : float
         Divisor below which modes are left out at the rim; further in, this limit is quadratic in
         the distance from `inner_radius`.
     max_halvings : int
-        Halvings of a step before a failure of Newton's method is final.
+        Number of times a step is halved before a failure of Newton's method is final.
     max_refusals : int
-        Halvings of a step before a lack of modes is final.
+        Number of times a step is halved before a lack of modes is final.
     max_tori : int
-        Most tori on a ray; 10 to 25 are needed.
+        Maximum number of tori on a ray; 10 to 25 are needed.
     kept_tori : int
-        Last tori of a path of which one may be certified.
+        Number of tori kept at the end of a path; one of these may be certified.
     step_ratio : float
         Ratio of the next step to the estimated distance from the breakup.
     error_factor : float
-        Ratio of the error to the distance of the last torus from the breakup; sufficient in 172 of
-        177 cases.
+        Ratio of the error estimate to the distance of the last torus from the breakup; the estimate
+        was large enough in 172 of 177 cases.
     newton : NewtonSettings
         Criteria for the convergence of Newton's method, and the modes kept along an axis. Its
         fields for the certificate and for `polish` apply to circles only.
@@ -136,7 +137,7 @@ class InvariantTorus(Result):
     mean, amplitude : float
         κ̄ and Δκ.
     u : ndarray, shape (m, n)
-        Deviations at φ = j/m and θ = i/n; see the module.
+        Deviations at φ = j/m and θ = i/n; see the module docstring.
     error : float
         Largest |E| of u on a finer grid; NaN if u never converged.
     status : Status
@@ -144,7 +145,8 @@ class InvariantTorus(Result):
 
     Notes
     -----
-    Tori compare by their contents, NaN equal to NaN. They contain arrays and cannot be hashed.
+    Tori are compared by their contents, with NaN equal to NaN. They contain arrays and cannot be
+    hashed.
     """
 
     omega: float
@@ -188,12 +190,12 @@ def invariant_torus(
 ) -> InvariantTorus:
     """Compute the torus of (omega, frequency) under κ(φ) = mean + amplitude·cos 2πφ.
 
-    1. Newton's method, continued from κ = 0: steps double after a success and are halved after a
+    1. Continue Newton's method from κ = 0: double the step after a success and halve it after a
        failure.
-    2. The grid doubles along the axis whose outer modes carry more than 0.3% of the second
+    2. Double the grid along an axis if its outer modes carry more than 0.3% of the second
        derivatives along that axis.
-    3. The certificate: Newton's method converges again on a grid twice as fine along both axes,
-       with h_θ > 0.
+    3. Certify the torus: Newton's method must converge again on a grid twice as fine along both
+       axes, with h_θ > 0.
 
     Parameters
     ----------
@@ -209,7 +211,7 @@ def invariant_torus(
     Returns
     -------
     InvariantTorus
-        If it is not certified, its status says why.
+        If the torus is not certified, the status gives the reason.
 
     Raises
     ------
@@ -218,9 +220,10 @@ def invariant_torus(
 
     Notes
     -----
-    With too few modes, an existing torus may be missed. A certified one exists to within the
-    precision of floating point and of 4 m·n points. Resonances beyond those modes are not detected:
-    if Ω is a fraction with a large denominator, the circles of all phases are certified.
+    With too few modes, an existing torus may be missed. A certified torus exists to within
+    floating-point precision and the resolution of 4 m·n points. Resonances beyond the modes of that
+    grid are not detected: if Ω is a fraction with a large denominator, what is certified are the
+    circles of all phases together.
 
     Examples
     --------
@@ -258,7 +261,7 @@ def critical_scale(
     1. Continue the torus from s = 0, each time by a fixed fraction of the estimated distance to the
        breakup: min h_θ falls like (s_c - s)^p, and three tori determine s_c and p.
     2. Stop when `error` is below tol, or the available modes are exhausted.
-    3. Certify the last torus that can be certified, of ten.
+    3. Of the last ten tori, certify the last one that can be certified.
 
     Parameters
     ----------
@@ -267,22 +270,23 @@ def critical_scale(
     mean, amplitude : float
         The direction (κ̄, Δκ), not zero.
     tol : float
-        Absolute error to aim at.
+        Target absolute error of the scale.
     settings : TorusSettings
         Grids and modes, and how far tori are continued.
 
     Returns
     -------
     CriticalScale
-        lower : the scale of the certified torus, NaN without one. upper : NaN. error : twice the
-        distance from the last torus, or the change of the last estimate if that is larger, because
-        p is unknown. omega : None, as a pair of numbers is not a RotationNumber. Without an
-        estimate value and error are NaN, and the status says why; lower remains.
+        lower : the scale of the certified torus, NaN if there is none. upper : NaN. error : twice
+        the distance of the last torus from the breakup, or the last change of the estimate if that
+        is larger, because p is unknown. omega : None, as a pair of numbers is not a RotationNumber.
+        If there is no estimate, value and error are NaN and the status gives the reason; lower is
+        still given.
 
     Raises
     ------
     ValueError
-        If the direction is zero or tiny, an argument is not finite or tol not positive.
+        If the direction is zero or tiny, an argument is not finite, or tol is not positive.
 
     Examples
     --------
@@ -316,12 +320,12 @@ def solve(
     n_max: int,
     settings: TorusSettings = DEFAULT_SETTINGS,
 ) -> tuple[FloatArray, Status]:
-    """Solve for a torus by Newton's method from u, on as fine a grid as it needs.
+    """Solve for a torus by Newton's method from u, refining the grid as needed.
 
     Returns
     -------
     u : ndarray
-        Deviations on the grid where it converged; the last iterate if it did not.
+        Deviations on the grid where the method converged; the last iterate if it did not.
     status : Status
         OK, or the reason.
     """
@@ -416,7 +420,7 @@ def least_slope(u: FloatArray) -> float:
 
 
 def resample(u: FloatArray, m: int, n: int) -> FloatArray:
-    """Interpolate u on a grid of m × n points."""
+    """Interpolate u onto a grid of m × n points."""
     modes, (old_m, old_n) = np.fft.rfft2(u), u.shape
     finer = np.zeros((m, n // 2 + 1), complex)
     rows, columns = min(m, old_m) // 2, min(n, old_n) // 2
@@ -435,10 +439,10 @@ def extrapolate(path: Sequence[tuple[float, FloatArray]], target: float) -> Floa
 
 
 def _next_torus(vector, profile, path, step, n_max, settings):
-    """Return scale, deviations and Status of a torus `step` beyond the last of the path, or nearer.
+    """Return scale, deviations and Status of a torus at most `step` beyond the end of the path.
 
-    At every second failure the grid is also doubled along one axis: a resonance just beyond the
-    modes of the last torus looks like the breakup.
+    After every second failure the grid is also doubled along one axis, because a resonance just
+    beyond the modes of the last torus looks like the breakup.
     """
     for failures in range(settings.max_halvings):
         target, doublings = path[-1][0] + step, failures // 2
@@ -459,7 +463,7 @@ def _continue(vector, profile, tol, settings):
     """Continue the torus towards its breakup.
 
     Returns the last tori, the estimate of the breakup, its error (inf without an estimate), and the
-    Status: OK, or why the path ends.
+    Status: OK, or the reason why the path ends.
     """
     path, slopes = [(0.0, np.zeros(settings.first_grid))], [(0.0, 1.0)]
     value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
@@ -484,7 +488,7 @@ def _continue(vector, profile, tol, settings):
 
 
 def _breakup(scales, slopes):
-    """Fit min h_θ = a·(s_c - s)^p through three tori; return s_c, NaN if there is no such fit."""
+    """Fit min h_θ = a·(s_c - s)^p through three tori; return s_c, or NaN if no such fit exists."""
     _, second, third = scales
     near, far = third + 1e-9 * (third - second), third + 100 * (third - scales[0])
     if not (near > third and all(slope > 0 for slope in slopes)):
@@ -503,7 +507,7 @@ def _breakup(scales, slopes):
 def _vector(
     omega: float | RotationNumber, frequency: float | RotationNumber
 ) -> tuple[float, float]:
-    """Return both as floats; ValueError if one is not a finite number."""
+    """Return both numbers as floats; raise ValueError if one is not finite."""
     numbers = []
     for name, value in (("omega", omega), ("frequency", frequency)):
         number = float(value) if isinstance(value, RotationNumber) else real(name, value)
@@ -533,8 +537,9 @@ def _turns(number, k):
 def _constants(omega, frequency, m, n, settings):
     """Return e^{2πi(k₂Ω + k₁ω)} of all modes, their kinds, and the smallest divisor in use.
 
-    The kind is 0 for a mode that is not in use, 1 if it is, 2 and 3 for an outer one on the side of
-    θ or φ, and 4 and 5 for a hole there: a resonant mode near the rim.
+    The kind is 0 for the mean and for modes beyond the ellipse, 1 for an inner mode, 2 or 3 for an
+    outer mode on the side of the θ or φ axis, and 4 or 5 for a hole on that side: a resonant mode
+    near the rim that is left out.
     """
     k2, k1 = _wave_numbers(m)[:, None], np.arange(n // 2 + 1)
     turn = _turns(frequency, k2) * _turns(omega, k1)
@@ -578,8 +583,8 @@ def _newton(omega, frequency, mean, amplitude, u, settings=DEFAULT_SETTINGS):
 def _iterate(mean, amplitude, turn, kind, modes, max_steps, max_update, max_tail):
     """Take Newton steps until the outcome is clear; return its index, and the first error.
 
-    The index is one into _OUTCOMES. As in `nasm.circles`, but modes may be missing along either
-    axis.
+    The index refers to _OUTCOMES. The iteration is that of `nasm.circles`, except that modes may be
+    missing along either axis.
     """
     first = last_error = last_change = 1.0
     for step in range(max_steps):
@@ -593,7 +598,7 @@ def _iterate(mean, amplitude, turn, kind, modes, max_steps, max_update, max_tail
             return outcome, first
         if outcome == 1:
             return 2, first
-        # It diverges, or stalls because of rounding or a lack of modes.
+        # The iteration diverges, or stalls because of rounding or a lack of modes.
         if outcome == 2 or (step > 3 and change > 0.5 * last_change):
             return 3, first
         last_error, last_change = error, change
@@ -602,10 +607,10 @@ def _iterate(mean, amplitude, turn, kind, modes, max_steps, max_update, max_tail
 
 @njit(nogil=True, error_model="numpy")
 def _step(mean, amplitude, turn, kind, modes):
-    """Take one Newton step for the modes of u, in place: see the module.
+    """Take one Newton step for the modes of u, in place; see the module docstring.
 
-    Returns max |E|, the largest update, min h_θ, the twist, and the tails along θ and φ: all but
-    the update are those of u before the step.
+    Returns max |E|, the largest update, min h_θ, the twist, and the tails along θ and φ. All but
+    the update refer to u before the step.
     """
     m, n = modes.shape[0], 2 * (modes.shape[1] - 1)
     mass, edge = np.zeros(2), np.zeros(2)
@@ -645,16 +650,16 @@ def _step(mean, amplitude, turn, kind, modes):
             change = max(change, abs(w[j, i]))
     modes += np.fft.rfft2(w)
     modes[0, 0] = 0.0
-    min_mass = max(1e-16 * mass.max(), 1e-300)  # a tail of rounding does not count
+    min_mass = max(1e-16 * mass.max(), 1e-300)  # a tail that is only rounding error does not count
     return error, change, slope, sum_inverse / (m * n), np.sqrt(edge / np.maximum(mass, min_mass))
 
 
 @njit(nogil=True, error_model="numpy")
 def _fields(turn, kind, modes, mass, edge):
-    """Return the modes in use of u, u⁺ - 2u + u⁻, h_θ and h_θ⁺.
+    """Return the modes of u, u⁺ - 2u + u⁻, h_θ and h_θ⁺; modes not in use are 0.
 
-    Adds the squared second derivatives along θ and φ to mass, and those of the outer modes on the
-    side of that axis to edge.
+    Adds the squared second derivatives along θ and φ to `mass`, and the parts of them that are in
+    outer modes on the side of that axis to `edge`.
     """
     m, n = modes.shape[0], 2 * (modes.shape[1] - 1)
     fields = np.zeros((4, m, n // 2 + 1), np.complex128)
@@ -683,7 +688,8 @@ def _fields(turn, kind, modes, mass, edge):
 def _solve_cohomology(f, turn, kind, behind, edge):
     """Solve g - g⁻ = f if `behind`, else g⁺ - g = f, in the modes in use, with ⟨g⟩ = 0.
 
-    The former also adds to edge an estimate, f̂/d², of the modes that were left out of u.
+    If `behind`, also add to `edge` the modes that were left out of u, estimated as f̂/d² with their
+    divisor d.
     """
     m, n = f.shape
     modes = np.fft.rfft2(f)

@@ -1,1 +1,1 @@
-"""What is computed: one file per kind of cube, with labels, tiles, their cost, and a warm-up."""
+"""The kinds of cubes, one file for each: its labels, its tiles and their cost, and a warm-up."""

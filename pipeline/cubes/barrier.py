@@ -1,7 +1,7 @@
-"""The last barrier on rays: CB_gt, bracketed from both sides, and the last circle.
+"""The last barrier on rays: CB_gt, bracketed from both sides, and the circle that breaks last.
 
-On rays of a plane of forcings, see arXiv:1606.04824, Sec. V and VI. CB_gt has the symmetries of its
-plane (Sec. III and `nasm.planes`), so each computed ray also represents its images.
+The rays lie in a plane of forcings; see arXiv:1606.04824, Sec. V and VI. CB_gt has the symmetries
+of its plane (Sec. III and `nasm.planes`), so each computed ray also represents its images.
 """
 
 import re
@@ -32,11 +32,11 @@ from pipeline.cubes.cube import (
 )
 from pipeline.cubes.warm_up import load_search, load_searches
 
-_MAX_QUOTIENTS = 32  # partial quotients of a rotation number
+_MAX_QUOTIENTS = 32  # maximum number of partial quotients of a rotation number
 
 
 def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barrier") -> Job:
-    """Return the Job of the cube `barrier`; it also holds ω, exactly, as partial quotients.
+    """Return the Job of the cube `barrier`, which also holds the exact ω, as partial quotients.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barri
     tol : float
         Relative width of the bracket.
     name : str
-        Name of the cube; in a store of several planes each needs its own, see `cube_name`.
+        Name of the cube; in a store of several planes each cube needs its own, see `cube_name`.
 
     Examples
     --------
@@ -81,7 +81,7 @@ def job_of_barriers(
     angles : array_like
         As for `last_barrier`.
     more : mapping of str to str, optional
-        The long names of further variables.
+        Names and long names of further variables.
     name, plane, seconds, settings, compute, warm_up
         As for `breakdown.job_on_rays`.
     """
@@ -103,7 +103,7 @@ def job_of_barriers(
 
 
 def last_circles(on: Labels) -> Labels:
-    """Return the variables of last circles, not computed, over the coordinates `on`."""
+    """Return the variables of last circles, without values, over the coordinates `on`."""
     quotients = range(_MAX_QUOTIENTS)
     place = {"quotient": coordinate("quotient", quotients, "place of a partial quotient")}
     step, omega = f"jumps from circle to circle; {NO_MEAN}", "rotation number of the last circle"
@@ -174,10 +174,10 @@ def unfolded(barrier: xr.Dataset, angles: ArrayLike) -> xr.Dataset:
     Returns
     -------
     xr.Dataset, dim (angle)
-        The coordinate `circle` is the exact text of the last circle's ω in [0, P/2], "" where none
-        is known (NaN once it is read from a store); the circle of P - ω is its mirror image.
-        `tied` is the text of a circle that breaks at the same scale by symmetry, as on the axes of
-        two kicks; "" elsewhere.
+        The coordinate `circle` is the exact ω of the last circle, in [0, P/2], as a string; ""
+        where it is unknown (NaN once it is read from a store). The circle of P - ω is its mirror
+        image. `tied` is the ω of a circle that breaks at the same scale by symmetry, as on the axes
+        of the plane of two kicks; "" elsewhere.
     """
     angles, plane = np.asarray(angles, dtype=float), plane_of(barrier.attrs)
     folded, shifts = plane.fold(angles)
@@ -203,14 +203,14 @@ def with_circles(
     cube : xr.Dataset
         A cube with the variables of `last_circles`, over one dimension.
     shifts : iterable of int, optional
-        Where a shift is not 0, the text is that of shift - ω.
+        Where the shift is not 0, `circle` is shift - ω.
     per : str
-        The unit of ω, for the label.
+        Unit of time to which ω refers, for the label.
 
     Returns
     -------
     xr.Dataset
-        `circle` is the exact text of the last circle's ω, "" where none is known.
+        `circle` is the exact ω of the last circle, as a string; "" where it is unknown.
     """
     circles, (dim,) = [], cube.load().tail_length.dims
     shifts = [0] * cube.sizes[dim] if shifts is None else shifts
@@ -224,14 +224,14 @@ def with_circles(
 
 
 def degenerate_circle(plane: Plane, circle: str, angle: float, scale: float) -> str:
-    """Return the text of the ω that, by symmetry, breaks at the same scale as `circle`, else "".
+    """Return, as a string, the ω whose circle breaks with `circle` by symmetry; "" if none does.
 
     Parameters
     ----------
     plane : Plane
         The plane of forcings.
     circle : str
-        Text of a rotation number; "" for none.
+        Rotation number, as a string; "" for none.
     angle : float
         Direction of the ray, in degrees.
     scale : float

@@ -1,4 +1,4 @@
-"""Beyond a breakup, on rays: escape times, flux through the broken circle, diffusion.
+"""Transport beyond a breakup, on rays: escape times, flux through the broken circle, diffusion.
 
 κ = origin + s_c·(1 + excess)·profile, where s_c is the scale of the breakup; a tile is one forcing.
 Flux and diffusion are part of the outlook of arXiv:1606.04824, Sec. VII; up to the breakup both
@@ -25,7 +25,7 @@ from pipeline.cubes.warm_up import load_orbits
 _TILE = {"angle": 1, "excess": 1}
 
 _Method: TypeAlias = Callable[[FloatArray, Coords, Settings], Arrays]
-"""(forcings of a tile, shape (angle, excess, P); its coordinates; settings) → its arrays."""
+"""Maps (forcings of a tile, shape (angle, excess, P); its coordinates; settings) to its arrays."""
 
 
 def escape_times(
@@ -41,9 +41,9 @@ def escape_times(
     Parameters
     ----------
     scales : mapping of float to float
-        The scale s_c of the breakup on the ray at each angle, in degrees.
+        The scale s_c of the breakup on each ray, by its angle in degrees.
     excesses : sequence of float
-        Scales relative to s_c, minus 1; increasing.
+        Scales relative to s_c, minus 1, in increasing order.
     name, plane, sizes, n_max
         As for `escape.over_plane`.
 
@@ -73,7 +73,7 @@ def flux(
     Parameters
     ----------
     circles : mapping of float to str
-        The exact rotation number of the last circle at each angle, in degrees.
+        The exact rotation number of the last circle on each ray, by its angle in degrees.
     q_max : int
         Longest period of the orbits.
     plane, scales, excesses
@@ -109,14 +109,14 @@ def flux(
 def diffusion(
     scales: Mapping[float, float], excesses: Sequence[float], n_orbits: int, n_max: int
 ) -> Job:
-    """Return the Job of the diffusion coefficient D of momentum under two kicks, by ensembles.
+    """Return the Job of the diffusion coefficient D of momentum under two kicks, from ensembles.
 
     Parameters
     ----------
     scales, excesses
         As for `escape_times`.
     n_orbits : int
-        Orbits in the ensemble.
+        Number of orbits in the ensemble.
     n_max : int
         Longest time, in steps.
 
@@ -154,7 +154,7 @@ def steps_beyond(excess: FloatArray) -> FloatArray:
 
 
 def _coords(plane: Plane, scales: Mapping[float, float], excesses: Sequence[float]) -> Labels:
-    """Return the coordinates; those in the plane are computed with each tile."""
+    """Return the coordinates; the strengths in the plane are computed with each tile."""
     coords = {
         "angle": cube.angles_of_rays(list(scales)),
         "excess": cube.coordinate("excess", excesses, "scale over that of the breakup, minus 1"),
@@ -218,7 +218,7 @@ def _diffusion(kappas: FloatArray, coords: Coords, settings: Settings) -> Arrays
 
 
 def _predict_diffusion(coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds from a fit to the steps needed at this excess over the breakup."""
+    """Predict CPU seconds from a fit to the steps needed at each excess."""
     steps = 1e4 / np.maximum(coords["excess"], 1e-3) ** 3
     n_steps = np.clip(steps, ensembles.MIN_PERIODS, settings["n_max"]).sum() * coords["angle"].size
     return 0.01 + 2 * escape.SECONDS_PER_KICK["double"] * settings["n_orbits"] * n_steps

@@ -1,12 +1,12 @@
 """Breakup on rays: the scale at which a circle, or the last barrier, breaks on each ray of a plane.
 
-κ = origin + s·(cos angle · first + sin angle · second), see `nasm.planes`. Dims are (row, angle): a
-row is a circle or a frequency, and a cube without rows has dim (angle). arXiv:1606.04824, Sec. VI.
-Angles are in degrees.
+κ = origin + s·(cos angle · first + sin angle · second), see `nasm.planes`. The dims are (row,
+angle), where a row is a circle or a frequency; a cube without rows has the dim (angle). Angles are
+in degrees. See arXiv:1606.04824, Sec. VI.
 
 Next to cusps, and for rotation numbers with large quotients, continuation runs out of modes before
-it reaches the tolerance. Residues of long orbits reach it there; the variable `method` names the
-one that gave the answer.
+it reaches the tolerance. There, residues of long orbits reach the tolerance; the variable `method`
+names the method that gave the answer.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -60,16 +60,16 @@ def continued_or_by_residue(
 ) -> CriticalScale:
     """Compute the scale at which the circle of ω breaks on the ray κ = s·profile.
 
-    It uses continuation, if that reaches an error of tol. Otherwise it uses Greene's residue for
-    periods up to q_max, unless that fails too or has a larger error. `lower` is always that of
-    continuation: the scale of a certified circle.
+    Continuation is used if it reaches an error of tol; otherwise Greene's residue for periods up to
+    q_max, unless that fails too or has a larger error. `lower` always comes from continuation: it
+    is the scale of a certified circle.
 
     Parameters
     ----------
     omega : RotationNumber or str
         Rotation number per step.
     profile : array_like, shape (P,)
-        Strengths of the kicks over s.
+        Strengths of the kicks, divided by s.
     tol : float
         Target absolute error of the scale.
     q_max : int
@@ -84,7 +84,7 @@ def continued_or_by_residue(
 
 
 _CONTINUED = f"{continuation.METHOD}, else {periodic.METHOD}"
-_METHODS: dict[str, tuple[Callable[..., CriticalScale], Settings]] = {  # and its least effort
+_METHODS: dict[str, tuple[Callable[..., CriticalScale], Settings]] = {  # and its cheapest settings
     _CONTINUED: (continued_or_by_residue, {"tol": 0.1, "q_max": 10}),
     periodic.METHOD: (periodic.critical_scale, {"q_max": 10}),
     escape.METHOD: (escape.critical_scale, {"n_max": 64, "n_orbits": 1}),
@@ -98,9 +98,9 @@ def by_continuation(
     tol: float,
     q_max: int = 6000,
 ) -> Job:
-    """Return the Job of the cube `breakdown`: circles continued to their breakdown.
+    """Return the Job of the cube `breakdown`: circles continued to their breakup.
 
-    Where continuation does not reach the error tol, residues for periods up to q_max are tried; see
+    If continuation does not reach the error tol, residues for periods up to q_max are tried; see
     `continued_or_by_residue`.
 
     Raises
@@ -129,7 +129,7 @@ def _predict_continuation(seconds: float, coords: Coords, settings: Settings) ->
     """Predict CPU seconds from the tail of ω, relative to the mean of the paper's six circles.
 
     Golden circles take two thirds as long as the mean. Circles with a tail of fours, whose breakup
-    only more modes resolve, take 2.6 times as long as golden ones.
+    is resolved only with more modes, take 2.6 times as long as golden ones.
     """
     is_golden = [parse(circle).tail == (1,) for circle in coords["circle"]]
     return seconds * coords["angle"].size * np.where(is_golden, 0.65, 1.7).sum()
@@ -138,7 +138,7 @@ def _predict_continuation(seconds: float, coords: Coords, settings: Settings) ->
 def by_residue(
     plane: Plane, omegas: Sequence[RotationNumber], angles: Sequence[float], q_max: int
 ) -> Job:
-    """Return the Job of the cube `breakdown_residue`: Greene's residue of periods up to q_max.
+    """Return the Job of the cube `breakdown_residue`: Greene's residue for periods up to q_max.
 
     Examples
     --------
@@ -152,12 +152,12 @@ def by_residue(
     array([[0.69]])
     """
     settings = {"method": periodic.METHOD, "q_max": q_max}
-    seconds = 0.045 if len(plane.origin) <= 2 else 0.16  # two families of orbits
+    seconds = 0.045 if len(plane.origin) <= 2 else 0.16  # for P > 2, two families of orbits
     return _job("breakdown_residue", plane, _circles(omegas), angles, seconds, settings)
 
 
 def by_escape(plane: Plane, angles: Sequence[float], n_max: int, n_orbits: int) -> Job:
-    """Return the Job of the cube `transport`: its onset by direct iteration over n_max steps.
+    """Return the Job of the cube `transport`: onset of transport, by iterating n_max steps.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def by_escape(plane: Plane, angles: Sequence[float], n_max: int, n_orbits: int) 
     """
     settings = {"method": escape.METHOD, "n_max": n_max, "n_orbits": n_orbits}
     plane.rays_start_at_zero(escape.METHOD)
-    # The ensemble is iterated at some 20 scales.
+    # The ensemble is iterated at about 20 scales.
     seconds = 20 * SECONDS_PER_KICK["double"] * len(plane.origin) * n_orbits * n_max
     return _job("transport", plane, {}, angles, seconds, settings)
 
@@ -186,14 +186,14 @@ def job_on_rays(
     title: str,
     more: Mapping[str, xr.Variable] | None = None,
 ) -> Job:
-    """Return the Job of a cube of critical scales. A tile is a number of rays of one row.
+    """Return the Job of a cube of critical scales; a tile holds several rays of one row.
 
     Parameters
     ----------
     name : str
         Name of the cube.
     axes : mapping of str to str
-        The long name of each coordinate of the plane; the cube has those of the breakup.
+        Long name of each coordinate of the plane; the cube contains their values at the breakup.
     rows : dict of str to xr.Variable
         Coordinates of the rows, the dimension coordinate first; {} for a cube with dim (angle).
     angles : sequence of float
@@ -219,13 +219,13 @@ def job_on_rays(
 
 
 def blank_scales(known: Mapping[str, xr.Variable]) -> Labels:
-    """Return the variables of a CriticalScale, not computed, over the dimensions in `known`."""
+    """Return the variables of a CriticalScale, without values, over the dimensions in `known`."""
     variables = {key: blank(known, label) for key, (_, label) in _SCALES.items()}
     return variables | {"status": blank(known, "outcome", np.int8(0), **FLAGS)}
 
 
 def scale_fields(answers: Sequence[Any]) -> Arrays:
-    """Return the arrays of `blank_scales`; `answers` are nested lists of CriticalScale."""
+    """Return arrays for the variables of `blank_scales`, from nested lists of CriticalScale."""
     return cube.field_arrays(answers, {key: field for key, (field, _) in _SCALES.items()})
 
 
@@ -248,7 +248,7 @@ def scale_arrays(answers: Sequence[Any], axes: Iterable[str], angles: ArrayLike)
 
 
 def _circles(omegas: Sequence[RotationNumber]) -> Labels:
-    """Return the coordinates of rows that are circles."""
+    """Return the row coordinates of a cube whose rows are circles."""
     return {
         "circle": cube.text("circle", map(str, omegas), "exact rotation number per step"),
         "omega": coordinate("circle", list(map(float, omegas)), "rotation number per step"),
@@ -263,7 +263,7 @@ def _job(
     seconds: float,
     settings: Settings,
 ) -> Job:
-    """Return the Job of critical scales by the method named in the settings."""
+    """Return the Job of critical scales computed by the method named in the settings."""
     first_ray = {key: row.values[:1] for key, row in rows.items()} | {"angle": np.array(angles[:1])}
     settings = plane.record | settings
     warm_up = partial(_load, first_ray, settings | _METHODS[settings["method"]][1])
@@ -284,7 +284,7 @@ def _load(coords: Coords, settings: Settings) -> None:
 
 
 def _compute(coords: Coords, settings: Settings) -> Arrays:
-    """Compute a tile: a number of rays, of one row or of a cube without rows."""
+    """Compute a tile: several rays of one row, or of a cube without rows."""
     (method, effort), plane = _METHODS[settings["method"]], plane_of(settings)
     start, profiles = plane.ray(coords["angle"])
     more = [settings[name] for name in effort] + ([start] if start.any() else [])

@@ -1,10 +1,10 @@
 """Cubes and jobs: the plan of a labelled store of results, and the functions that fill it.
 
-A cube is a lazy xarray template (variables, dims, coordinates, units), the length of a tile along
-each tiled dimension, and the settings that determine its values. Two cubes with the same
-`config_hash` hold the same numbers, whoever computes them, in whatever order; see
+A cube consists of a lazy xarray template (variables, dims, coordinates, units), the length of a
+tile along each tiled dimension, and the settings that determine its values. Two cubes with the same
+`config_hash` hold the same numbers, no matter who computes them, or in what order; see
 `nasm.arithmetic.reproducible`. Only bounds that are proved within a time limit depend on the
-machine. A cube without tiles, `untiled`, is identified by its settings alone, which are known
+machine. A cube without tiles, see `untiled`, is identified by its settings alone, which are known
 before it is computed.
 """
 
@@ -38,10 +38,10 @@ _ANCILLARY = "error", "digits", "lower", "upper", "period", "level", "status", "
 """Names of variables that describe the main variable, which is the first one not named here."""
 
 Coords: TypeAlias = dict[str, np.ndarray]
-"""The values of each coordinate in one tile: numbers or texts."""
+"""The values of each coordinate in one tile: numbers or strings."""
 
 Settings: TypeAlias = dict[str, Any]
-"""What JSON can hold: numbers, texts, lists and objects of these."""
+"""What JSON can hold: numbers, strings, and lists and objects of these."""
 
 Arrays: TypeAlias = dict[str, Any]
 """The array of each computed variable in one tile; `certificates`, if there are any, are bytes."""
@@ -52,18 +52,18 @@ Labels: TypeAlias = dict[str, xr.Variable]
 
 @dataclass(frozen=True)
 class Cube:
-    """The plan of one cube. Every computed variable has all dims of a tile, in their order.
+    """The plan of one cube. Every computed variable has all dims of a tile, in the same order.
 
     Attributes
     ----------
     name : str
         Name of the cube in a store.
     template : xr.Dataset
-        Variables with their dims, dtypes and attributes, but without values; coordinates.
+        Coordinates, and variables with dims, dtypes and attributes but without values.
     tile : dict of str to int
-        Cells of a tile along each tiled dim. A tile is the unit of work and of storage.
+        Number of cells of a tile along each tiled dim. A tile is the unit of work and of storage.
     settings : dict
-        What determines the values, besides the coordinates. JSON must be able to hold it.
+        What determines the values, besides the coordinates; it must be JSON-serializable.
 
     Examples
     --------
@@ -143,7 +143,7 @@ def untiled(name: str, **settings: Any) -> Cube:
 
 @dataclass(frozen=True)
 class Job:
-    """A cube, and the functions that compute it; cloudpickle sends them to workers.
+    """A cube, and the functions that compute it, which are sent to workers by cloudpickle.
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ class Job:
     warm_up : callable
         () → anything; compiles the kernels of `compute`, once in each worker.
     call : str
-        The call that made the job, see `pipeline.jobs`; "" if no maker made it.
+        The call that made the job; "" if it was not made by a function of `pipeline.jobs`.
     """
 
     cube: Cube
@@ -196,7 +196,7 @@ def _plain(value: Any) -> Any:
 def coordinate(
     dim: str | tuple[str, ...], values: Any, long_name: str, units: str = "1", **attrs: Any
 ) -> xr.Variable:
-    """Return the coordinate of a dimension, labelled.
+    """Return a labelled coordinate.
 
     Parameters
     ----------
@@ -205,20 +205,20 @@ def coordinate(
     values : array_like
         Its values.
     long_name, units : str
-        Attributes of the CF conventions; `attrs` are further ones.
+        Attributes of the CF conventions; `attrs` are further attributes.
     """
     return xr.Variable(dim, np.asarray(values), {"long_name": long_name, "units": units, **attrs})
 
 
 def cells_along(axes: Iterable["Axis"], long_names: Mapping[str, str]) -> dict[str, xr.Variable]:
-    """Return the coordinates of the cells along some axes, with their ends; the last axis first.
+    """Return the coordinates of cells along axes, and the ends of the cells; the last axis first.
 
     Parameters
     ----------
     axes : iterable of Axis
         Cells along each axis.
     long_names : mapping of str to str
-        Name of each axis, and its description.
+        Name and description of each axis.
     """
     coords = {}
     for dim, axis in reversed([*zip(long_names, axes, strict=True)]):
@@ -229,10 +229,10 @@ def cells_along(axes: Iterable["Axis"], long_names: Mapping[str, str]) -> dict[s
 
 
 def text(dim: str, texts: Iterable[str], long_name: str) -> xr.Variable:
-    """Return a variable of texts along a dimension, labelled.
+    """Return a labelled variable of strings along a dimension.
 
-    "" stands for no text. A reader of the store gets NaN for it, as for any value that is missing
-    after a join of two cubes: xarray cannot join zarr's own type of text.
+    "" stands for a missing string. It is read from a store as NaN, like any value that is missing
+    after a join of two cubes, because xarray cannot join zarr's own type of string.
     """
     label = {"long_name": long_name, "missing_value": ""}
     return xr.Variable(dim, np.array(list(texts), dtype=str), label)
@@ -249,12 +249,12 @@ def blank(
     fill: float | np.generic = np.nan,
     **attrs: Any,
 ) -> xr.Variable:
-    """Return a variable that is not computed yet, over the dimensions among `coords`.
+    """Return a variable whose values are not computed yet, over the dimensions among `coords`.
 
     Parameters
     ----------
     coords : mapping of str to xr.Variable
-        Coordinates with one dimension, of the same name, are its dimensions; others are ignored.
+        A coordinate whose one dimension has its own name adds that dimension; others are ignored.
     long_name : str
         What the variable is; `attrs` are further attributes.
     fill : float or NumPy scalar
@@ -266,14 +266,14 @@ def blank(
 
 
 NOT_COMPUTED = -128
-"""Code of a value not computed, the least int8; lost or missing chunks are read as this, too."""
+"""Code of a value not computed, the smallest int8; lost or missing chunks are also read as this."""
 
 NO_MEAN = "not a quantity: do not interpolate or average it"
 _STATUSES = list(Status)
 
 
 def flags(meanings: Iterable[str]) -> dict[str, Any]:
-    """Return the CF attributes of a variable of codes: 1, 2, … for the meanings, in their order."""
+    """Return the CF attributes of a variable of codes: 1, 2, … for the meanings, in this order."""
     numbered = enumerate(meanings, 1)
     return {"comment": NO_MEAN, **flag_attributes({NOT_COMPUTED: "not_computed", **dict(numbered)})}
 
@@ -317,14 +317,14 @@ def field_arrays(answers: Sequence[Any] | np.ndarray, names: Mapping[str, str]) 
     Parameters
     ----------
     answers : nested lists
-        The result of a method for each place, e.g. CriticalScale, with a field `status`.
+        The result of a method for each cell, e.g. a CriticalScale, with a field `status`.
     names : mapping of str to str
-        The field for each variable.
+        Name of the field that fills each variable.
 
     Returns
     -------
     dict of str to ndarray
-        {variable: array of its field} and the codes of `status`, in the shape of `answers`.
+        {variable: array of its field}, and the codes of `status`, in the shape of `answers`.
     """
     table = np.array(answers, dtype=object)
     arrays = {name: np.vectorize(attrgetter(f), "d")(table) for name, f in names.items()}

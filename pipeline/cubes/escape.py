@@ -1,6 +1,6 @@
 """First escape times n* of nested ensembles, by direct iteration.
 
-Over a plane of forcings, in full or composed of levels of refinement; for rays see `beyond`.
+The forcings fill a plane, computed in full or by levels of refinement; for rays see `beyond`.
 {n* ≤ N} is the region of global transport within N steps, for every N ≤ n_max.
 arXiv:1606.04824, Eq. (4), Proposition 1 and Sec. V.B.
 """
@@ -65,7 +65,8 @@ def over_plane(
     sizes : sequence of int
         Increasing numbers of orbits of the nested ensembles.
     n_max : int
-        Steps (periods of the forcing) after which an orbit counts as not escaping.
+        Maximum number of steps (periods of the forcing); orbits inside the window up to then count
+        as not escaping.
     tile : int
         Cells along each side of a tile.
     precision : {"double", "single"}
@@ -99,16 +100,16 @@ def axes_of_plane(plane: Plane, axes: Sequence["Axis"]) -> Labels:
 def composed(cube: Cube, levels: int, follow: Sequence[int]) -> Cube:
     """Return the Cube of a plane composed of levels of refinement.
 
-    Its variable `level` is the level of each value.
+    Its variable `level` holds the refinement level of each value.
 
     Parameters
     ----------
     cube : Cube
-        The whole plane at the finest level.
+        Cube of the whole plane at the finest level.
     levels : int
         Number of levels.
     follow : sequence of int
-        Each N for which the levels follow the boundary of {n* ≤ N}.
+        Values of N; the levels of refinement follow the boundary of {n* ≤ N} for each.
     """
     axes = {dim: cube.template[dim].variable for dim in cube.tile}
     comment = "0 is the coarsest; each level halves the cell size"
@@ -143,7 +144,7 @@ def job(
 
 
 def times_of(forcings: FloatArray, coords: Coords, settings: Settings) -> Arrays:
-    """Return the arrays of a tile with these forcings, shape (…, P)."""
+    """Compute the arrays of a tile, given its forcings, of shape (…, P)."""
     sizes = coords["ensemble"]
     x, y = escape.ensemble(int(sizes[-1]))
     n_max, window, precision = (settings[name] for name in ("n_max", "window", "precision"))
@@ -158,10 +159,10 @@ def _on_plane(coords: Coords, settings: Settings) -> Arrays:
 
 
 def _predict_plane(coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds from a few cells, 64 orbits, up to 2000 steps.
+    """Predict CPU seconds from 64 orbits in each of a few cells, over at most 2000 steps.
 
-    A cell costs its probe's escape time, or n_max if no probe orbit escapes, times the number of
-    orbits.
+    The cost of a cell is its first escape time in this sample, or n_max if none of the 64 orbits
+    escapes, times the number of orbits.
     """
     axes, n_max = {dim: coords[dim] for dim in plane_of(settings).axes}, settings["n_max"]
     probed = {dim: axis[:: max(1, axis.size // 3)] for dim, axis in axes.items()}
@@ -173,6 +174,6 @@ def _predict_plane(coords: Coords, settings: Settings) -> float:
 
 
 def seconds(coords: Coords, settings: Settings, steps: float) -> float:
-    """Return the CPU seconds for this number of steps of all orbits."""
+    """Return the CPU seconds in which every orbit of the ensemble takes this number of steps."""
     n_kicks = steps * len(plane_of(settings).origin)
     return SECONDS_PER_KICK[settings["precision"]] * n_kicks * int(coords["ensemble"][-1])

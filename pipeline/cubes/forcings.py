@@ -1,15 +1,16 @@
-"""Lists of named forcings of any period: their last barriers, and comparison with constant kicks.
+"""Lists of named forcings of any period: last barriers, and a comparison with constant kicks.
 
-The comparison asks whether any has a barrier at a larger rms strength than constant kicks have.
-κ = s·profile, one profile for each place along the dim `forcing`; see `nasm.barriers`.
+Forcings are κ = s·profile, with one profile for each entry of the dim `forcing`; see
+`nasm.barriers`. The comparison asks whether any of them has a barrier at a larger rms strength than
+constant kicks do.
 
-For the comparison, profiles are normalised to rms 1, so that a scale is their rms strength. There
-is no barrier if one of 64 orbits escapes; escapes begin a few percent above the last breakup. If no
-orbit escapes at 1.001 times the scale of constant kicks, converse KAM is tried there: if there is
-no barrier, it eliminates all starts, as far as its search can resolve.
-It excluded 225 of 229 such forcings within 100 periods. Of 45 circles, under ripples of 2 to 8
-kicks, 0.1% below the scale at which they are certified, it excluded none within 100 periods, one
-within 300 and three within 1000.
+For the comparison, profiles are normalised to rms 1, so that the scale s is the rms strength. There
+is no barrier if one of 64 orbits escapes; orbits begin to escape a few percent above the last
+breakup. If no orbit escapes at 1.001 times the critical scale of constant kicks, converse KAM is
+tried there: if no barrier exists, it eliminates all starts, to the resolution of its search. Within
+100 periods it excluded a barrier for 225 of 229 such forcings. As a check, it was tried under
+ripples of 2 to 8 kicks, 0.1% below the scale at which a circle is certified: of 45 circles it
+excluded none within 100 periods, one within 300, and three within 1000.
 """
 
 from collections.abc import Iterable, Sequence
@@ -35,9 +36,9 @@ from pipeline.cubes.cube import (
 )
 from pipeline.cubes.warm_up import load_searches
 
-_MAX_KICKS = 4000  # within which an orbit may escape
-_MAX_PERIODS = 100, 300, 1_000, 10_000  # within which converse KAM may eliminate all starts
-_MIN_SCALE = 0.02  # relative to the scale of constant kicks; the search begins here
+_MAX_KICKS = 4000  # an orbit must escape within these
+_MAX_PERIODS = 100, 300, 1_000, 10_000  # limits for converse KAM, tried in turn
+_MIN_SCALE = 0.02  # relative to the critical scale of constant kicks; the search begins here
 
 
 def last_barriers(
@@ -53,9 +54,9 @@ def last_barriers(
     name : str
         Name of the cube.
     forcings : iterable of (family, parameter, profile)
-        A text, a float, and P floats, for any P.
+        A string, a float, and P floats, for any P.
     parameter : str
-        What the parameter of a family means.
+        Description of the second entry, the parameter.
     tol : float
         Relative width of the brackets.
 
@@ -76,7 +77,7 @@ def last_barriers(
 
 
 def labels(forcings: Iterable[tuple[str, float, Sequence[float]]], parameter: str) -> Labels:
-    """Return the coordinates of a list of (family, parameter, profile), see `last_barriers`."""
+    """Return the coordinates for a list of (family, parameter, profile), see `last_barriers`."""
     families, parameters, profiles = zip(*forcings, strict=True)
     exact = (", ".join(f"{strength:.17g}" for strength in profile) for profile in profiles)
     rms = [np.mean(np.square(profile)) ** 0.5 for profile in profiles]
@@ -95,13 +96,13 @@ def profiles_of(coords: Coords) -> list[FloatArray]:
 
 
 def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
-    """Compute the last barriers of a tile."""
+    """Compute the last barriers for the forcings of a tile."""
     brackets = [barriers.critical_scale(row, settings["tol"]) for row in profiles_of(coords)]
     return scale_fields(brackets) | circle_arrays(brackets)
 
 
 def _predict_barriers(coords: Coords, settings: Settings) -> float:
-    """Predict from the period P: 0.1 s up to two kicks, else 0.2·min(P, 16)² s (medians)."""
+    """Predict CPU seconds from the period P: 0.1 for P ≤ 2, else 0.2·min(P, 16)² (medians)."""
     period = np.minimum(coords["period"], 16)
     return np.where(period <= 2, 0.1, 0.2 * period**2.0).sum()
 
@@ -118,12 +119,12 @@ def against_constant(
     Parameters
     ----------
     name, forcings, parameter
-        As for `last_barriers`. Each forcing of the family "climb" is replaced by the end of a
-        random climb from it, see `random_climb`; its parameter is the seed.
+        As for `last_barriers`. Each forcing of the family "climb" is replaced by the result of a
+        random climb that starts from it, see `random_climb`; its parameter is the seed.
     golden : float
         The critical strength of constant kicks; scales up to 1.001 times this are searched.
     tries : int
-        Number of random steps of a climb.
+        Number of random steps in each climb.
     """
     coords = labels(forcings, parameter)
     label = "rms strength without a barrier; inf if there is none up to 1.001 golden"
@@ -169,13 +170,13 @@ def scale_without_barrier(profile: FloatArray, golden: float) -> float:
 def random_climb(profile: FloatArray, golden: float, tries: int, seed: int) -> FloatArray:
     """Search, by random steps, for a profile under which orbits escape only at a higher scale.
 
-    A step is accepted if no orbit escapes at a scale slightly above the last one. The step length
-    grows by a half after an accepted step, and shrinks by a seventh otherwise.
+    A random step is accepted if no orbit escapes at a scale slightly above the current one. The
+    step length grows by a half after an accepted step, and shrinks by a seventh otherwise.
 
     Parameters
     ----------
     profile : ndarray, shape (P,)
-        The profile to begin with.
+        The initial profile.
     golden : float
         The critical strength of constant kicks; the search begins at 0.02 times this.
     tries : int
@@ -186,7 +187,7 @@ def random_climb(profile: FloatArray, golden: float, tries: int, seed: int) -> F
     Returns
     -------
     ndarray, shape (P,)
-        The last profile that was accepted, of rms 1 after the first.
+        The last accepted profile, of rms 1; the initial profile if none was accepted.
     """
     random, scale, step = np.random.default_rng(seed), _MIN_SCALE * golden, 0.3
     for _ in range(tries):
@@ -205,7 +206,7 @@ def _normalised(profile: FloatArray) -> FloatArray:
 
 
 def _against_constant(coords: Coords, settings: Settings) -> Arrays:
-    """Compute the scales without a barrier of a tile."""
+    """Compute scales without a barrier for the forcings of a tile."""
     golden, upper, rows = settings["golden"], [], map(_normalised, profiles_of(coords))
     for row, family, seed in zip(rows, coords["family"], coords["parameter"], strict=True):
         tries = settings["tries"] if family == "climb" else 0

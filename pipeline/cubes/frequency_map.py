@@ -1,4 +1,4 @@
-"""Frequency maps: the rotation number of every start in a part of phase space, and its digits.
+"""Frequency maps: rotation numbers over a part of phase space, and how many digits are reliable.
 
     ω(x, y) = Σ_t w(t/n) (x_{t+1} - x_t) / Σ_t w(t/n)                  (`nasm.orbits`)
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pipeline.sweep.grid import Axis
 
 _SECONDS_PER_KICK = 2.6e-8
-"""CPU seconds of one kick of one orbit: 2.5e-8 to 2.8e-8 for one, two and six kicks."""
+"""CPU seconds per kick and orbit: 2.5e-8 to 2.8e-8 for forcings of one, two and six kicks."""
 
 _PLACES = {"x": "position of the start, in turns", "y": "momentum of the start, in turns a kick"}
 
@@ -32,7 +32,7 @@ def frequency_map(kappa: Sequence[float], axes: Sequence["Axis"], n_max: int, ti
     kappa : sequence of float
         Strengths of the kicks, first kick first.
     axes : sequence of two Axis
-        Cells along x and y; orbits start at their centres.
+        Cells along x and y; orbits start at the centres of the cells.
     n_max : int
         Steps (periods of the forcing) to average over.
     tile : int
@@ -67,7 +67,7 @@ def frequency_map(kappa: Sequence[float], axes: Sequence["Axis"], n_max: int, ti
 
 
 def _compute(coords: Coords, settings: Settings) -> Arrays:
-    """Compute a tile."""
+    """Compute the rotation numbers and digits of a tile."""
     x, y = np.meshgrid(coords["x"], coords["y"])
     omega, digits = orbits.rotation_number(settings["kappa"], x, y, settings["n_max"])
     return {"omega": omega, "digits": digits}

@@ -30,13 +30,13 @@ def over_plane(
     name : str
         Name of the cube.
     function : callable
-        κ, shape (P,) → one number for each variable.
+        Maps κ, shape (P,), to one number for each variable.
     variables : mapping of str to str
         Name and description of each variable.
     plane : Plane
         The plane of forcings.
     coords : dict of str to xr.Variable
-        Coordinates along its axes, see `escape.axes_of_plane`.
+        Coordinates along the plane's axes, see `escape.axes_of_plane`.
     tile : int
         Cells along each side of a tile.
     seconds : float
@@ -79,6 +79,6 @@ def _predict(seconds: float, coords: Coords, settings: Settings) -> float:
 
 
 def _warm_up(function: Callable[[FloatArray], Any], plane: Plane) -> None:
-    """Call the function once, so that no tile is charged for what it compiles."""
-    with suppress(Exception):  # its tile will report it
+    """Call the function once, so that compilation does not count towards the time of a tile."""
+    with suppress(Exception):  # a tile will report the error
         function(plane.forcing(0.1, 0.1))

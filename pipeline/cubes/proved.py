@@ -40,10 +40,10 @@ Certificate: TypeAlias = dict[str, Any]
 REACH = 1.125
 """Largest strength of either kick in `proved_map`; CB_gt ends below it."""
 
-_MAX_RATIO = 100  # of the size of certificates to their packed size; it is 27 at most
-_MAX_WINDOW = 2**26  # bytes of memory for unpacking; certificates packed here need 2**19
+_MAX_RATIO = 100  # maximum ratio of unpacked to packed size; certificates have 27 at most
+_MAX_WINDOW = 2**26  # bytes of memory for unpacking; files of `pack_certificates` need 2**19
 _BLOCKS = 36  # tiles along an axis of a map
-_CORNERS = "kappa1_low", "kappa2_low", "kappa1_high", "kappa2_high"  # of a triangle
+_CORNERS = "kappa1_low", "kappa2_low", "kappa1_high", "kappa2_high"  # far corners of a triangle
 _STATES = {
     NOT_COMPUTED: "not_computed",
     proofs.cells.OPEN: "open",
@@ -62,7 +62,7 @@ def proved_barrier(plane: Plane, angles: ArrayLike, seconds: float) -> Job:
     Parameters
     ----------
     plane : Plane
-        The plane of forcings, whose rays start at zero.
+        The plane of forcings; its origin must be zero.
     angles : array_like
         Directions of rays, in degrees, as for `barrier.last_barrier`.
     seconds : float
@@ -102,7 +102,7 @@ def _compute_rays(coords: Coords, settings: Settings) -> Arrays:
 
 
 def uncertified_rays(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
-    """Name a bound in a tile of `proved_barrier` that has no certificate; "" if all have one."""
+    """Report a bound in a tile of `proved_barrier` without a certificate; "" if all have one."""
     claims: set[tuple[str | None, tuple[float, ...]]] = set()
     rays: dict[tuple[float, ...], list[tuple[float, ...]]] = {}
     for certificate in certificates:
@@ -126,17 +126,17 @@ def uncertified_rays(tile: xr.Dataset, certificates: Iterable[Certificate]) -> s
 def proved_map(rays: Sequence[Sequence[float]], cells: int, seconds: float) -> Job:
     """Return the Job of the cube `proved_map`: cells of forcings with global transport.
 
-    Tiles in κ2 > κ1 are not computed: they are images of the others (arXiv:1606.04824, Sec. III).
+    Tiles with κ2 > κ1 are not computed: they are images of the others (arXiv:1606.04824, Sec. III).
 
     Parameters
     ----------
     rays : sequence of (angle, scale)
-        Angles in degrees, from 0 to 45, and the scale of the last breakup; proofs are tried near
-        these points.
+        Angles in degrees, from 0 to 45, and the scale of the last breakup at each angle; proofs are
+        tried near these points.
     cells : int
-        Number of the finest cells per unit of κ: 16 times a power of two.
+        Number of cells per unit of κ at the finest level: 32 times a power of two.
     seconds : float
-        CPU time for the proof of a cell.
+        Limit on the CPU time for the proof of each cell.
 
     Examples
     --------
@@ -170,13 +170,13 @@ def _compute_cells(coords: Coords, settings: Settings) -> Arrays:
     proved, cell_proofs = proofs.proved_cells(
         (low1, low2), n * size, depth, settings["rays"], settings["seconds"]
     )
-    if low1 == low2:  # the other side of the diagonal is its image
+    if low1 == low2:  # cells on one side of the diagonal are images of those on the other
         proved = np.where(np.tri(n, dtype=bool), proved.T, proved)
     return {"proved": proved} | pack_certificates(cell_proofs)
 
 
 def uncertified_cells(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
-    """Say how many proved cells of a tile no certificate covers; "" if all are covered.
+    """Report how many proved cells of a tile no certificate covers; "" if all are covered.
 
     A cell beyond the diagonal is proved by the certificate of its image, with κ1 and κ2 exchanged.
     """
@@ -210,9 +210,9 @@ def proved_triangles(
     rays : sequence of (angle, scale)
         As for `proved_map`.
     circles : sequence of str
-        Texts of the last circles' ω on the rays, "" where unknown.
+        ω of the last circle on each ray, as a string; "" where it is unknown.
     nearest : float
-        Target distance of the proofs from the boundary, relative to its scale; at most 0.5.
+        Target distance between proofs and boundary, relative to the critical scale; at most 0.5.
     """
     angles, scales = map(np.array, zip(*rays, strict=True))
     triangles = proofs.triangles(angles, scales, circles, nearest / 4)
@@ -235,12 +235,12 @@ def _load_triangles() -> None:
 
 
 def _seconds(nearest: float) -> float:
-    """Estimate the CPU seconds of a triangle; triangles next to a cusp take longer."""
+    """Estimate the CPU seconds that a triangle takes; those next to a cusp take longer."""
     return 1 + 7 * (0.1 / nearest) ** 1.95
 
 
 def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
-    """Prove a barrier in the triangle of a tile."""
+    """Prove that a barrier exists in the triangle of a tile."""
     (triangle,) = coords["triangle"]
     low, high, circles = settings["triangles"][triangle]
     middle, tilt = np.add(high, low) / 2, np.subtract(high, low) / 2
@@ -252,15 +252,15 @@ def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
         if least > value:
             circle, value = omega, least
     if value > 0:
-        distance = 0.68 * settings["nearest"]  # the last step may end a tenth short of it
-        budget = 4 * _seconds(settings["nearest"])  # a busy machine takes twice as long
+        distance = 0.68 * settings["nearest"]  # the last proof may end a tenth short of this
+        budget = 4 * _seconds(settings["nearest"])  # a busy machine may take twice as long
         scale, proved = proofs.proved_below(circle, middle, value, budget, tilt, distance)
     corners = dict(zip(_CORNERS, np.array([*low, *high])[:, None], strict=True))
     return corners | {"proved_below": np.array([scale])} | pack_certificates(proved)
 
 
 def uncertified_triangle(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
-    """Report that the certificates of a triangle do not reach `proved_below`; "" if they do."""
+    """Report if the certificates of a triangle do not reach `proved_below`; "" if they do."""
     tile, intervals = tile.load().isel(triangle=0), []
     low, high = np.reshape([tile[name] for name in _CORNERS], (2, 2))
     for certificate in certificates:
@@ -273,10 +273,10 @@ def uncertified_triangle(tile: xr.Dataset, certificates: Iterable[Certificate]) 
 
 
 def pack_certificates(proofs: Iterable[Any]) -> dict[str, bytes]:
-    """Return what a tile keeps besides its arrays: the certificates of its proofs, compressed.
+    """Return what a tile stores besides its arrays: the certificates of its proofs, compressed.
 
     Failed proofs and None are omitted; the result is {} if no proof remains. Certificates are
-    compressed one by one, because those of cells take much memory.
+    written to the compressed file one by one, because those of cells take much memory.
     """
     proved, data = [proof for proof in proofs if proof and proof.proved], BytesIO()
     if not proved:
@@ -289,7 +289,7 @@ def pack_certificates(proofs: Iterable[Any]) -> dict[str, bytes]:
 
 
 def unpack_certificates(data: bytes) -> list[Certificate]:
-    """Return the list of certificates that `pack_certificates` has compressed.
+    """Return the list of certificates from the bytes that `pack_certificates` compressed.
 
     Raises
     ------
@@ -327,7 +327,7 @@ def floats_of(certificate: Mapping[str, Any], field: str) -> tuple[float, ...]:
 
 
 def seconds_to_check(certificate: Certificate) -> float:
-    """Estimate the CPU seconds that the checker of certificates will take.
+    """Estimate the CPU seconds that the certificate checker will take.
 
     Raises
     ------
@@ -336,7 +336,7 @@ def seconds_to_check(certificate: Certificate) -> float:
     """
     if "lives" in certificate:
         lifetimes = certificate["lives"]
-        # Each box has two lifetimes, forwards and backwards, or one for both.
+        # Each box has two lifetimes, forwards and backwards, or one for both directions.
         numbers = [n for each in lifetimes for n in (each if isinstance(each, list) else [each])]
         if not all(type(n) is int and n > 0 for n in numbers):
             raise ValueError("a box has a lifetime that is not an integer of 1 or more")

@@ -1,6 +1,6 @@
 """Rotating standard maps, κ_n = s·(cos angle + sin angle · cos 2π(φ0 + nΩ)), of any frequency Ω.
 
-The last circle or torus against Ω, breakup of tori on rays, and pictures of tori.
+The last circle or torus as a function of Ω, breakup of tori on rays, and pictures of tori.
 arXiv:1606.04824, Sec. VII, Eq. (53); `nasm.tori`.
 """
 
@@ -34,7 +34,7 @@ from pipeline.cubes.cube import (
 )
 from pipeline.cubes.warm_up import load_orbits, load_searches
 
-_MAX_KICKS = 32_000  # on either side, for irrational Ω
+_MAX_KICKS = 32_000  # N, for the kicks from -N to N at irrational Ω
 _TOL = 1e-3  # relative width of brackets, for rational Ω
 _PICTURE_SHAPE = 128, 256  # points along φ and θ
 
@@ -55,7 +55,8 @@ def last_barriers(
     fractions : sequence of Fraction
         Rational frequencies Ω = p/q.
     n_phases : int
-        Number of phases φ0 in [0, 1/(2q)] for each, at least 2; all others are images of these.
+        Number of phases φ0 for each Ω, at least 2. They span [0, 1/(2q)]; phases outside it are
+        images of phases inside.
     irrational : sequence of float
         Irrational frequencies.
     angles : sequence of float
@@ -145,7 +146,7 @@ def residues(vectors: Sequence[str], angles: Sequence[float]) -> Job:
     Parameters
     ----------
     vectors : sequence of str
-        Texts "p/q,Ω": an orbit's turns per kick, and the frequency.
+        Strings "p/q,Ω": the turns per kick of an orbit, and the frequency.
     angles : sequence of float
         Directions of rays, in degrees.
 
@@ -188,8 +189,8 @@ def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr
     Returns
     -------
     xr.Dataset
-        `deviation`, h - θ in turns, and `least_slope`, the least ∂h/∂θ; NaN where no torus is
-        certified.
+        `deviation`, h - θ in turns, and `least_slope`, the smallest ∂h/∂θ; both are NaN where no
+        torus is certified.
     """
     m, n = _PICTURE_SHAPE
     coords = {
@@ -215,25 +216,25 @@ def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr
 
 
 def _name_of(vector: RotationVector) -> str:
-    """Return a rotation vector as text, with all digits."""
+    """Return a rotation vector as a string, with all digits."""
     return ",".join(map(repr, vector))
 
 
 def _load_tori(vector: RotationVector) -> None:
-    """Compile the kernels of tori."""
+    """Compile the kernels of `_breakups`."""
     tori.invariant_torus(*vector, 0.05, 0.05)
     last_torus.upper_scale(vector[1], 1.0, 0.0)
 
 
 def _load_last_barriers() -> None:
-    """Compile the kernels of last barriers, for rational and irrational Ω."""
+    """Compile the kernels of `_last_barriers`, for rational and irrational Ω."""
     load_searches()
     last_torus.last_critical_scale(2**0.5 - 1, 1.0, 0.0, 400)
     tori.invariant_torus(0.618, 2**0.5 - 1, 0.05, 0.05)
 
 
 def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
-    """Compute the last barriers of a tile, and their turns per kick."""
+    """Compute the last barriers of a tile, and their rotation numbers per kick."""
 
     def last(name: str, profile: FloatArray) -> tuple[CriticalScale, float]:
         (frequency, _, phase), (mean, amplitude) = name.partition(","), profile
@@ -254,15 +255,17 @@ def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
 
 
 def _predict(coords: Coords, settings: Settings) -> float:
-    """Predict seconds from the period q: 0.1 measured for q = 2, 0.6 for 3, 19 for 10; 60 for
-    irrational Ω."""
+    """Predict CPU seconds: a function of q if Ω = p/q, and 60 per ray if Ω is irrational.
+
+    Measured: 0.1 for q = 2, 0.6 for q = 3, and 19 for q = 10.
+    """
     frequency, _, phase = coords["forcing"][0].partition(",")
     q = Fraction(frequency).denominator
     return (min(0.02 * q**3, 1.7 * q) if phase else 60) * coords["angle"].size
 
 
 def _breakups(coords: Coords, settings: Settings) -> Arrays:
-    """Compute the breakups of tori of a tile."""
+    """Compute the breakup of each torus of a tile."""
 
     def bracket(omega: float, frequency: float, profile: FloatArray) -> CriticalScale:
         mean, amplitude = profile
@@ -276,7 +279,7 @@ def _breakups(coords: Coords, settings: Settings) -> Arrays:
 
 
 def _residues(coords: Coords, settings: Settings) -> Arrays:
-    """Compute the residues of a tile."""
+    """Compute the breakups of a tile by residues."""
     vectors, profiles = [vector.split(",") for vector in coords["vector"]], ray(coords["angle"])
     scales = [
         [periodic.torus_scale(*vector, *profile) for profile in profiles] for vector in vectors

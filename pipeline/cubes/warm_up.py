@@ -1,6 +1,6 @@
-"""What a worker computes first, so that the kernels of a job are compiled before any tile.
+"""The first computations of a worker: they compile the kernels of a job before any tile.
 
-A tile that had to compile a kernel would be charged for it, and workers would wait for each other.
+Otherwise compilation would count towards the time of a tile, and workers would wait for each other.
 """
 
 from numpy.typing import ArrayLike
@@ -11,7 +11,7 @@ from nasm.action import ordered_orbits
 
 def load_orbits() -> None:
     """Compile the kernels of ordered orbits and their residues."""
-    ordered_orbits((2.0, -2.5, 1.0), 1, 1)  # the last of its methods finds these
+    ordered_orbits((2.0, -2.5, 1.0), 1, 1)  # only its last method finds these orbits
     periodic.critical_scale("gamma", (0.3, 0.1), 10)
 
 

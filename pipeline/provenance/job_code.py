@@ -12,7 +12,7 @@ from pipeline.provenance.sources import VERSIONS, closure, digest, home, modules
 
 @dataclass(frozen=True)
 class Code:
-    """The code that decides the numbers of a cube.
+    """The code that determines the numbers of a cube.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ def code_of(function: Callable[..., Any]) -> Code:
 
 
 def _functions(function: Any) -> list[Any]:
-    """Return the functions inside partials of these packages, and inside wrappers."""
+    """Return the functions inside wrappers, or inside partials of functions of these packages."""
     if isinstance(function, partial) and not is_own(module_of(function)):
         parts = [function.func, *function.args, *function.keywords.values()]
         return [each for part in parts if callable(part) for each in _functions(part)]

@@ -1,9 +1,9 @@
 """The user's own functions: what identifies them, and how they are sent to workers.
 
-A function is identified by its text and by what it refers to: the user's own functions and classes
-by their texts, in turn; the user's own modules by their whole text; constants by their values. Text
-is compared as Python parses it, so comments and layout do not matter. For Python itself and for
-installed packages, only names matter.
+A function is identified by its text and by what it refers to. The user's own functions and classes
+among these are identified in the same way; the user's own modules by their whole text; constants by
+their values. Texts are compared as Python parses them, so comments and layout do not matter. Python
+itself and installed packages are identified by name only.
 """
 
 import ast
@@ -58,7 +58,7 @@ class ByValue:
                 cloudpickle.unregister_pickle_by_value(module)
 
 
-@lru_cache(16)  # a worker receives it with every batch
+@lru_cache(16)  # a worker receives the same bytes with every batch
 def _received(data: bytes) -> ByValue:
     return ByValue(cloudpickle.loads(data))
 
@@ -69,9 +69,9 @@ def identify(function: Callable[..., Any]) -> tuple[str, set[str]]:
     Returns
     -------
     text : str
-        It is the same as long as the function and what it refers to are the same.
+        Identifies the function: unchanged as long as the function and what it refers to are.
     names : set of str
-        Full names of all that they use from other modules, e.g. "nasm.maps.kick".
+        Full names of everything that this code uses from other modules, e.g. "nasm.maps.kick".
 
     Raises
     ------
@@ -94,7 +94,7 @@ def identify(function: Callable[..., Any]) -> tuple[str, set[str]]:
 
 
 def _own_modules(function: Callable[..., Any]) -> list[ModuleType]:
-    """Return the user's own modules that a function is in or uses, directly or not."""
+    """Return the user's own modules that a function belongs to or uses, even indirectly."""
     items = [item for item, *_ in _parts(function)]
     named = {module_of(item) for item in items if _is_code(item)}
     return [sys.modules[name] for name in sorted(named) if is_own(name) and name in sys.modules]
@@ -103,7 +103,7 @@ def _own_modules(function: Callable[..., Any]) -> list[ModuleType]:
 def _parts(function: Callable[..., Any]) -> Iterator[tuple[Any, str, set[str]]]:
     """Yield a function, then what it depends on: (item, its text, full names that it uses)."""
     waiting: list[tuple[str, Any]] = [("the function", function)]
-    seen: dict[int, Any] = {}  # it keeps the items alive, so that no two have the same id
+    seen: dict[int, Any] = {}  # keeps the items alive, so that no two have the same id
     while waiting:
         label, item = waiting.pop(0)
         item = inspect.unwrap(item.py_func if _is_compiled(item) else item)
@@ -160,7 +160,7 @@ def _is_code(value: Any) -> bool:
 
 
 def _is_compiled(value: Any) -> bool:
-    """Return True for a function that Numba compiles."""
+    """Return True for a function compiled by Numba."""
     return inspect.isfunction(getattr(value, "py_func", None))
 
 
@@ -189,7 +189,7 @@ def module_of(item: Any) -> str:
 
 
 def is_own(module: str) -> bool:
-    """Return True for a module that is neither of Python's nor of an installed package or nasm.
+    """Return True for a module that belongs neither to Python nor to an installed package or nasm.
 
     Modules of `workflows` count as the user's own, installed or not: workers need not have them.
 
@@ -199,20 +199,20 @@ def is_own(module: str) -> bool:
     >>> is_own("numpy"), is_own("nasm.maps"), is_own("__main__")
     (False, False, True)
     """
-    if module == "__main__":  # also where a launcher runs the script
+    if module == "__main__":  # also if a launcher runs the script
         return True
     root = module.partition(".")[0]
     if root in ("nasm", "pipeline") or not module:
         return False
     file = getattr(sys.modules.get(module), "__file__", None)
-    if file is None:  # built in, or made in a session
+    if file is None:  # it is built in, or was made in a session
         return root not in sys.stdlib_module_names
     is_installed = Path(file).is_relative_to(_STDLIB) or bool(_SITES & {*Path(file).parts})
     return root == "workflows" or not is_installed
 
 
 def _value(label: str, value: Any) -> str:
-    """Return the value of a constant as a text."""
+    """Return the value of a constant as a string."""
     if isinstance(value, np.ndarray | np.generic) and value.dtype != object:
         return f"{value.dtype}{value.shape}{value.tobytes()!r}"
     if isinstance(value, list | tuple | set | frozenset | dict):

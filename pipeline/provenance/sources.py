@@ -1,7 +1,7 @@
 """The sources of `nasm` and `pipeline.cubes`: what a module imports, and digests of their files.
 
-The closure of a module is the set of modules that it imports, directly or not, according to the
-import statements in their texts; nothing is executed. If a name is imported from a package, the
+The closure of a module is the set of modules that it imports, directly or indirectly, according to
+the import statements in their texts; nothing is executed. If a name is imported from a package, the
 package's stub shows which module it comes from.
 """
 
@@ -20,7 +20,7 @@ _LIBRARIES = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zar
 
 
 def _read(suffix: str) -> dict[str, bytes]:
-    """Return the files with a suffix, by module name; the file of a package is its __init__."""
+    """Return the contents of files with a suffix, by module name; for a package, its __init__."""
     paths = [*_ROOT.glob(f"nasm/**/*{suffix}"), *_ROOT.glob(f"pipeline/cubes/**/*{suffix}")]
     files = {}
     for path in sorted(paths):
@@ -29,7 +29,7 @@ def _read(suffix: str) -> dict[str, bytes]:
     return files
 
 
-# As they are at import: a process that runs while files are edited uses the old ones.
+# Read at import: a process that runs while files are edited uses the old ones.
 _SOURCES, _STUBS = _read(".py"), _read(".pyi")
 
 PROGRAM = f"{DISTRIBUTION} {__version__}"
@@ -40,7 +40,7 @@ VERSIONS = ", ".join(f"{library} {version(library)}" for library in _LIBRARIES)
 
 
 def modules() -> tuple[str, ...]:
-    """List all modules.
+    """List all modules of `nasm` and `pipeline.cubes`.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def modules() -> tuple[str, ...]:
 
 @cache
 def digest(modules: tuple[str, ...]) -> str:
-    """Compute 12 digits of the SHA-256 of the files of modules; a missing one counts as empty.
+    """Compute the first 12 digits of the SHA-256 of modules' files; a missing file counts as empty.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def digest(modules: tuple[str, ...]) -> str:
 
 @cache
 def closure(modules: tuple[str, ...]) -> tuple[str, ...]:
-    """List these modules, all that they import, directly or not, and the packages that hold them.
+    """List these modules, all that they import, even indirectly, and the packages that hold them.
 
     Examples
     --------
@@ -87,24 +87,24 @@ def closure(modules: tuple[str, ...]) -> tuple[str, ...]:
 
 @cache
 def _imported(module: str) -> set[str]:
-    """Return the modules that a module imports, at its top or inside functions."""
+    """Return the modules that a module imports, at top level or inside functions."""
     return set().union(*map(home, names_used(ast.parse(_SOURCES[module]), {})))
 
 
 def names_used(tree: ast.AST, known: Mapping[str, str]) -> set[str]:
-    """Return the full names of all that a piece of code imports, and of what it uses from these.
+    """Return the full names of everything that code imports, and of what it uses from its imports.
 
     Parameters
     ----------
     tree : ast.AST
         The code.
     known : mapping of str to str
-        Full names of what it uses without importing it, e.g. {"np": "numpy"}.
+        Full names of what the code uses without importing it, e.g. {"np": "numpy"}.
 
     Returns
     -------
     set of str
-        For a package that is used as a value, as in `getattr(nasm, …)`, also NAME.*.
+        The full names; for a package used as a value, as in `getattr(nasm, …)`, also NAME.*.
 
     Examples
     --------
@@ -134,7 +134,7 @@ def names_used(tree: ast.AST, known: Mapping[str, str]) -> set[str]:
 
 
 def _parts(node: ast.expr) -> list[str]:
-    """Return the parts of a dotted name; the first is "" if it is an attribute of anything else."""
+    """Return the parts of a dotted name; the first is "" if the base is not a name."""
     rest: list[str] = []
     while isinstance(node, ast.Attribute):
         rest.insert(0, node.attr)
@@ -143,7 +143,7 @@ def _parts(node: ast.expr) -> list[str]:
 
 
 def home(name: str) -> set[str]:
-    """Return the modules that a full name comes from: packages on the way to it, and its module.
+    """Return the modules that a full name belongs to: its own, and the packages that contain it.
 
     Examples
     --------

@@ -2,9 +2,9 @@
 
 The first driver to write the group's zarr.json creates the cube; any other driver must agree with
 it. A second file, NAME.zarr/digests.json, holds the same attributes, and a digest of each file that
-is not written by a tile. It shows whether metadata or coordinates were changed, and to which
-settings the cube belongs. If that file is lost too, the checksums in the commit records show to
-which settings the tiles belong.
+is not written by a tile. It shows whether metadata or coordinates were changed, and which
+settings the cube has. If both files are lost, the checksums in the commit records show with which
+settings the tiles were computed.
 """
 
 import dataclasses
@@ -37,10 +37,10 @@ DIGESTS = "digests.json"
 """Name of the file of a cube with its digests."""
 
 _MAX_NAMED = 3  # changed files that a message names
-_MAX_CHUNK = 1024  # along each dim, of cubes without tiles
+_MAX_CHUNK = 1024  # cells along each dim of a chunk, in cubes without tiles
 
 COMPUTED_BY = EVERYTHING.computed_by
-"""What computes a cube without a job, in one line; with a job it is `job.code.computed_by`."""
+"""The code that computes cubes without a job, in one line; with a job, `job.code.computed_by`."""
 
 
 def names(place: Place) -> list[str]:
@@ -63,12 +63,12 @@ def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
     cube : Cube
         The plan.
     computed_by : str
-        What computes it, `job.code.computed_by`.
+        The code that computes the cube, `job.code.computed_by`.
 
     Returns
     -------
     dict
-        The attributes of the cube in the store, {} if there is none.
+        The attributes of the cube in the store, {} if it does not exist yet.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
 
 
 def create(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None:
-    """Create the cube with all tiles missing, or check that the one in the place is the same.
+    """Create the cube with all tiles missing, or check that the existing one is the same.
 
     Metadata and coordinates that are damaged or missing are written again. Further parameters and
     errors are as for `check`.
@@ -106,7 +106,7 @@ def create(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None
 
 
 def replace(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None:
-    """Write a complete cube, compressed, in place of its earlier state.
+    """Write a complete cube, compressed, and replace its earlier state.
 
     Nothing is written if that state is identical and was computed by the same code. The group's
     zarr.json is deleted first and written last: in between, and after a crash, the cube does not
@@ -145,7 +145,7 @@ def _provenance(computed_by: str, call: str) -> dict[str, str]:
 
 
 def _check_settings(place: Place, cube: "Cube") -> dict[str, Any]:
-    """Return the attributes of the cube in the store, {} for none; Refused if it differs."""
+    """Return the attributes of the stored cube, {} if there is none; Refused if it differs."""
     attributes = _noted(place, cube.name)[0] or _attributes(place, cube.name)
     if {"config_hash": cube.config_hash, "store_format": FORMAT}.items() <= attributes.items():
         return attributes
@@ -175,14 +175,14 @@ def _brief(setting: Any) -> Any:
 
 
 def _attributes(place: Place, name: str) -> dict[str, Any]:
-    """Return the attributes of the cube, {} if it is missing, damaged, or another program's."""
+    """Return the attributes of the cube, {} if it is missing, damaged, or of another program."""
     with suppress(*DAMAGED):
         return _parsed(place.read(_key(name), MAX_METADATA))
     return {}
 
 
 def _parsed(data: bytes) -> dict[str, Any]:
-    """Parse the cube's attributes in a zarr.json, or in digests.json; errors are in DAMAGED."""
+    """Parse the cube's attributes in zarr.json or digests.json; raise only errors in DAMAGED."""
     attributes = json.loads(data)["attributes"]
     attributes.pop("coordinates", None)  # xarray adds it
     if not isinstance(attributes["config_hash"], str):
@@ -238,10 +238,10 @@ def _digest(data: bytes) -> str:
 
 
 def _check_tiles(place: Place, cube: "Cube", computed_by: str) -> None:
-    """Check tiles without metadata, which workers write if the cube is deleted during a sweep.
+    """Check tiles without metadata: workers write them if the cube is deleted during a sweep.
 
-    Refused unless the checksums in their records show that all tiles with data belong to this cube
-    and were computed by the same code.
+    Raise Refused unless the checksums in their records show that all tiles with data belong to this
+    cube and were computed by the same code.
     """
     if any(place.files(f"{cube.name}.zarr/{COMMIT}")):
         arrays = _planned(place, cube, {"computed_by": computed_by})
@@ -285,9 +285,9 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
     by : attributes that state what computed it.
     """
     ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
-    labels = cube.template.attrs  # first, so that the order is the same when they are read again
+    labels = cube.template.attrs  # first, so that reading them back yields the same order
     identity = {**labels, **by, **labels, **cube.attributes, **ours}
-    # Zarr 3 has no standard for NumPy's text type.
+    # Zarr 3 has no standard for NumPy's string type.
     variables = cube.template.variables
     texts = {k: v.astype(object) for k, v in variables.items() if v.dtype.kind == "U"}
     groups = {"/": cube.template.assign(texts).assign_attrs(identity)}
@@ -295,7 +295,7 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
     computed = cube.computed
     for key, array in variables.items():
         if computed:
-            tile = {} if array.dims == (key,) else cube.tile  # readers need all of an index
+            tile = {} if array.dims == (key,) else cube.tile  # readers need a whole index
             chunks = [tile.get(str(dim), n) for dim, n in array.sizes.items()]
             encoding["/"][key] = _encoding(array.dtype, chunks)
         else:  # the same length along a dim in all variables
@@ -324,7 +324,7 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
     }
     buffers: dict[str, Any] = {}
     with warnings.catch_warnings(), usual_codecs():
-        # Zarr 3 has no standard for consolidated metadata yet, but readers are warned without them.
+        # Zarr 3 has no standard for consolidated metadata yet, but without them readers are warned.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         xr.DataTree.from_dict(groups).to_zarr(MemoryStore(buffers), **options)
     files = {key: buffer.to_bytes() for key, buffer in buffers.items()}
@@ -336,9 +336,10 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
 
 
 def _encoding(dtype: np.dtype, chunks: Sequence[int], *codecs: ZstdCodec) -> dict[str, Any]:
-    """Return zarr's settings of an array, whose fill value stands for chunks that are missing.
+    """Return zarr's settings for an array; its fill value stands for missing chunks.
 
-    It is the largest or least integer, which is never computed, or NaN, which may be.
+    The fill value is the largest or smallest integer, which is never a computed value, or NaN,
+    which may be one.
     """
     encoding: dict[str, Any] = {
         "chunks": tuple(chunks),

@@ -1,7 +1,7 @@
 """Where cubes are kept: a directory, or a prefix in an object store, both through obstore.
 
 Credentials, endpoint and region come from the environment (AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL, …)
-of the driver and of each worker, and are passed on to nothing else.
+of the driver and of each worker, and are not passed on.
 """
 
 import errno
@@ -26,15 +26,15 @@ MAX_FILE = 2**27
 """Size of the largest file that is read, in bytes."""
 
 PATIENCE = 30
-"""Seconds for which a request is repeated while an object store does not answer."""
+"""Seconds for which a request is retried while an object store does not answer."""
 
 _NO_LOCKS = errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS
-_NOT_THERE = FileNotFoundError, ValueError  # the second for a key that no file can have
+_NOT_THERE = FileNotFoundError, ValueError  # ValueError for a key that no file can have
 _URL = re.compile(r"(s3|gs|az)://[a-z0-9][a-z0-9._-]+(/[\w.=+-]+)+", re.ASCII)
 
 
 class Refused(Exception):
-    """The store cannot take this sweep; nothing was done.
+    """The store cannot accept this sweep; nothing was done.
 
     The message gives the reason and the cure.
     """
@@ -45,7 +45,7 @@ class StoreFailed(OSError):
 
 
 def printable(text: str) -> str:
-    """Return the text on one line, without control characters, which a foreign store may contain.
+    """Return a text on one line, without the control characters that a foreign store may contain.
 
     Examples
     --------
@@ -58,7 +58,7 @@ def printable(text: str) -> str:
 
 @dataclass(frozen=True)
 class Place:
-    """Where cubes are kept; `place_of` makes one. Keys are paths of files below it.
+    """Where cubes are kept; made by `place_of`. Keys are paths of files relative to it.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class Place:
     def write(
         self, key: str, data: bytes, mode: Literal["create", "overwrite"] = "overwrite"
     ) -> None:
-        """Write a file, completely or not at all; with the mode "create" only if it is missing."""
+        """Write a file, completely or not at all; in the mode "create" only if it is missing."""
         with store_errors(self), suppress(AlreadyExistsError):
             self.objects().put(key, data, mode=mode)
 
@@ -175,7 +175,7 @@ def _opened(path: str) -> "ObjectStore":
     """Return the obstore store of a directory or a URL."""
     if "://" not in path:
         return LocalStore(path)
-    # Only the time limits retries: obstore's default, ten, is used up in two to eight seconds.
+    # Retries are limited only by time: obstore's default of ten is used up in 2 to 8 seconds.
     timeout = timedelta(seconds=PATIENCE)
     return from_url(path, retry_config={"max_retries": 10**6, "retry_timeout": timeout})
 
@@ -184,8 +184,8 @@ def _opened(path: str) -> "ObjectStore":
 def driver_lock(place: Place) -> Iterator[None]:
     """Hold the lock of a directory, created if needed, so that no second driver writes to it.
 
-    Object stores and file systems without locks have none: two drivers then write the same bytes
-    twice.
+    Object stores, and directories on file systems without locks, are not locked: two drivers then
+    do the same work twice.
 
     Raises
     ------

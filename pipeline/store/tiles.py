@@ -40,12 +40,12 @@ ENTRIES = "cpu_seconds", "crc32"
 """Entries of a commit record."""
 
 ENTRY = "commit_entry"
-"""Name of the first dimension of `COMMIT`, along the entries."""
+"""Name of the first dimension of `COMMIT`, which runs over the entries."""
 
 FORMAT = 2
 """Version of the format of cubes; version 1 had no checksum of a tile's data."""
 
-_CRC_BYTES = 4  # of the checksum after the numbers of a chunk
+_CRC_BYTES = 4  # size of the checksum after the numbers of a chunk
 _MAX_REASON = 500  # characters that are kept of the reason for a failure
 
 DAMAGED = ArithmeticError, AttributeError, FileNotFoundError, LookupError, RecursionError
@@ -55,7 +55,7 @@ DAMAGED += TypeError, ValueError  # type: ignore[assignment]
 
 @lru_cache
 def arrays_of(place: Place, name: str) -> dict[str, Array]:
-    """Return the zarr arrays of the cube by name; they are kept open.
+    """Return the zarr arrays of the cube by name, and keep them open.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def opened(place: Place, name: str, root: dict[str, Any]) -> dict[str, Array]:
 
 
 def _check_tiles(arrays: dict[str, Array]) -> None:
-    """Raise an error in DAMAGED unless each tile has one record and one chunk of each variable."""
+    """Raise a DAMAGED error unless each tile has one record and one chunk of each variable."""
     n_entries, *counts = arrays[COMMIT].shape
     last = tuple(n - 1 for n in counts)
     places = blocks(arrays, last)
@@ -115,7 +115,7 @@ def _attributes(array: Array) -> dict[str, Any]:
 
 
 def _dims(array: Array) -> list[str]:
-    """Return the names of the dimensions of an array; TypeError if it has none, see DAMAGED."""
+    """Return the names of an array's dimensions; TypeError (see DAMAGED) if they are missing."""
     metadata: Any = array.metadata
     return list(metadata.dimension_names)
 
@@ -165,7 +165,7 @@ def commit_times(place: Place, arrays: dict[str, Array]) -> tuple[BoolArray, Flo
     records = chunked.pop(COMMIT)
     times = np.full(records.cdata_shape, np.nan)
     # The records are listed first: data are written before their record, so that a tile that is
-    # committed during the listing does not seem to lack data.
+    # committed during the listing does not appear to lack data.
     done = _listed(place, records, times)
     for array in chunked.values():
         done &= _listed(place, array).reshape(done.shape)
@@ -180,7 +180,8 @@ def _listed(place: Place, array: Array, times: FloatArray | None = None) -> Bool
     is_complete, n_bytes = np.zeros(array.cdata_shape, bool), _bytes_of_chunk(array)
     root, rows, (*grid, n) = f"{array.path}/c", {}, array.cdata_shape
     for file in place.files(root):
-        # A folder holds a row of the grid. It is parsed once, as there may be a million files.
+        # A folder holds a row of the grid. Its path is parsed once, as there may be a million
+        # files.
         folder, _, last = file["path"].rpartition("/")
         if folder not in rows:
             rows[folder] = _index(folder.removeprefix(root).split("/")[1:], grid)
@@ -201,12 +202,12 @@ def _index(texts: Sequence[str], shape: Sequence[int]) -> tuple[int, ...] | None
 
 
 def _bytes_of_chunk(array: Array) -> int:
-    """Return the size of a chunk's file, the same for chunks that the array fills only partly."""
+    """Return the size of a chunk's file; it is the same for chunks that extend beyond the array."""
     return prod(array.chunks) * array.dtype.itemsize + _CRC_BYTES
 
 
 def missing(place: Place, cube: "Cube") -> IntArray:
-    """Return the indices of the tiles that are not committed, or have lost data.
+    """Return the indices of the tiles that are not committed or have lost data.
 
     Returns
     -------
@@ -238,15 +239,15 @@ def commit(
     place, name, index
         Where the cube is kept, its name, and the index of the tile.
     arrays : mapping of str to ndarray
-        The values of each of its variables; `certificates`, if there are any, are bytes, which are
-        kept in a file.
+        The values of each variable; `certificates`, if there are any, are bytes, which are kept in
+        a separate file.
     seconds : float
         CPU seconds that the tile took.
 
     Raises
     ------
     ValueError
-        If a variable is missing, or an array differs from the cube in shape or type of numbers.
+        If a variable is missing, or an array differs from the cube in shape or data type.
     StoreFailed
         If the store fails.
     """
@@ -269,7 +270,7 @@ def commit(
 
 
 def _fitting(key: str, array: Array, block: tuple[int, ...], values: ArrayLike) -> np.ndarray:
-    """Return the values in the array's dtype; zarr would cast and broadcast silently."""
+    """Cast values to the array's dtype if they fit; zarr would cast or broadcast any silently."""
     values = np.asarray(values)
     grid = zip(block, array.chunks, array.shape, strict=True)
     shape = tuple(min(n, size - i * n) for i, n, size in grid)
@@ -283,7 +284,7 @@ def _fitting(key: str, array: Array, block: tuple[int, ...], values: ArrayLike) 
 
 
 def certificates_key(name: str, index: Sequence[int]) -> str:
-    """Return the key of the certificates that were committed with a tile; it may have none."""
+    """Return the key of the certificates that were committed with a tile, if there are any."""
     return f"{CERTIFICATES}/{name}/{'.'.join(map(str, index))}.json.xz"
 
 
@@ -310,7 +311,7 @@ def chunk(place: Place, key: str, array: Array, block: tuple[int, ...]) -> Any:
     """Read a chunk of the array `key`; ValueError with the reason if it is damaged or lost."""
     with store_errors(place):
         try:
-            place.objects().head(chunk_key(array, block))  # else zarr reads fill values
+            place.objects().head(chunk_key(array, block))  # else zarr returns fill values
             return array.get_block_selection(block)
         except FileNotFoundError:
             raise ValueError(f"a chunk of {key} is lost") from None
@@ -327,7 +328,7 @@ def damage(place: Place, arrays: dict[str, Array], index: Sequence[int]) -> str:
     except ValueError as error:
         return str(error)
     checksum = values.pop(COMMIT).flat[1]
-    # It covers the data alone if there are no certificates, and in tiles of earlier versions.
+    # It covers only the data if there are no certificates, and in tiles of earlier versions.
     if checksum == _checksum(arrays, index, values):
         return ""
     name = arrays[COMMIT].path.split("/")[0].removesuffix(".zarr")
@@ -359,7 +360,7 @@ def record_failure(place: Place, name: str, index: Sequence[int], reason: str) -
 
 
 def wanted_key(name: str) -> str:
-    """Return the key of the number of wanted tiles, which is kept if not all are wanted."""
+    """Return the key of the number of wanted tiles, which is stored if not all are wanted."""
     return f"{name}.zarr/.wanted"
 
 
@@ -371,9 +372,9 @@ def failure_key(name: str, index: Sequence[int]) -> str:
 def read(place: Place, name: str) -> xr.Dataset:
     """Return the cube as a Dataset.
 
-    Numbers are read lazily, texts at once; a missing text is "". `flag_values` have the dtype of
-    their variable, as the CF conventions require, also in a file that `to_netcdf` writes. In the
-    JSON of a zarr store, and from plain `xr.open_zarr`, they are plain integers.
+    Numbers are read lazily, strings at once; a missing string is "". `flag_values` have the dtype
+    of their variable, as the CF conventions require, also in a file that `to_netcdf` writes. In
+    the JSON of a zarr store, and from `xr.open_zarr` alone, they are plain integers.
 
     Raises
     ------
@@ -423,7 +424,7 @@ def read(place: Place, name: str) -> xr.Dataset:
 
 
 class _Watched(Files):
-    """The files of one cube, for zarr; warns of chunks that were written but have been lost."""
+    """A zarr store of one cube that warns of chunks that were written but have been lost."""
 
     def __init__(self, place: Place, name: str) -> None:
         super().__init__(place.objects(name), read_only=True)

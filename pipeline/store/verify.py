@@ -1,7 +1,7 @@
 """The state of the cubes in a store: progress of sweeps (`status`), damaged tiles (`verify`).
 
 A tile is done if its commit record and all its data exist. If only the record exists, the tile has
-lost its data. A tile without a record failed when it was last tried, if the store holds a reason;
+lost its data. A tile without a record failed at its last attempt if the store holds a reason;
 otherwise it has not been tried yet, or is not wanted. A tile is damaged if it has a record, but a
 chunk is lost, or does not match its own checksum or that of the record.
 """
@@ -26,7 +26,7 @@ RECENT = 300
 
 _MAX_REASONS = 10  # failures whose reasons are read
 _MAX_SUBMITTED = 1024  # tiles that are submitted together
-_MAX_THREADS = 8  # fewer if the tiles that they read would together take more than MAX_TILE
+_MAX_THREADS = 8  # fewer if the tiles that they hold would together exceed MAX_TILE
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class State:
     ----------
     name : str
     tiles : int
-        Tiles that are wanted so far; 0 for a cube without tiles, or a damaged one.
+        Tiles wanted so far; 0 for a cube without tiles, or a damaged one.
     done : int
         Tiles that are committed, with all their data.
     lost : int
@@ -49,7 +49,7 @@ class State:
     rate : float
         Tiles per second in the minutes before the last commit.
     damage : str
-        Why the state is not known, "" if it is.
+        Why the state is unknown; "" if it is known.
     """
 
     name: str
@@ -102,8 +102,8 @@ def _state(place: Place, name: str) -> State:
 def verify(place: Place, name: str, repair: bool = False) -> Iterator[tuple[tuple[int, ...], str]]:
     """Yield (index, fault) for each damaged tile of the cube, in tile order.
 
-    The index () stands for metadata, coordinates, and a cube without tiles: the next run of its
-    command rewrites these, and only then are its tiles verified.
+    The index () stands for metadata, coordinates, and a cube without tiles. The next run of the
+    cube's command rewrites these; until then its tiles are not verified.
 
     Parameters
     ----------
@@ -112,8 +112,8 @@ def verify(place: Place, name: str, repair: bool = False) -> Iterator[tuple[tupl
     name : str
         Name of the cube.
     repair : bool
-        If True, damaged tiles become missing, provided that digests show that the metadata are as
-        they were written: with wrong metadata, sound tiles look damaged. See `has_digests`.
+        If True, damaged tiles become missing, provided that digests show the metadata to be as
+        they were written: with wrong metadata, intact tiles look damaged. See `has_digests`.
     """
     tiles.forget()
     try:

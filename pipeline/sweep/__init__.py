@@ -1,1 +1,1 @@
-"""How a cube is computed: its missing tiles, on a dask cluster, whatever they contain."""
+"""Computation of a cube's missing tiles on a dask cluster, whatever the tiles contain."""

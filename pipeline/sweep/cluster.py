@@ -30,10 +30,10 @@ from pipeline.sweep.progress import plural
 
 NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
 _QUIET = {
-    # A task is suspect as soon as its worker dies, not after it has killed three more; the
-    # sweep reruns suspects alone. (A scheduler elsewhere has its own setting, 3 deaths.)
+    # A task is suspect as soon as its worker dies, not after it has killed three more workers;
+    # the sweep reruns suspects alone. (A scheduler elsewhere has its own setting, 3 deaths.)
     "distributed.scheduler.allowed-failures": 0,
-    # By default dask's measurements for its dashboard take 4% of the CPU.
+    # With dask's defaults, measurements for its dashboard take 4% of the CPU time.
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
@@ -45,7 +45,7 @@ _LOCAL = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.worker.preload": [
-        # It affects only threads that start later: it must run before the worker starts its own.
+        # This affects only threads that start later: it must run before the worker starts its own.
         "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()",
     ],
 }
@@ -74,7 +74,7 @@ def connect(
     scheduler : str, optional
         Address of a running scheduler, "tcp://…" or "tls://…", or the path of its scheduler file.
         Its workers must see this machine's files and have this package. By default workers are
-        started on this machine; they listen on loopback only, and accept this process alone.
+        started on this machine; they listen on loopback only, and serve only this process.
     n_workers : int, optional
         Worker processes to start here, at least 1; by default one per core.
     tls : sequence of str, optional
@@ -102,13 +102,13 @@ def connect(
     address = None if scheduler is None else _address(scheduler)
     if (tls is not None) != (address or "").startswith("tls://"):
         raise ClusterError("a tls:// address needs TLS files: CA, CERT and KEY; others take none")
-    # These would log tracebacks of ended processes, which the sweep reports in one sentence.
+    # These would log tracebacks when processes end, which the sweep reports in one sentence.
     for name in ("asyncio", "distributed.batched", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = _QUIET
     if address is None:
-        # The user's files and environment may set forked workers, or timeouts, for other clusters;
-        # these could hang this one, so it uses dask's own defaults.
+        # The user's configuration files and environment may set forked workers, or timeouts, for
+        # other clusters. These could hang this one, so it uses dask's own defaults.
         settings = dask.config.merge(*dask.config.defaults) | _LOCAL | _QUIET
     with dask.config.set(settings), ExitStack() as stack:
         connection = _local(n_workers or CPU_COUNT) if address is None else _remote(address, tls)
@@ -121,17 +121,17 @@ def _local(n_workers: int) -> Iterator[Client]:
     _check_machine(n_workers)
     # A Ctrl-C in the terminal reaches all its processes, but is meant for the driver. Workers,
     # including restarted ones, inherit the signal mask of the thread that dask starts here.
-    resource_tracker.ensure_running()  # it would unblock the signal if it started with a worker
+    resource_tracker.ensure_running()  # if started with a worker, it would unblock the signal
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         cluster = LocalCluster(
             n_workers=n_workers,
             threads_per_worker=1,
-            # Tiles are small: watching the memory costs more than they use.
+            # Tiles need little memory: monitoring it would cost more.
             memory_limit=0,
             host="127.0.0.1",
-            # Dask executes what it is sent, and any user of this machine can send to loopback: a
-            # certificate that lasts as long as the cluster lets only its own processes speak to it.
+            # Dask executes what it is sent, and any user of this machine can send to loopback:
+            # with a certificate for the life of the cluster, only its own processes can connect.
             security=Security.temporary(),
             dashboard_address="127.0.0.1:0",
             scheduler_kwargs={"dashboard": False},
@@ -147,18 +147,18 @@ def _local(n_workers: int) -> Iterator[Client]:
         yield client
     finally:
         for opened in client, cluster:
-            with suppress(TimeoutError):  # on a busy machine; it ends with this process
+            with suppress(TimeoutError):  # on a busy machine; it will end with this process
                 opened.close()
 
 
 def _check_machine(n_workers: int) -> None:
-    """Raise ConnectionError if the machine lacks what workers need; without it they might hang."""
+    """Raise ConnectionError if the machine lacks what workers need; otherwise they might hang."""
     cannot = "workers on this machine cannot be started: "
     with suppress(OSError, ValueError):
         _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     allowed, needed = resource.getrlimit(resource.RLIMIT_NOFILE)[0], 50 + 10 * n_workers
-    if 0 <= allowed < needed:  # without a limit it is -1
+    if 0 <= allowed < needed:  # -1 means no limit
         files = f"{plural(n_workers, 'worker')} and their driver need about {needed} open files"
         remedy = "raise the limit (ulimit -n), or use fewer --workers"
         raise ConnectionError(f"{cannot}{files}, and {allowed} are allowed; {remedy}")
@@ -177,7 +177,7 @@ def _check_machine(n_workers: int) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """Return the reason that dask reports why no worker started, and how to fix a script."""
+    """Return the reason that dask gives for why no worker started, and how to fix a script."""
     while (cause := error.__cause__ or error.__context__) is not None:
         error = cause
     reason = "".join(format_exception_only(error)).strip()
@@ -204,13 +204,13 @@ def write_credentials(client: Client, folder: str | Path) -> list[str]:
 def are_on_this_machine(client: Client) -> bool:
     """Return True if the client's workers are those of a LocalCluster of this process.
 
-    Workers of any other cluster start when its queue lets them.
+    Workers of any other cluster start when its queue allows it.
     """
     return isinstance(client.cluster, LocalCluster)
 
 
 def are_starting(client: Client) -> bool:
-    """Return True if workers of this process are starting; it takes minutes on a busy machine."""
+    """Return True if workers of this process are starting; on a busy machine this takes minutes."""
     nannies = client.cluster.workers.values() if are_on_this_machine(client) else ()
     processes = [getattr(n, "process", None) for n in nannies if n.status == Status.running]
     return any(process and process.status != Status.running for process in processes)
@@ -218,7 +218,7 @@ def are_starting(client: Client) -> bool:
 
 @contextmanager
 def _remote(address: str, tls: Sequence[str] | None) -> Iterator[Client]:
-    """Yield the Client of a running scheduler."""
+    """Connect to a running scheduler, and yield the Client."""
     security = tls and Security(require_encryption=True, **dict(zip(_TLS_FILES, tls, strict=True)))
     try:
         client = Client(address, security=security, timeout=5, set_as_default=False)
@@ -235,7 +235,7 @@ def _remote(address: str, tls: Sequence[str] | None) -> Iterator[Client]:
 
 
 def _address(scheduler: str) -> str:
-    """Return `scheduler` if it is an address, else the address in that file once it exists."""
+    """Return `scheduler` if it is an address, else the address in the file, once that exists."""
     address: Any = scheduler
     if "://" not in scheduler:
         file, end = Path(scheduler).expanduser(), time.monotonic() + _FILE_PATIENCE

@@ -1,4 +1,4 @@
-"""Estimates of how much of a cube remains to be computed, before a run."""
+"""Estimates, before a run, of how much of a cube remains to be computed."""
 
 import time
 from contextlib import suppress
@@ -18,7 +18,7 @@ _MAX_SECONDS = 0.3  # CPU time spent on the prediction
 
 
 class Estimate(NamedTuple):
-    """What remains to be computed of a cube.
+    """The part of a cube that remains to be computed.
 
     Attributes
     ----------
@@ -39,10 +39,10 @@ def estimate(
     out: str | PathLike[str] | Place,
     wanted: set[tuple[int, ...]] | None = None,
 ) -> Estimate:
-    """Estimate how much of the job's cube is missing in `out`, within half a second.
+    """Estimate, within half a second, how much of the job's cube is missing in `out`.
 
-    The CPU time is predicted from a sample of the tiles; for most jobs it is right within a factor
-    of two.
+    The CPU time is predicted from a sample of the tiles; for most jobs it is correct to within a
+    factor of two.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ class Interrupted(KeyboardInterrupt):
     remaining : int
         Tiles that are still missing.
     failed : dict
-        The reason for each failure before that, by the index of the tile.
+        The reason for each failure before the interruption, by the index of the tile.
 
     Examples
     --------
@@ -79,9 +79,10 @@ def fill(
 ) -> xr.Dataset:
     """Compute what is missing from the job's cube in `out`, and return the cube.
 
-    If nothing is missing, the cube is read and no worker is started. It may be called in a script,
-    a notebook or a thread, also while an event loop is running. Ctrl-C waits for the tiles in
-    flight (a second one abandons them); a call outside the main thread does not receive it.
+    If nothing is missing, the cube is read and no worker is started. `fill` may be called in a
+    script, a notebook or a thread, also while an event loop is running. After Ctrl-C it waits for
+    the tiles in flight, and a second Ctrl-C abandons them; a call outside the main thread does not
+    receive Ctrl-C.
 
     Parameters
     ----------
@@ -101,7 +102,7 @@ def fill(
     Returns
     -------
     xr.Dataset
-        The cube; numbers are read when they are used.
+        The cube; its numbers are read only when they are used.
 
     Raises
     ------
@@ -110,8 +111,8 @@ def fill(
     Interrupted
         On Ctrl-C; it is a KeyboardInterrupt.
     store.Refused
-        If `out` holds that cube with other settings, or incomplete and by other code, or if another
-        run is writing to it. Nothing was changed.
+        If `out` holds that cube with other settings, or an incomplete one that other code has
+        begun, or if another run is writing to `out`. Nothing was changed.
     store.StoreFailed
         If the disk or the object store fails.
     ClusterError
@@ -151,7 +152,7 @@ def compute_missing(
     wanted: set[tuple[int, ...]] | None = None,
     call: str = "",
 ) -> xr.Dataset:
-    """Compute the missing tiles of the job's cube, or those `wanted`; return the cube.
+    """Compute the missing tiles of the job's cube, or those among `wanted`; return the cube.
 
     Parameters and further errors are those of `sweep`.
 
@@ -170,7 +171,7 @@ def compute_missing(
 
 
 def connected(connection: Callable[[], Client], line: Progress, is_local: bool) -> Client:
-    """Connect to the workers, and show meanwhile that they are starting."""
+    """Connect to the workers; meanwhile, show in the progress line that they are starting."""
     previous = line.name or ""
     line.show("starting workers on this machine" if is_local else "connecting to the workers")
     client = connection()

@@ -1,8 +1,8 @@
 """Planes of cells, and tiles that cover them exactly once.
 
-A tile is the unit of work, of storage and of record: one task, a file for each variable, and one
-for its record. An axis LO:HI:N is N cells of equal width; a cell is represented by its centre.
-Halving the cells of an axis keeps its edges, so that levels of refinement nest.
+A tile is the unit of work and of storage: one task, one file for each variable, and one for its
+commit record. An axis LO:HI:N is N cells of equal width; a cell is represented by its centre.
+Halving the cells of an axis keeps their edges, so that levels of refinement nest.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 MAX_CELLS = 2**20
 """Maximum number of cells of an axis."""
 
-_MIN_TILES = 4096  # with fewer, a thousand workers would not finish together
-_MAX_TILE_SECONDS = 3  # predicted CPU time of a tile that is joined from smaller ones
+_MIN_TILES = 4096  # with fewer, a thousand workers would not finish at about the same time
+_MAX_TILE_SECONDS = 3  # maximum predicted CPU time of a tile made of smaller ones
 _N_SAMPLED = 32  # tiles whose costs are predicted
 
 
@@ -34,7 +34,7 @@ class Axis:
     Attributes
     ----------
     lo, hi : float
-        Its ends, lo < hi.
+        Ends of the interval, lo < hi.
     n : int
         Number of cells, 1 to 2²⁰.
 
@@ -85,7 +85,7 @@ class Axis:
 
 
 def parse_axis(text: str) -> Axis:
-    """Parse an Axis from "LO:HI:N"; ValueError with an example otherwise.
+    """Parse an Axis from "LO:HI:N"; raise a ValueError with an example for any other string.
 
     Examples
     --------
@@ -142,16 +142,16 @@ def tile_coords(cube: "Cube", indices: IntArray) -> Iterator[tuple[tuple[int, ..
         cells, parts = tile_slices(index, cube.tile), {}
         for name, (values, dims) in known.items():
             part = tuple(cells.get(str(dim), slice(None)) for dim in dims)
-            # An array without tiled dims is one object for all tiles: pickle then writes it once.
+            # All tiles share an array without tiled dims, so that pickle writes it only once.
             parts[name] = values[part] if cells.keys() & {*dims} else values
         yield index, parts
 
 
 def join_tiles(job: "Job") -> "Job":
-    """Return the job with tiles doubled along all dims, as long as 4096 tiles or more remain.
+    """Return the job with tiles doubled along all dims repeatedly, while at least 4096 remain.
 
-    Doubling ends when a tile in a sample is predicted to take more than 3 s of CPU time. The result
-    depends on the job alone, so that the command that began a cube can resume it.
+    Doubling ends before any tile of a sample would take more than 3 s of predicted CPU time. The
+    result depends on the job alone, so that the command that began a cube can resume it.
     """
     while True:
         sizes, tile = job.cube.template.sizes, job.cube.tile

@@ -1,12 +1,12 @@
 """The progress line of a run: the fraction done, in predicted CPU seconds, and the time remaining.
 
-The remaining time of its sweeps is the remaining part of their prediction times the pace so far:
+The remaining time of its sweeps is their remaining predicted CPU time, multiplied by the pace:
 
     pace = seconds in which workers had work / predicted CPU seconds of the completed tiles
 
 Predictions need only be right relative to each other: a slow processor, other programs on it, and
-waiting between tiles all raise the pace alike. The time until a first worker has its kernels is not
-counted. The driver's own work after the sweeps is added separately, in seconds.
+waiting between tiles raise the pace for all tiles alike. The time until a first worker has loaded
+its kernels is not counted. The driver's own work after the sweeps is added separately, in seconds.
 """
 
 import shutil
@@ -66,10 +66,10 @@ class Progress(AbstractContextManager):
         self.workers = 1
         self.begun = 0.0  # predicted CPU seconds of all tiles of the sweeps that have begun
         self.done = 0.0  # predicted CPU seconds of the completed tiles
-        self.n_batches = 0  # of the completed tiles
+        self.n_batches = 0  # completed batches of tiles
         self.used = self.wall = 0.0  # CPU seconds and seconds that these batches took
         self.working = 0.0  # seconds in which workers had work
-        self.warming: float | None = None  # when the wait for the kernels of a sweep began
+        self.warming: float | None = None  # when workers began to load the kernels of a sweep
         self.start = self.latest = clock()
         self.drawn = 0.0  # fraction of the bar that is filled
         self.is_terminal = stream is not None and stream.isatty()
@@ -91,7 +91,7 @@ class Progress(AbstractContextManager):
             self.write("\r")
 
     def hide(self) -> None:
-        """End the line, so that others may write; `show` begins a new one."""
+        """End the line, so that other output can follow; `show` begins a new one."""
         with self.lock:
             if self.begun or self.is_terminal:
                 self.write("\n")
@@ -105,18 +105,18 @@ class Progress(AbstractContextManager):
     def begin_sweep(self, name: str, sweep: str) -> None:
         """Count tiles towards this sweep from now on, and show `name`; calls may be repeated."""
         if sweep != self.sweep:
-            self.predicted.pop(self.sweep, None)  # it has ended
+            self.predicted.pop(self.sweep, None)  # the previous sweep has ended
             self.sweep = sweep
         self.show(name)
 
     def end_sweep(self) -> None:
-        """Write a line for the sweep in a log; show that the driver is computing."""
+        """Write a line for the sweep if this is a log; show that the driver is computing."""
         if self.begun and not self.is_terminal:
             self.write("\n")
         self.show("computing")
 
     def add_work(self, seconds: float, workers: int = 1) -> None:
-        """Add tiles of the current sweep, whose workers start without kernels.
+        """Add tiles to the current sweep, whose workers have yet to load their kernels.
 
         Parameters
         ----------
@@ -127,12 +127,12 @@ class Progress(AbstractContextManager):
         """
         self.predicted[self.sweep] = max(0.0, self.predicted.get(self.sweep, 0.0) - seconds)
         self.workers, self.warming = workers, self.clock()
-        if self.n_batches:  # what the driver does between sweeps keeps them waiting
+        if self.n_batches:  # workers wait while the driver computes between sweeps
             self.working += self.warming - self.latest
         self.begun += seconds
 
     def warmed_up(self) -> None:
-        """Note that a worker has its kernels."""
+        """Note that a worker has loaded its kernels."""
         if self.warming is not None:
             self.latest, self.warming = self.clock(), None
 
@@ -176,18 +176,18 @@ class Progress(AbstractContextManager):
         """Estimate the seconds until the run ends; None until a first batch is completed."""
         if not (self.done and self.used):
             return None
-        # When a batch is completed, the other workers are halfway through theirs.
+        # When a batch is completed, the other workers are halfway through theirs, on average.
         in_flight = (self.workers - 1) / (2 * self.n_batches)
         pace = self.working / (self.done * (1 + in_flight))
         # Workers share the processors with each other and with other programs; later the driver
-        # shares them only with these programs.
+        # shares them only with the other programs.
         driver_pace = max(1.0, self.wall / self.used - 1 + 1 / self.workers)
         seconds = pace * self._sweeps_left() + driver_pace * self.after
         since = self.clock() - self.latest
-        return max(seconds - since, seconds / 2)  # what takes longer than expected still takes long
+        return max(seconds - since, seconds / 2)  # overdue work still takes some time
 
     def line(self) -> str:
-        """Return the line: bar, what is under way, times."""
+        """Return the line: the bar, what is under way, and the times."""
         now, fraction, name = self.clock(), self.fraction(), self.name or ""
         if self.warming is not None:
             is_long = now - self.warming > _LOADING
@@ -202,14 +202,14 @@ class Progress(AbstractContextManager):
         if self.begun:
             n_full = round(_BAR_LENGTH * fraction)
             line = f"[{'#' * n_full}{'-' * (_BAR_LENGTH - n_full)}] {line}"
-        width = shutil.get_terminal_size().columns - 1  # a line that wraps is not rewritten
+        width = shutil.get_terminal_size().columns - 1  # a line that wraps cannot be rewritten
         return line[:width].ljust(width)
 
     def write(self, end: str) -> None:
         """Write the line, if one is shown."""
         with self.lock:
             if self.name is not None and self.stream is not None:
-                with suppress(OSError, ValueError):  # a full disk, or a closed log, must end no run
+                with suppress(OSError, ValueError):  # go on with a full disk or a closed log
                     print(self.line(), end=end, file=self.stream, flush=True)
 
     def _keep_writing(self) -> None:
@@ -220,7 +220,7 @@ class Progress(AbstractContextManager):
 
 
 def clock_time(seconds: float) -> str:
-    """Return a time as a clock shows it.
+    """Format a time as on a digital clock.
 
     Examples
     --------

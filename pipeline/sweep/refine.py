@@ -5,7 +5,8 @@ question differs between it and one of its eight neighbours; the tiles of level 
 such a cell are computed next. Levels are composed into one array at the finest resolution, in which
 every cell holds the value of the finest level that was computed there.
 
-Arrays are (…, rows, columns), with as many cells per tile side at every level.
+Arrays have the shape (…, rows, columns). The sides of tiles have the same number of cells at every
+level.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +19,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from nasm.types import BoolArray, FloatArray
 
 FACTOR = 2
-"""Cells of the next level per cell and dimension."""
+"""Number of cells of the next level per cell, along each dimension."""
 
 Tiles: TypeAlias = set[tuple[int, int]]
 """Indices (row, column) of tiles."""
@@ -37,8 +38,8 @@ def refine(
     Parameters
     ----------
     compute : callable
-        (level, set of tiles or None for all) → field of that level, NaN where not computed. Called
-        again for a level with more tiles, it returns all of them.
+        (level, set of tiles or None for all) → field of that level, NaN where not computed. If
+        called again for a level with more tiles, it returns them all.
     ask : callable
         field → bool array, shape (questions, rows, columns).
     levels : int
@@ -97,7 +98,7 @@ def compose(levels: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.int8]]
 
 
 def boundary_cells(answers: BoolArray) -> BoolArray:
-    """Mark the cells (rows, columns) with a different answer in one of their eight neighbours.
+    """Mark the cells (rows, columns) with an answer that differs in one of their eight neighbours.
 
     Parameters
     ----------
@@ -111,10 +112,10 @@ def boundary_cells(answers: BoolArray) -> BoolArray:
 
 
 def tiles_at(cells: BoolArray, tile: int) -> Tiles:
-    """Return the indices (row, column) of the tiles, `tile` cells wide, with a marked cell."""
+    """Return the indices (row, column) of the tiles, `tile` cells wide, that hold a marked cell."""
     return {(row, column) for row, column in (np.argwhere(cells) // tile).tolist()}
 
 
 def subdivided(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
-    """Return the array at the next level: every cell cut into FACTOR × FACTOR, with its value."""
+    """Return the array at the next level: each cell becomes FACTOR × FACTOR cells of its value."""
     return array.repeat(FACTOR, axis=-2).repeat(FACTOR, axis=-1)

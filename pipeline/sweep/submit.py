@@ -1,4 +1,4 @@
-"""Calls on dask workers, a few at a time for each worker, and their results as the calls end.
+"""Run calls on dask workers, a few per worker at a time, and yield their results as they end.
 
 All computations on workers, for sweeps and the explorer, go through here. Workers may join and
 leave.
@@ -19,7 +19,7 @@ from pipeline.sweep.cluster import NO_SCHEDULER, are_on_this_machine, are_starti
 
 _ROLL_CALL = 1  # seconds after which the workers are counted again
 _PATIENCE = 30  # seconds without any worker, after which to give up
-_STARTING = 300  # seconds instead, while workers are starting, which takes a minute at load 20
+_STARTING = 300  # the same while workers are starting, which takes a minute at load 20
 _FETCHING = 5  # seconds to fetch the result of a call that has ended
 
 
@@ -41,7 +41,7 @@ def as_completed(
         Connection to the workers.
     next_call : callable
         () → (key, function, *args), or None while there is no call to make. The iteration stops
-        when it returns None and all calls have ended.
+        when `next_call` returns None and all calls have ended.
     each, most : int
         Maximum number of calls in flight, for each worker and in total.
     look : float
@@ -53,8 +53,8 @@ def as_completed(
     ------
     ConnectionError
         If the scheduler is gone, or this machine has had no worker for half a minute (for five
-        minutes while they start). Workers of a scheduler elsewhere are waited for, as their queue
-        decides when they start.
+        minutes while workers are starting). For workers of a scheduler elsewhere there is no limit,
+        because their queue decides when they start.
     """
     in_flight: dict[Future, Any] = {}
     done: SimpleQueue[Future] = SimpleQueue()
@@ -90,7 +90,7 @@ def as_completed(
             try:
                 result = future.result(timeout=_FETCHING)
             except TimeoutError:
-                # Its worker died between the end of the call and its report: dask runs it again.
+                # Its worker died before the result was fetched: dask repeats the call.
                 future.add_done_callback(done.put)
                 continue
             except (CancelledError, CommClosedError):

@@ -6,11 +6,11 @@
    expensive batches first, never more than a few at a time for each worker.
 3. A worker whose versions differ from the driver's, or that cannot see the cube, reports this
    instead of computing. It is retired, and its batch goes to another worker.
-4. Tiles whose worker died are suspects: they are rerun alone at the end. A tile that fails alone,
-   or raises an error, has failed: it stays missing, the store keeps the reason, and the sweep
-   continues with the others.
-5. At the end, list the missing tiles once more: tiles that were written to an unmounted file system
-   are lost.
+4. Tiles whose worker died are suspects: they are rerun alone at the end. A tile whose worker dies
+   then too, or that raises an error, has failed: it stays missing, the store keeps the reason, and
+   the sweep continues with the others.
+5. At the end, list the missing tiles once more, to find tiles that were lost, e.g. with a file
+   system that was unmounted.
 6. On Ctrl-C, submit no more batches, wait for the tiles in flight, and report what remains. If the
    store fails, stop at once: on a full disk all tiles would fail in turn.
 
@@ -46,13 +46,13 @@ from pipeline.sweep.progress import Progress, plural
 from pipeline.sweep.submit import as_completed
 
 COMMIT_SECONDS = 0.003
-"""CPU seconds to commit a tile, however cheap."""
+"""CPU seconds to commit a tile, however cheap the tile is."""
 
 _MIN_BATCH_SECONDS = 0.5  # predicted CPU time of a batch: long compared with 2 ms of scheduling
 _BATCH_SECONDS_PER_WORKER = 0.005  # so that the driver spends less than half its time scheduling
-_MAX_PREDICTED = 10_000  # tiles; each takes a millisecond, while the workers wait
+_MAX_PREDICTED = 10_000  # tiles; a prediction takes a millisecond, while workers wait
 _SIGHT = 2  # seconds that a file system shared by several machines may take to show a file
-_ATTEMPTS_ALONE = 2  # worker deaths after which a tile has failed: one may have another cause
+_ATTEMPTS_ALONE = 2  # worker deaths after which a tile has failed; one may have another cause
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def sweep(
     Raises
     ------
     store.Refused
-        If the store holds another cube of that name, or one that other code has begun.
+        If the store holds another cube of that name, or an incomplete one begun by other code.
     store.StoreFailed
         If the store fails.
     ClusterError
@@ -152,10 +152,10 @@ def sweep(
 
 
 class _Run:
-    """The tiles of a sweep, their costs, and the numbers of those that were committed or failed.
+    """The tiles of a sweep, their predicted costs, how many were committed, and which failed.
 
     A tile is represented by its position in `tiles`, the array of their indices, and a batch by an
-    array of positions. With a million tiles, little else can be kept for each.
+    array of positions. With a million tiles, there is memory for little else per tile.
     """
 
     def __init__(self, client: Client, place: Place, job: Job, tiles: IntArray) -> None:
@@ -188,7 +188,7 @@ class _Run:
         work = cloudpickle.dumps(function)
 
         def run(work: bytes, parcel: bytes) -> Any:
-            # Dask sends the code of a nested function: the worker may lack the package.
+            # Dask sends a nested function as code, which runs even if the worker lacks the package.
             try:
                 compute_batch = pickle.loads(work)
             except Exception as error:
@@ -199,7 +199,7 @@ class _Run:
             batch = None if interrupt.is_set() else next(queue, None)
             if batch is None:
                 return None
-            # As bytes: dask would send each array separately.
+            # As bytes, because dask would otherwise send each array separately.
             tiles = list(tile_coords(cube, self.tiles[batch]))
             return batch, run, work, pickle.dumps(tiles, protocol=5)
 
@@ -227,7 +227,7 @@ class _Run:
         raise store.StoreFailed(f"{self.place} was moved, or deleted, under way") from reason
 
     def retire(self, address: str, complaint: str) -> None:
-        """Remove an unfit worker from the scheduler; ClusterError if there is no other."""
+        """Remove an unfit worker from the scheduler; ClusterError if no fit one remains."""
         cube, message = self.job.cube, f"the worker {address} {complaint}"
         if not store.is_visible(self.place, cube.name, cube.config_hash):
             self.fail()
@@ -271,7 +271,7 @@ def _compute_batch(
                 store.commit(place, name, index, arrays, time.thread_time() - start)
         except (store.StoreFailed, store.Refused, KeyboardInterrupt, SystemExit):
             raise  # it is not the tile's fault
-        except BaseException as exception:  # dask hangs if it is not an Exception
+        except BaseException as exception:  # if it is not an Exception, dask would hang
             reason = "".join(format_exception_only(exception))
             errors[index] = store.record_failure(place, name, index, reason)
     return _Report(errors, time.thread_time() - used, time.monotonic() - began)
@@ -279,14 +279,14 @@ def _compute_batch(
 
 @cache
 def _call_once(warm_up: bytes) -> None:
-    """Compile kernels, once in each process, so that no tile is charged for it."""
+    """Compile kernels, once in each process, so that the time does not count towards a tile."""
     pickle.loads(warm_up)()
 
 
 def _complaint(place: Place, name: str, config_hash: str, code: Code, computed_by: str) -> str:
     """Return why this worker must not compute the cube; "" if it may.
 
-    computed_by : that of the driver, whose files and libraries may differ.
+    computed_by : as on the driver, whose files and libraries may differ.
     """
     ours, theirs = code.computed_by.split(", "), computed_by.split(", ")
     if ours != theirs:
@@ -303,7 +303,7 @@ def _complaint(place: Place, name: str, config_hash: str, code: Code, computed_b
 def _pack(costs: FloatArray, n_workers: int) -> Iterator[IntArray]:
     """Yield batches of tiles, the most expensive first; cheap tiles share a batch.
 
-    Tiles of equal predicted cost come in random order, so that the first are representative.
+    Tiles of equal predicted cost are in random order, so that the first are representative.
     """
     shuffled = np.random.default_rng(0).permutation(costs.size)
     order = shuffled[np.argsort(-costs[shuffled], kind="stable")]
@@ -321,7 +321,7 @@ def _pack(costs: FloatArray, n_workers: int) -> Iterator[IntArray]:
 def _draining_on_interrupt() -> Iterator[threading.Event]:
     """Yield an Event that the first Ctrl-C sets; the second interrupts at once.
 
-    Outside the main thread, or if the handler was not set by Python, nothing sets it.
+    Outside the main thread, or if the previous handler was not set by Python, nothing sets it.
     """
     interrupt, previous = threading.Event(), signal.getsignal(signal.SIGINT)
     if previous is None or threading.current_thread() is not threading.main_thread():
@@ -335,7 +335,7 @@ def _draining_on_interrupt() -> Iterator[threading.Event]:
         message = "stopping: waiting for the tiles in flight (Ctrl-C again to abandon them)"
         print(f"\n{message}", file=sys.stderr)
 
-    # A program that a script started in the background, with Ctrl-C ignored, still ignores it.
+    # A process that was started in the background, with Ctrl-C ignored, continues to ignore it.
     signal.signal(signal.SIGINT, signal.SIG_IGN if previous is signal.SIG_IGN else drain)
     try:
         yield interrupt

@@ -58,7 +58,9 @@ class PlanePanel:
         self.state, self.work, self.shared = state, work, shared
         self.plot, self.mapper, self.sources = _figure(state)
         self.show = partial(widgets.show, self.plot, _MARKS)
-        self.message = models.Div(sizing_mode="stretch_width", css_classes=["told"], min_height=40)
+        self.message = models.Div(
+            sizing_mode="stretch_width", css_classes=["message"], min_height=40
+        )
         self.legend = models.Div(sizing_mode="stretch_width")
         self.cubes = self.shown = self.request = None  # of OUT; on screen; last computed
         lanes = {"cubes": None, "plane": None, "boundary": "verdict", "circle": "verdict"}
