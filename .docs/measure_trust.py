@@ -26,7 +26,7 @@ from tempfile import TemporaryDirectory
 from nasm import barriers, escape, periodic
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
-from nasm.critical import CriticalScale
+from nasm.results import CriticalScale
 from pipeline.provenance import job_code
 from pipeline.provenance.sources import digest
 from workflows.shared.judgement import Verdict

@@ -17,7 +17,7 @@ import xarray as xr
 from nasm import action, barriers, circles, escape, orbits, periodic, tori
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
-from nasm.critical import Status
+from nasm.results import Status
 from workflows.shared.judgement import Verdict
 
 OK = list(Status).index(Status.OK)

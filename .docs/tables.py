@@ -9,9 +9,9 @@ from pkgutil import walk_packages
 
 import nasm
 import pipeline
-from nasm.critical import Status
 from nasm.numbers import parse
 from nasm.planes import two_kicks
+from nasm.results import Status
 from pipeline.cubes import (
     barrier,
     beyond,

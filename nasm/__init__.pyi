@@ -4,7 +4,6 @@ from . import barriers as barriers
 from . import checks as checks
 from . import circles as circles
 from . import converse_kam as converse_kam
-from . import critical as critical
 from . import diffusion as diffusion
 from . import escape as escape
 from . import farey as farey
@@ -17,6 +16,7 @@ from . import orbits as orbits
 from . import periodic as periodic
 from . import planes as planes
 from . import proofs as proofs
+from . import results as results
 from . import self_consistent as self_consistent
 from . import sources as sources
 from . import survivors as survivors
@@ -31,14 +31,14 @@ from .barriers import boundary as boundary
 from .barriers import critical_scale as critical_scale
 from .circles import InvariantCircle as InvariantCircle
 from .circles import invariant_circle as invariant_circle
-from .critical import CriticalScale as CriticalScale
-from .critical import Status as Status
 from .escape import escape_time as escape_time
 from .numbers import RotationNumber as RotationNumber
 from .numbers import parse as parse
 from .orbits import orbit as orbit
 from .orbits import rotation_number as rotation_number
 from .periodic import residue as residue
+from .results import CriticalScale as CriticalScale
+from .results import Status as Status
 from .verdicts import Answer as Answer
 from .verdicts import Evidence as Evidence
 from .verdicts import Verdict as Verdict

@@ -54,11 +54,11 @@ from nasm import action, circles, escape, periodic
 from nasm.checks import floats, real
 from nasm.circles import continuation
 from nasm.converse_kam import aperiodic, symmetry_line, transversal
-from nasm.critical import CriticalScale, Status, no_answer
 from nasm.farey import DEFAULT_SETTINGS as DEFAULT_TREE_SETTINGS
 from nasm.farey import LONGEST_PERIOD, TreeSettings, circle_exists, find_existing_circle
 from nasm.maps import MAX_PERIOD, direction, segment
 from nasm.numbers import RotationNumber, convergents, nobles_near, rational
+from nasm.results import CriticalScale, Status, no_answer
 from nasm.survivors import LONGEST_LIFETIME, candidates, longest_lived
 from nasm.symmetries import half_shift_nobles, per_period, ray, shorten
 from nasm.types import FloatArray
@@ -185,14 +185,16 @@ def critical_scale(
         Direction of the segment, not zero. On rays P may be any number; on segments from another
         start P ≤ 64, unless they repeat after one or two kicks.
     tol : float
-        Target for the width of the bracket, (upper - lower)/value, 10⁻⁵ to 10⁻¹.
+        Target for the width of the bracket, 10⁻⁵ to 10⁻¹: (upper - lower)/value on a ray; from
+        another start, the change of the largest strength from lower to upper, relative to it.
     start : array_like, shape (P,), optional
         Start of the segment; default 0, a ray from the origin. From another start the result is the
         first breakup, s ≥ 0; regions without circles are skipped if they are narrower than a change
         of 0.1 of the largest strength.
     seconds : float
         Approximate CPU time to spend. Results then depend on the machine; cubes are computed
-        without this limit.
+        without this limit. Under one or two kicks it limits only what follows a search of about 0.2
+        seconds.
     effort : Effort
         Settings of the search, and other limits on its work.
 
@@ -302,10 +304,6 @@ class _Tree:
             self.answers[scale] = find_existing_circle(kappa, depth, settings)
         return self.answers[scale]
 
-    def exists(self, scale):
-        """Return True if the tree shows that a circle exists at this scale."""
-        return self.ask(scale)[0] is not None
-
     def shows(self, omega, scale, longest=LONGEST_PERIOD):
         """Return True if residues show that the circle of ω exists at this scale."""
         return circle_exists(omega, self.segment.at(scale), longest, settings=self.effort.tree)
@@ -319,7 +317,7 @@ class _Tree:
         scale = min(excluded, default=inf)
         while scale == inf and not self.is_search_over():
             above += self.segment.length(above, 1 / self.effort.first_steps)
-            scale = inf if self.exists(above) else above
+            scale = above if self.ask(above)[0] is None else inf
         return scale
 
     def end(self, share):
@@ -392,7 +390,7 @@ def _last_breakup(segment, tol, seconds, effort):
     is_contradicted = _contradicts(tree, tol, upper, value, error)
     if upper > bracket.outside or cusp > effort.blurred_period:
         error = max(error, upper - value)
-    status = Status.OK if upper - lower <= 2 * tol * value else Status.WIDE
+    status = Status.OK if upper - lower <= 2 * segment.length(value, tol) else Status.WIDE
     if cusp > bracket.longest_period:
         status = Status.NEAR_CUSP
     elif survivor is not None or bracket.outside - bracket.inside > segment.length(value, tol):

@@ -22,9 +22,9 @@ from numpy.typing import ArrayLike
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import LANES
 from nasm.checks import count
-from nasm.critical import Result, Status
 from nasm.escape import MAX_STEPS, advance, ensemble, kick_series
 from nasm.maps import forcing
+from nasm.results import Result, Status
 from nasm.tables import html_table, status_text
 from nasm.texts import rounded_value
 from nasm.types import FloatArray
@@ -84,7 +84,7 @@ class Diffusion(Result):
 
     Examples
     --------
-    >>> from nasm.critical import Status
+    >>> from nasm.results import Status
     >>> from nasm.diffusion import Diffusion
     >>> Diffusion(0.52314, 0.0123, Status.OK)
     Diffusion(0.523 ± 0.012 per period, OK)

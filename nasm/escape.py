@@ -34,8 +34,8 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
 from nasm.arithmetic.sine import SINE, SINGLE_SINE
 from nasm.checks import count, floats, has_mask, points
-from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, forcing
+from nasm.results import CriticalScale, Status, no_answer
 from nasm.types import FloatArray
 
 __all__ = ["PAPER_WINDOW", "boundary", "critical_scale", "ensemble", "escape_time", "first_escape"]

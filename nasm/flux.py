@@ -32,7 +32,6 @@ from numpy.typing import ArrayLike
 from nasm.action import FLAT, MAX_PERIOD, ConvergentOrbits, LostError, Orbit, ordered_orbits
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count
-from nasm.critical import Result, Status
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import (
     RotationNumber,
@@ -40,6 +39,7 @@ from nasm.numbers import (
     convergents,
     distinct_convergents,
 )
+from nasm.results import Result, Status
 from nasm.symmetries import shorten
 from nasm.tables import html_table, status_text
 from nasm.texts import rounded_value

@@ -31,10 +31,10 @@ from numpy.typing import ArrayLike
 from nasm.action import MAX_PERIOD, LostError, ordered_orbits
 from nasm.checks import count, positive, real
 from nasm.checks import points as checked_points
-from nasm.critical import Result
 from nasm.flux import action_difference
 from nasm.maps import forcing, step_tangent
 from nasm.orbits import orbit
+from nasm.results import Result
 from nasm.tables import html_table
 from nasm.types import FloatArray
 

@@ -26,9 +26,9 @@ from numpy.typing import ArrayLike
 from nasm.action import MAX_PERIOD, Chain, ConvergentOrbits, LostError, Orbit, ordered_orbits
 from nasm.arithmetic.roots import root
 from nasm.checks import count, fraction
-from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import direction, rotating_forcing, segment
 from nasm.numbers import as_rotation_number, convergents, distinct_convergents, rational
+from nasm.results import CriticalScale, Status, no_answer
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 from nasm.types import FloatArray, OmegaLike
 

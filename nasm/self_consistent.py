@@ -33,8 +33,8 @@ from numpy.typing import ArrayLike
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, floats, points, real
-from nasm.critical import Result
 from nasm.maps import MAX_STRENGTH, TWO_PI
+from nasm.results import Result
 from nasm.tables import html_table
 from nasm.types import FloatArray
 

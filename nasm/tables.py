@@ -30,7 +30,7 @@ def status_text(status: Enum) -> str:
 
     Examples
     --------
-    >>> from nasm.critical import Status
+    >>> from nasm.results import Status
     >>> from nasm.tables import status_text
     >>> status_text(Status.OK)
     'OK'

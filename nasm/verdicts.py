@@ -19,9 +19,9 @@ from nasm import circles, escape, survivors
 from nasm.barriers import critical_scale
 from nasm.circles import continuation
 from nasm.converse_kam import aperiodic
-from nasm.critical import CriticalScale, Result, Status, no_answer
 from nasm.maps import MAX_PERIOD, MIN_SIZE, forcing
 from nasm.numbers import rational
+from nasm.results import CriticalScale, Result, Status, no_answer
 from nasm.symmetries import lengthen, per_period, shorten
 from nasm.tables import html_table, omega_text
 from nasm.texts import rounded_bracket, rounded_value
@@ -187,8 +187,8 @@ class Verdict(Result):
             name: "" if omega is None else omega_text(omega, self.kappa.size),
             "its breakup": self._breakup(),
             "method": boundary.method,
-            "a circle exists at": f"{lower} times the forcing" * bool(lower),
-            "no circle exists at": f"{upper} times the forcing" * bool(upper),
+            "a circle is found at": f"{lower} times the forcing" * bool(lower),
+            "no circle is found at": f"{upper} times the forcing" * bool(upper),
             "status": boundary.status.value,
         }
         if self.evidence is Evidence.INTEGRABLE:

@@ -37,7 +37,7 @@ def drawn_as_sketches():
 
 @pytest.fixture(scope="session")
 def here():
-    """Yield what `connect` yields, with two workers that are threads of this process."""
+    """Yield what `connect` yields, with a worker in this process that has two threads."""
     with toy.workers_here() as client:
         yield client
 

@@ -29,7 +29,7 @@ from statistics import median
 
 from judged import table
 
-from nasm.critical import Status
+from nasm.results import Status
 
 WARM = (1.0, 0.3), (0.3, 0.2, 0.25)  # kernels compile before the clock starts
 

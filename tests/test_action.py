@@ -8,9 +8,9 @@ import short_orbits
 
 from nasm import action, barriers, farey, flux, periodic
 from nasm.circles import continuation
-from nasm.critical import Status
 from nasm.maps import rotating_forcing
 from nasm.numbers import distinct_convergents, parse
+from nasm.results import Status
 from nasm.symmetries import ray
 
 ASYMMETRIC = np.array((1, 0.7, 0.3))

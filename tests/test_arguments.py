@@ -23,7 +23,6 @@ from nasm import (
     action,
     barriers,
     circles,
-    critical,
     escape,
     fixed_points,
     flux,
@@ -39,6 +38,7 @@ from nasm import (
 from nasm.circles import continuation, fourier
 from nasm.converse_kam import aperiodic, symmetry_line, transversal
 from nasm.numbers import parse
+from nasm.results import no_answer
 from pipeline.sweep.grid import Axis, parse_axis
 
 # Functions that treat an argument in the same way.
@@ -321,7 +321,7 @@ def functions_of(argument):
 
 
 # A torus has a pair of rotation numbers; no_answer passes its argument on unchecked.
-WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, critical.no_answer}
+WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, no_answer}
 _barrier = proofs.barrier
 WITH_OMEGA -= {_barrier.inequalities, _barrier.turns}  # their callers check omega
 WITH_OMEGA = {f for f in WITH_OMEGA if f.__module__ != "nasm.tori.newton"}

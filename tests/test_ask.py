@@ -9,7 +9,7 @@ from commands import invoke, table
 from nasm import escape
 from nasm.barriers import critical_scale
 from nasm.converse_kam import aperiodic
-from nasm.critical import Status
+from nasm.results import Status
 from nasm.verdicts import Answer, Evidence, verdict
 from workflows.ask import records
 from workflows.shared.cli import main_of

@@ -14,11 +14,11 @@ from nasm import barriers, circles, escape, orbits, periodic, survivors, symmetr
 from nasm.barriers import critical_scale
 from nasm.circles import continuation
 from nasm.converse_kam import transversal
-from nasm.critical import CriticalScale, Status
 from nasm.farey import circle_exists
 from nasm.maps import rotating_forcing
 from nasm.numbers import moebius, parse
 from nasm.planes import two_kicks
+from nasm.results import CriticalScale, Status
 from nasm.symmetries import ray
 
 GAMMA = parse("gamma")

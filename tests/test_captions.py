@@ -16,7 +16,7 @@ from workflows.figures.flux import flux_caption
 from workflows.figures.proved_map import proved_map_caption
 from workflows.figures.tori import breakups_caption
 from workflows.flux import study as flux
-from workflows.shared.boundary_words import describe_boundary, describe_direct_iteration
+from workflows.shared.boundary_captions import describe_boundary, describe_direct_iteration
 from workflows.shared.direct_iteration import exponent
 
 
@@ -65,7 +65,7 @@ def test_captions_of_tori_and_boundaries_without_results_say_so():
     assert "rays; none found" in caption
     result = boundary([0.0, 45.0], 0.1, two_kicks())
     nothing = result.assign({name: result[name] * np.nan for name in ("lower", "upper")})
-    assert "no bracket was found" in describe_boundary(nothing)
+    assert "No ray has a bracket" in describe_boundary(nothing)
     assert "nan" not in caption + describe_boundary(nothing)
 
 

@@ -14,8 +14,8 @@ from oracles import KAPPA_G
 
 from nasm import circles, orbits
 from nasm.circles import fourier, parameterization
-from nasm.critical import Status
 from nasm.numbers import NAMES, RotationNumber, convergents, moebius, parse
+from nasm.results import Status
 
 GAMMA = parse("gamma")
 LIOUVILLE = (0, 1, 10, 100, 1000, 10**4, 10**5)

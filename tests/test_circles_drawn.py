@@ -10,9 +10,9 @@ from nasm import periodic
 from nasm.action import LostError, ordered_orbits
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
-from nasm.critical import Status
 from nasm.numbers import convergents, parse
 from nasm.planes import three_kicks, two_kicks
+from nasm.results import Status
 from nasm.symmetries import dominant_centre, ray
 from pipeline.cubes import barrier, breakdown, escape
 from pipeline.cubes.cube import status_code

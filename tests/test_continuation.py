@@ -1,4 +1,4 @@
-"""Breakups by continuation against κ_G and residues, and cases that it has to refuse."""
+"""Breakups by continuation, compared with κ_G and residues; cases that it must refuse."""
 
 from itertools import takewhile
 
@@ -9,8 +9,8 @@ from oracles import KAPPA_G
 
 from nasm import circles, periodic
 from nasm.circles import continuation
-from nasm.critical import Status
 from nasm.numbers import NAMES, RotationNumber, convergents, parse
+from nasm.results import Status
 from nasm.symmetries import ray
 
 GAMMA = parse("gamma")
@@ -20,8 +20,8 @@ SAMPLES += [pytest.param(tol, 360, 77, 0.98, marks=pytest.mark.slow) for tol in 
 
 
 @pytest.mark.parametrize(("tol", "n", "seed", "part"), SAMPLES)
-def test_the_error_covers_the_difference_from_residues(tol, n, seed, part):
-    # The claim is 98%; the seed is fixed, so that this is a statement about these n rays.
+def test_the_error_covers_the_difference_from_the_breakup_by_residues(tol, n, seed, part):
+    # A coverage of 98% is claimed. The seed is fixed, so the test is about exactly these n rays.
     covered = []
     for i, angle in enumerate(np.random.default_rng(seed).uniform(0, 180, n)):
         omega = parse(NAMES[i % 6])
@@ -69,7 +69,7 @@ def test_near_an_unresolved_cusp_the_error_includes_its_depth():
 
 
 @pytest.mark.parametrize("tail", thirds([(2,), (3,), (1, 2), (5,), (1, 4)]))
-def test_breakups_for_tails_of_other_classes_have_adequate_errors(tail):
+def test_breakups_for_tails_other_than_golden_have_adequate_errors(tail):
     omega = RotationNumber((0,), tail)
     compared = 0
     for angle in (10, 30, 80, 110, 160):
@@ -79,7 +79,7 @@ def test_breakups_for_tails_of_other_classes_have_adequate_errors(tail):
             assert result.lower < judge.value
         if tail in continuation.UNSTABLE_EIGENVALUES:
             assert result.error < 1e-4
-        elif result.status is Status.OK:  # no smaller than the distance from the last circle
+        elif result.status is Status.OK:  # a fifth of the distance from the last circle, or more
             assert result.error > 1e-4
         if judge.status is result.status is Status.OK:
             assert abs(result.value - judge.value) <= result.error + judge.error
@@ -87,10 +87,10 @@ def test_breakups_for_tails_of_other_classes_have_adequate_errors(tail):
     assert compared >= 3
 
 
-# Circles that end before they reach the tail, that stop while the next is 3 scales away, that are
-# close to fractions, and that break at once. low and high bound the scale certified nevertheless.
-# Two values of high are from residues of minimizing orbits, to q = 60 000, with errors of 5e-7 and
-# 2.3e-5.
+# Paths of circles that end before the tail of ω is reached, or while the next circle is 3 units of
+# scale away; ω close to a fraction; circles that break almost at once. low and high bound the scale
+# that is certified nevertheless. Two values of high are from residues of minimizing orbits with q
+# up to 60 000; their errors are 5e-7 and 2.3e-5.
 @pytest.mark.parametrize(
     ("omega", "profile", "tol", "status", "low", "high"),
     [
@@ -114,9 +114,9 @@ def test_without_enough_circles_there_is_a_status_and_no_value(
     assert not result.lower >= high
 
 
-# A forcing near two shorter periods, where the depths of both count; and those of 240 random rays
-# on which, at the finest tolerance, half the spread of the estimates was too small an error, by a
-# factor of up to 1.67.
+# A forcing close to two forcings of shorter period, where the depths of both cusps count; and those
+# of 240 random rays on which, at the finest tolerance, half the spread of the estimates was too
+# small as an error, by a factor of up to 1.67.
 NEAR = (-1.015869172540561, -1.0154541970028859, -1.015869172540561, -1.0151179126561691)
 ANGLES = np.random.default_rng(1401).uniform(0, 180, 240)
 HARD = [("gamma", NEAR, 1e-4, 0.02)]
@@ -124,7 +124,7 @@ HARD += [(NAMES[i % 6], ray(ANGLES[i]), 1e-6, 1e-4) for i in (54, 78, 181, 208, 
 
 
 @pytest.mark.parametrize("case", thirds(HARD))
-def test_in_hard_cases_the_error_covers_the_difference_from_residues(case):
+def test_in_hard_cases_the_error_covers_the_difference_from_residue_values(case):
     name, profile, tol, bound = case
     judge = periodic.critical_scale(parse(name), profile)
     result = continuation.critical_scale(parse(name), profile, tol)
@@ -143,7 +143,7 @@ KNOWN = [
 
 
 @pytest.mark.parametrize(("name", "profile"), KNOWN)
-def test_a_circle_is_certified_at_the_given_distance_and_none_beyond(name, profile):
+def test_a_circle_is_certified_at_the_given_distance_and_none_past_breakup(name, profile):
     omega = parse(name)
     lower = continuation.critical_scale(omega, profile, 1e-4).lower * np.array(profile)
     assert circles.invariant_circle(omega, lower, n_max=8192).certified
@@ -157,12 +157,13 @@ def test_a_circle_is_certified_at_the_given_distance_and_none_beyond(name, profi
     for too_high, distance in ((0.3, 0.1), (1e-2, 5e-3), (1e-3, 5e-4)):
         wrong = breakup * (1 + too_high)
         scale = continuation.certified_circle(omega, profile, wrong, distance)[0]
-        assert scale < breakup  # not NaN either: circles further in are found on the way
+        assert scale < breakup  # and not NaN: circles farther inside were computed on the way
 
 
 @pytest.mark.parametrize("case", thirds([("gamma", (1,)), ("[0;1,2,(1)]", ray(30))]))
 def test_spurious_circles_just_beyond_the_breakup_are_rejected(case):
-    # So close to it Newton's method does converge: a scale beyond it would be a spurious circle's.
+    # So close beyond the breakup, Newton's method does converge: a scale above the breakup would be
+    # that of a spurious circle.
     name, profile = case
     breakup = periodic.critical_scale(parse(name), profile).value
     scale = continuation.certified_circle(parse(name), profile, breakup * (1 + 1e-4), 2e-5)[0]

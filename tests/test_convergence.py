@@ -1,4 +1,4 @@
-"""The convergence study: its fits of synthetic data, and a small run of it."""
+"""The convergence study: fits of synthetic data, and a small run."""
 
 import json
 
@@ -23,8 +23,8 @@ def test_the_exponent_of_a_power_law_is_found_with_its_error():
     assert abs(eta - 3.012) < 3 * deviation
 
 
-def test_the_bias_is_where_transport_begins_for_good():
-    times = [[np.inf, 900, np.inf, 300, 120, 50]]  # one stray escaper inside the boundary
+def test_the_bias_is_the_excess_above_which_orbits_always_escape():
+    times = [[np.inf, 900, np.inf, 300, 120, 50]]  # one stray escape inside the boundary
     cube = xr.Dataset(
         {"escape_time": (("ensemble", "excess"), times)},
         {"ensemble": [10], "excess": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]},
@@ -57,7 +57,7 @@ AXES = {"kappa_a": "strength of PROFILE", "kappa_b": "strength of the second kic
 PLANE = planes.Plane("of-a-profile", AXES, (0, 0, 0), PROFILE, (0, 1, 0))
 
 
-def test_breakups_are_computed_on_the_rays_from_zero_of_any_plane():
+def test_breakups_are_computed_on_rays_from_zero_in_any_plane():
     breakups = convergence.breakups(PLANE, [0.0])
     assert breakups == {0.0: barriers.critical_scale(PROFILE, 1e-3).value}
     with pytest.raises(ValueError, match="needs rays from zero"):
@@ -65,7 +65,7 @@ def test_breakups_are_computed_on_the_rays_from_zero_of_any_plane():
 
 
 @pytest.mark.slow
-def test_any_profile_is_studied_as_a_ray_of_a_plane(tmp_path, workers):
+def test_any_profile_can_be_studied_as_a_ray_of_a_plane(tmp_path, workers):
     (tmp_path / "plane.json").write_text(json.dumps(json.loads(PLANE.record["plane"])))
     effort = ["--angle", "0", "--n-max", "10000", "--n-orbits", "30"]
     succeed("convergence", tmp_path, "--plane", str(tmp_path / "plane.json"), *effort, *workers)

@@ -11,9 +11,9 @@ from oracles import KAPPA_G
 from scipy.io import netcdf_file
 
 from nasm import barriers, numbers, proofs
-from nasm.critical import Status
 from nasm.numbers import moebius
 from nasm.planes import Plane, rotating, three_kicks, two_kicks
+from nasm.results import Status
 from nasm.symmetries import ray
 from pipeline import store
 from pipeline.cubes import (

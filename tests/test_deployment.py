@@ -1,10 +1,11 @@
-"""A sweep as on a cluster, into an object store.
+"""A sweep that runs as on a cluster and writes to an object store.
 
 Scheduler, workers and driver are separate processes that communicate over TLS. The object store is
-a real server of the S3 protocol.
+a real S3 server.
 
-Run as `python test_deployment.py SCHEDULER_FILE PEM URL SIDE`, this file is the driver: a user's
-script that sweeps a function of their own. It prints the CPU time and memory it needed.
+Run as `python test_deployment.py SCHEDULER_FILE PEM URL SIDE`, this file acts as the driver: a
+script in which a user sweeps a function of their own. At the end it prints the CPU time and the
+memory that it needed.
 """
 
 import json
@@ -38,7 +39,7 @@ def least_residue(kappa):
 
 
 def residues(side):
-    """Return a Job in which each forcing is a tile."""
+    """Return a Job in which each forcing is a tile of its own."""
     return pipeline.over_plane(least_residue, "two-kicks", f"0:1:{side}", f"0:1:{side}", tile=1)
 
 

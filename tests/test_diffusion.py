@@ -1,4 +1,4 @@
-"""Diffusion against theory, exact reductions, and itself with other orbits."""
+"""Diffusion compared with theory, with exact reductions, and with results from other orbits."""
 
 import numpy as np
 import pytest
@@ -6,28 +6,31 @@ import xarray as xr
 from scipy.special import jv
 
 from nasm.barriers import critical_scale
-from nasm.critical import Status
 from nasm.diffusion import diffusion
+from nasm.results import Status
 from nasm.symmetries import ray
 from workflows.diffusion import study
 
 
 def rechester_and_white(one, two):
-    """Return D of two kicks, with correlations of up to four (Phys. Rev. Lett. 44 (1980) 1586)."""
+    """Return D of two kicks, with correlations between kicks up to four apart.
+
+    See Rechester and White, Phys. Rev. Lett. 44 (1980) 1586.
+    """
     (a1, a2, a3), (b1, b2, b3) = ([jv(order, kappa) for order in (1, 2, 3)] for kappa in (one, two))
     alone = one**2 * (1 - 2 * b2 + 2 * b2**2) + two**2 * (1 - 2 * a2 + 2 * a2**2)
     return (alone + 4 * one * two * (a3 * b3 - a1 * b1)) / (4 * np.pi) ** 2
 
 
 @pytest.mark.parametrize("kappa", [(9.0, 9.0), (30.0, 17.0), (-41.0, 8.5), (55.0, 71.0)])
-def test_strong_kicks_diffuse_as_rechester_and_white_say(kappa):
+def test_under_strong_kicks_diffusion_is_as_rechester_and_white_predict(kappa):
     result = diffusion(kappa, 2048)
     assert result.status is Status.OK
     theory = rechester_and_white(*kappa)
     assert abs(result.value - theory) < 4 * result.error + 0.08 * theory
 
 
-def test_images_of_a_forcing_diffuse_alike():
+def test_diffusion_rates_of_equivalent_forcings_agree():
     for one, other, factor in (
         ((1.8, 1.8), (1.8,), 2),
         ((0.9, 0.0), (1.8,), 0.25),
@@ -45,7 +48,7 @@ def test_the_error_matches_the_scatter_of_other_orbits():
     assert scatter == pytest.approx(np.mean([each.error for each in results]), rel=0.3)
 
 
-def test_with_a_barrier_or_an_accelerator_mode_there_is_no_answer():
+def test_with_a_barrier_or_an_accelerator_mode_there_is_no_value():
     inside = [critical_scale(ray(angle), 1e-2).lower * ray(angle) for angle in (0.0, 30.0, 45.0)]
     results = [diffusion(kappa, 64, 2**17) for kappa in inside]
     assert {each.status for each in results} == {Status.NOT_CONVERGED}

@@ -1,4 +1,4 @@
-"""The boundary by direct iteration: a small run."""
+"""A small run of the command that finds the boundary by direct iteration."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ DIRECT = ["--n-rays", "5", "--n-cusp-rays", "0", "--n-orbits", "64", "--n-max", 
 
 @pytest.fixture(scope="module")
 def direct(tmp_path_factory, workers):
-    """The directory of the boundary by direct iteration on five rays."""
+    """Return the directory of a run of direct iteration on five rays."""
     out = tmp_path_factory.mktemp("direct") / "out"
     succeed("direct_boundary", out, *DIRECT, *workers)
     for name in ("direct_boundary.png", "direct_boundary_quadrant.pdf", "direct_boundary_rays.csv"):

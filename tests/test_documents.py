@@ -1,4 +1,4 @@
-"""The documents agree with the program: README, checklists, versions."""
+"""Documents agree with the program: README, checklists, versions."""
 
 import ast
 import doctest
@@ -35,19 +35,19 @@ def blocks(language, text):
 
 
 def test_the_pipeline_page_starts_a_cluster_as_the_readme_does():
-    """Only the lines of the README are run."""
+    """The lines must be the same, because only those of the README are run."""
     pipeline = (ROOT / "pipeline" / "README.md").read_text(encoding="utf-8")
     assert blocks("sh", pipeline) == blocks("sh", README.partition("## On a cluster")[2])[:1]
 
 
-def test_the_example_of_the_proofs_prints_what_it_says():
+def test_the_example_in_the_readme_of_the_proofs_prints_the_output_shown():
     text = (ROOT / "nasm" / "proofs" / "README.md").read_text(encoding="utf-8")
     (block,) = blocks("python", text)
     example = doctest.DocTestParser().get_doctest(block, {}, "README", None, None)
     assert doctest.DocTestRunner().run(example) == (0, 2)
 
 
-def test_the_site_lists_the_codes_that_cubes_have(monkeypatch):
+def test_the_site_lists_the_status_codes_of_cubes(monkeypatch):
     monkeypatch.syspath_prepend(ROOT / ".docs")
     rows = re.findall(r"^\| (\d+) \| `(\w+)` \|", import_module("tables").statuses(), re.M)
     codes = zip(FLAGS["flag_values"].tolist(), FLAGS["flag_meanings"].split(), strict=True)
@@ -58,7 +58,7 @@ def test_the_readme_is_short():
     assert len(README.encode()) <= 7000
 
 
-def test_the_readme_follows_the_order_in_which_a_newcomer_reads():
+def test_the_sections_of_the_readme_are_in_the_order_a_newcomer_needs():
     heads = re.findall(r"^## (.+)$", README, re.M)
     expected = ["Install", "Three things to try", "From Python", "Your own forcing"]
     expected += ["What to trust", "Commands by question", "On a cluster", "Compare"]
@@ -66,18 +66,18 @@ def test_the_readme_follows_the_order_in_which_a_newcomer_reads():
 
 
 @pytest.mark.parametrize("call", dict.fromkeys(CALLS))
-def test_a_command_of_the_readme_exists_and_takes_its_options(call):
+def test_a_command_in_the_readme_exists_and_accepts_the_options_shown(call):
     _, _, module, *options = shlex.split(call)
     name = module.removeprefix("workflows.")
     assert name in commands()
-    if "--scheduler" not in options:  # a file of a cluster, which would have to exist
+    if "--scheduler" not in options:  # the scheduler's file would have to exist
         main_of(name).make_context(name, options)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("call", dict.fromkeys(CALLS))
-def test_a_command_of_the_readme_plans_its_run(call, tmp_path):
-    """In a dry run, as it stands except for the folder of its results."""
+def test_a_command_in_the_readme_succeeds_in_a_dry_run(call, tmp_path):
+    """Its options are those shown, but it runs in an empty folder."""
     _, _, module, *options = shlex.split(call)
     main = main_of(module.removeprefix("workflows."))
     flags = [flag for parameter in main.params for flag in parameter.opts]
@@ -90,8 +90,8 @@ def test_a_command_of_the_readme_plans_its_run(call, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_the_readme_computes_is_what_it_shows(capsys):
-    """A line that prints ends in a comment with its output."""
+def test_python_code_in_the_readme_prints_the_output_shown(capsys):
+    """Each line that prints ends in a comment with its output."""
     (block,) = blocks("python", README)
     shown = re.findall(r"^print\(.*\)  # (.+)$", block, re.M)
     exec(block, {})
@@ -99,7 +99,7 @@ def test_what_the_readme_computes_is_what_it_shows(capsys):
     assert len(shown) == 2
 
 
-def test_links_of_the_documents_lead_somewhere():
+def test_relative_links_in_documents_lead_to_existing_files():
     documents = [ROOT / "README.md", *ROOT.glob("*/README.md"), *(ROOT / ".github").rglob("*.md")]
     for document in documents:
         text = document.read_text(encoding="utf-8")
@@ -107,7 +107,7 @@ def test_links_of_the_documents_lead_somewhere():
             assert target.startswith("http") or (document.parent / target).exists(), target
 
 
-def test_every_command_has_its_row_and_every_module_its_equation():
+def test_every_command_has_a_row_and_every_module_an_equation():
     rows = (ROOT / "workflows" / "README.md").read_text(encoding="utf-8")
     assert [name for name in commands() if f"`{name}" not in rows] == []
     table = (ROOT / "nasm" / "README.md").read_text(encoding="utf-8")
@@ -122,10 +122,10 @@ def test_version_citation_and_changelog_agree():
     version = PROJECT["version"]
     assert re.search(r"^version: (.+)$", citation, re.M)[1] == version
     assert re.search(r"^## ([\d.]+)", changelog, re.M)[1] == version
-    assert re.search(r"version = \{(.+?)\}", README)[1] == version  # the site's page includes it
+    assert re.search(r"version = \{(.+?)\}", README)[1] == version  # the site includes the README
 
 
-def test_versions_name_every_library_in_use(capsys):
+def test_show_versions_lists_every_library_in_use(capsys):
     nasm.show_versions()
     versions = dict(line.split(None, 1) for line in capsys.readouterr().out.splitlines())
     assert versions["python"] == sys.version.split()[0]
@@ -145,7 +145,7 @@ def test_a_copy_that_is_not_installed_shows_its_versions_too(monkeypatch, capsys
 
 @pytest.mark.parametrize("page", sorted((ROOT / ".docs").rglob("*.md")), ids=lambda path: path.stem)
 def test_python_on_a_page_is_run_by_the_build(page):
-    """No page has plain Python blocks, which nothing would run; cells are valid Python."""
+    """Pages have no plain Python blocks, which nothing would run; their cells are valid Python."""
     text = page.read_text(encoding="utf-8")
     assert blocks("python", text) == []
     cells = blocks(r"\{code-cell\} python", text)
@@ -154,11 +154,11 @@ def test_python_on_a_page_is_run_by_the_build(page):
         ast.parse(cell)
 
 
-# Lines of shell that the tests do not run: `.ci/run` runs those that install, test and build.
+# Shell lines that the tests do not run; `.ci/run` runs those that install, test and build.
 RUN_ELSEWHERE = "python3 -m venv", "pip ", "python -m pytest", "ruff "
 EXPLORE = "python -m workflows.explore"
 DOCUMENTS = [ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md", *PAGES]
-# Start a process, wait for the sign that it is ready, and let it run on.
+# Start a process in the background, and wait until it is ready.
 SCHEDULER_FILE = "{} & while [ ! -e scheduler.json ]; do kill -0 $!; sleep 0.2; done"
 PAGE_OF_LOG = (
     "import re, sys, urllib.request as u; u.urlopen(re.search(r'http://\\S+', sys.stdin.read())[0])"
@@ -171,7 +171,7 @@ wait $!"""
 
 
 def shell_lines(page):
-    """Return the lines of shell on a page that are run here."""
+    """Return the shell lines of a page that are run here."""
     result = blocks("sh", page.read_text(encoding="utf-8"))
     lines = [line for block in result for line in block.splitlines()]
     return [line for line in lines if not line.startswith(RUN_ELSEWHERE)]
@@ -183,10 +183,11 @@ WITH_SHELL = [page for page in DOCUMENTS if shell_lines(page)]
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_SHELL, ids=lambda path: path.stem)
 def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
-    """In one folder that holds the page's JSON as a file; a cluster's processes run here.
+    """All run in one folder, which holds the page's JSON as a file.
 
-    The explorer is asked for its page, and stopped by Ctrl-C. The sweep on the cluster has few
-    rays: the main job before it computes as many as a user would.
+    The processes of the cluster run on this machine. The explorer is asked for its page, and then
+    stopped with Ctrl-C. The sweep on the cluster computes only a few rays; the main job, which the
+    README runs earlier, computes as many as a user would.
     """
     for block in blocks("json", page.read_text(encoding="utf-8")):
         (tmp_path / "doubled.json").write_text(block, encoding="utf-8")
@@ -208,7 +209,7 @@ def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
             stdout=log,
             stderr=log,
             cwd=tmp_path,
-            env=os.environ | {"PATH": path, "BROWSER": "true"},  # a program that opens nothing
+            env=os.environ | {"PATH": path, "BROWSER": "true"},  # `true` opens no page
             start_new_session=True,
         )
         code = shell.wait()

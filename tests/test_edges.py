@@ -12,7 +12,6 @@ from arguments import GOOD, OTHERS
 import nasm
 from nasm import (
     barriers,
-    critical,
     diffusion,
     escape,
     farey,
@@ -29,12 +28,13 @@ from nasm import (
 )
 from nasm.circles import continuation
 from nasm.converse_kam import transversal
+from nasm.results import no_answer
 
-# These modules and functions trust the results of other modules of nasm that they are given.
+# These modules and functions do not check arguments that are results of other modules of nasm.
 TRUSTING = ("arithmetic", "action", "checks", "circles.fourier", "circles.parameterization")
 TRUSTING += ("proofs.cells", "proofs.certificate_checker", "proofs.certificates", "proofs.patches")
 TRUSTING += ("manifolds", "sources", "tables", "texts")
-INNER = {barriers.last_circle, continuation.fineness, critical.no_answer}
+INNER = {barriers.last_circle, continuation.fineness, no_answer}
 INNER |= {transversal.longest_period}
 
 MORE = {"length": 0.1, "angle": 30.0, "z": 1.0, "limit": 0.5, "times": 2}
@@ -61,7 +61,7 @@ SMALL = {
 
 
 def faces():
-    """The public functions of all modules, by their names."""
+    """Yield (full name, function) for the public functions of all modules that check arguments."""
     for module in walk_packages(nasm.__path__, "nasm."):
         names = [] if module.ispkg else getattr(import_module(module.name), "__all__", ())
         for function in (getattr(import_module(module.name), name) for name in names):
@@ -70,8 +70,8 @@ def faces():
                 yield f"{module.name}.{function.__name__}", function
 
 
-# Kernels convert nothing and are not tested. Functions that compute for seconds are only tested to
-# refuse bad arguments.
+# Kernels convert nothing and are not tested. Functions that compute for seconds are tested only for
+# refusing bad arguments.
 KERNELS = {maps.kick, maps.unkick}
 SLOW = {barriers.boundary, barriers.critical_scale, proofs.bracket.critical_scale}
 SLOW |= {proofs.barrier.proved_lower, proofs.transport.prove, proofs.transport.proved_upper}
@@ -86,7 +86,7 @@ SEARCHES = {
 
 
 def good(function):
-    """Valid arguments of a function, including those defaults that are numbers."""
+    """Return valid arguments of a function, including defaults that are numbers."""
     special = OTHERS.get(function, {}) | SPECIAL.get(function, {})
     parameters = inspect.signature(function).parameters.items()
     defaults = {
@@ -97,7 +97,7 @@ def good(function):
 
 
 def numeric(value):
-    """True if a value consists of numbers."""
+    """Return True if a value consists of numbers."""
     try:
         return np.asarray(value).dtype.kind in "iuf" and np.size(value) > 0
     except ValueError:
@@ -113,7 +113,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("function", "name"), CASES)
-def test_a_mask_or_a_text_is_refused_and_the_argument_is_named(function, name):
+def test_masked_values_and_strings_are_refused_and_the_argument_is_named(function, name):
     value = np.asarray(good(function)[name])
     mask = np.zeros(value.shape, bool)
     mask.flat[0] = True
@@ -126,14 +126,14 @@ def test_a_mask_or_a_text_is_refused_and_the_argument_is_named(function, name):
             [np.ma.array(v, mask=m) for v, m in zip(value, mask, strict=True)],
         ]
     if (function, name) == (escape.boundary, "escape_time"):
-        bad = bad[1:2]  # masked there means unknown
+        bad = bad[1:2]  # masked times are allowed: they are unknown
     for values in bad:
         with pytest.raises(ValueError, match=f"{name}=|{name} |deviations=|ω"):
             called(function, good(function) | {name: values})
 
 
 def kinds_of(value):
-    """Yield the same numbers as arrays, as lists, and in small dtypes."""
+    """Yield the same numbers as an array, as a list, and in small dtypes."""
     array = np.asarray(value)
     yield array
     yield array.tolist()
@@ -144,7 +144,7 @@ def kinds_of(value):
 
 
 def timed(case):
-    """The case, for the slow suite if the function searches."""
+    """Return the case, marked as slow if the function is a search."""
     function, name = case.values
     searches = "scale" in function.__name__ or function in SEARCHES
     return pytest.param(function, name, id=case.id, marks=[pytest.mark.slow] if searches else [])
@@ -154,7 +154,7 @@ ANSWERING = [timed(case) for case in CASES if case.values[0] not in SLOW]
 
 
 @pytest.mark.parametrize(("function", "name"), ANSWERING)
-def test_numbers_of_any_kind_give_the_result_of_floats_and_ints_or_are_refused(function, name):
+def test_numbers_of_any_kind_yield_the_same_result_or_are_refused(function, name):
     arguments = good(function) | SMALL.get(function, {})
     expected = called(function, arguments)
     for values in kinds_of(arguments[name]):

@@ -1,4 +1,4 @@
-"""Settings of a user's session, machine or site: no command trips over them or loses a result."""
+"""Unusual settings of a session, machine or site make no command crash or lose a result."""
 
 import os
 import subprocess
@@ -14,17 +14,18 @@ HELP = "-m", "workflows.rotating", "--help"
 
 
 def python(*words, shell="", **environment):
-    """Run Python in the project, with settings of the environment and of the shell around it."""
+    """Run Python in the project, with environment variables, after the commands in `shell`."""
     command = ["sh", "-c", f'{shell} exec "$@"', "sh", sys.executable, *map(str, words)]
     environment = {**os.environ, **environment}
     return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=120)
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "ascii:strict", "utf-16"])
-def test_letters_that_an_encoding_lacks_are_escaped(encoding):
+def test_characters_that_an_encoding_lacks_are_escaped(encoding):
     result = python(*HELP, PYTHONIOENCODING=encoding)
     assert (result.returncode, result.stderr) == (0, b"")
-    read = result.stdout.decode("utf-8" if "ascii" in encoding else encoding)  # click's own way
+    # click writes UTF-8 where the encoding is ASCII.
+    read = result.stdout.decode("utf-8" if "ascii" in encoding else encoding)
     assert "κ" in read or r"\u03ba" in read
     assert "Options:" in read
 
@@ -39,7 +40,7 @@ def test_letters_that_an_encoding_lacks_are_escaped(encoding):
         ("exec >/dev/full ;", 1, "Error: standard output cannot be written: No space left"),
     ],
 )
-def test_a_closed_or_full_stream_stops_no_command_and_loses_no_result(redirection, code, words):
+def test_a_closed_or_full_stream_makes_no_command_crash_or_lose_results(redirection, code, words):
     result = python(*HELP, shell=redirection)
     output = (result.stdout + result.stderr).decode()
     assert result.returncode == code
@@ -48,8 +49,8 @@ def test_a_closed_or_full_stream_stops_no_command_and_loses_no_result(redirectio
 
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
-def test_a_reader_that_goes_away_stops_no_command(tmp_path, stream):
-    """As `| head -1` does: the rest of the work is done, and the exit code is that of the work."""
+def test_a_command_finishes_even_if_the_reader_of_its_output_goes_away(tmp_path, stream):
+    """As with `| head -1`: the rest of the work is done, and it determines the exit code."""
     script = f"""
 import click, sys
 from workflows.shared.cli import COMMON
@@ -102,8 +103,8 @@ def test_an_import_on_windows_says_why_it_fails(package):
 
 
 @pytest.mark.parametrize("name", commands())
-def test_a_path_may_begin_with_the_home_directory(tmp_path, monkeypatch, name):
-    """A shell leaves ~ as it is after --out=, and deleting a folder named ~ deletes the home."""
+def test_a_path_may_begin_with_a_tilde_for_the_home_directory(tmp_path, monkeypatch, name):
+    """Shells do not expand ~ after --out=, and deleting a folder named ~ could delete the home."""
     monkeypatch.setenv("HOME", str(tmp_path))
     plane = '{"name": "p", "axes": {"kappaa": "a", "kappab": "b"}, "origin": [0, 0], '
     (tmp_path / "plane.json").write_text(plane + '"first": [1, 0], "second": [0, 1]}')
@@ -153,7 +154,7 @@ SETTINGS = {
 
 @pytest.mark.slow
 def test_a_sweep_runs_under_the_settings_of_other_programs(tmp_path):
-    """All at once, in a session with further settings of the site."""
+    """All settings apply at once, in a session in which sitecustomize makes further ones."""
     (tmp_path / "sitecustomize.py").write_text(SESSION)
     (tmp_path / "matplotlibrc").write_bytes("# größer\nfont.size: 20".encode("latin-1"))
     paths = {"PYTHONPATH": f"{tmp_path}:{ROOT}", "MATPLOTLIBRC": f"{tmp_path}/matplotlibrc"}

@@ -15,12 +15,12 @@ from scipy.stats import ks_2samp
 
 from nasm import escape
 from nasm.barriers import critical_scale
-from nasm.critical import Status
 from nasm.escape import boundary, ensemble, escape_time, first_escape
+from nasm.results import Status
 from nasm.symmetries import ray
 
-# (strengths with chaos from wall to wall, steps): too few steps for rounding to matter. With starts
-# that differ by 1e-12, all times of the ensemble of 1000 are the same.
+# (strengths under which all orbits are chaotic, steps): too few steps for rounding to matter. If
+# the 1000 starts of the ensemble are moved by 1e-12, all escape times stay the same.
 SHORT = [((8.0,), 10), ((6.0, 5.0), 8), ((4.0, -5.0, 6.0), 5)]
 
 FORCINGS = [(2.5,), (1.5, 1.4), (1.2, -1.3, 1.6)]
@@ -49,7 +49,7 @@ def _kick_each(c, x, y):
 
 
 def scalar_times(kappa, x, y, n_max, window, precision="double"):
-    """Iterate orbit by orbit with the kernel's own kick on floats: no lanes, blocks or packing."""
+    """Iterate orbit by orbit with the kernel's kick on floats, without lanes, blocks or packing."""
     kind, series = escape._PRECISIONS[precision]
     arrays = escape.kick_series(np.array(kappa), series), x - 0.25, y
     return _scalar_times(*(array.astype(kind) for array in arrays), n_max, *window)
@@ -68,13 +68,13 @@ def test_the_kernel_s_kick_is_accurate_to_rounding(strength):
             # The sine is accurate to 2.5e-16; add half an ulp of the sum.
             bound = 2.5e-16 * abs(strength) / (2 * np.pi) + np.spacing(abs(kicked_y[i])) / 2
             assert abs(kicked_y[i] - exact_y) <= bound
-            # X is known up to whole turns.
+            # X is defined only up to whole turns.
             turns = kicked_x[i] + 0.25 - exact_x
             assert abs(turns - mpmath.nint(turns)) <= bound + 1.2e-16
 
 
 @pytest.mark.parametrize(("kappa", "n_max"), SHORT)
-def test_escape_times_are_those_of_the_definition(kappa, n_max):
+def test_escape_times_agree_with_the_definition(kappa, n_max):
     x, y = ensemble(1000)
     times = escape_time(kappa, x, y, n_max)
     assert_array_equal(times, oracles.escape_time(kappa, x, y, n_max))
@@ -82,22 +82,22 @@ def test_escape_times_are_those_of_the_definition(kappa, n_max):
 
 
 @pytest.mark.parametrize("kappa", thirds([(1.5, 1.5), (0.9, 0.0), (0.7, -0.7, 0.5)]))
-def test_long_escape_times_are_distributed_as_those_of_the_definition(kappa):
+def test_long_escape_times_follow_the_distribution_of_the_definition(kappa):
     x, y = ensemble(4000)
     ours = escape_time(kappa, x, y, 5000)
     single = scalar_times(kappa, x, y, 5000, escape.PAPER_WINDOW, "single")
     for others in (oracles.escape_time(kappa, x, y, 5000), single):
-        assert (ours != others).any()  # chaos: these are random draws
+        assert (ours != others).any()  # the orbits are chaotic, so times are random draws
         assert 200 < np.isfinite(ours).sum() < 3999
-        # At (1.5, 1.5), kicks that are stronger by 3% have a p-value of 1e-5.
+        # At (1.5, 1.5), kicks 3% stronger would have a p-value of 1e-5.
         assert ks_2samp(np.minimum(ours, 5001), np.minimum(others, 5001)).pvalue > 1e-3
 
 
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize("n_orbits", [1, 63, 130])
 def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_orbits):
-    # 20 001 steps: the longest chunk, and a last block that is not full. With fewer steps, the last
-    # one may fall anywhere in a block, and on an escape.
+    # 20 001 steps reach the longest chunk, and end in a block that is not full. The smaller numbers
+    # of steps end at various places in a block, one of them at an escape.
     x, y = ensemble(n_orbits)
     full, single = (
         scalar_times(kappa, x, y, 20_001, escape.PAPER_WINDOW, precision)
@@ -121,7 +121,7 @@ def test_no_orbit_leaks_through_a_certified_circle_in_single_precision(angle):
 
 
 @pytest.mark.parametrize("window", [(-2.0, 2.3), (0.05, 0.28), (-0.4, 0.25), (-0.5, 0.5)])
-def test_escape_times_are_right_in_windows_of_any_kind(window):
+def test_escape_times_are_correct_for_any_kind_of_window(window):
     lo, hi = window
     x, y = ensemble(130)
     y = lo + (hi - lo) * y / 0.3  # inside, so that the smallest time is not 0
@@ -131,7 +131,7 @@ def test_escape_times_are_right_in_windows_of_any_kind(window):
     assert smallest == times.min() > 0
 
 
-def test_a_start_outside_escapes_at_time_0_in_every_ensemble():
+def test_a_start_outside_the_window_escapes_at_time_0_in_every_ensemble():
     starts = [-2.1, 2.31, 40.0, -1e300, -2.0, 0.1, 2.3]
     times = escape_time((0.1, 0.1), 0.0, starts, 10)
     assert (times == 0).tolist() == [True] * 4 + [False] * 3
@@ -155,7 +155,7 @@ def test_first_escape_is_the_smallest_time_of_each_nested_ensemble(kappa):
 
 
 @pytest.mark.parametrize("shift", [-3, 1, 20])
-def test_a_window_and_starts_shifted_by_whole_turns_give_the_same_times(shift):
+def test_shifting_window_and_starts_by_whole_turns_changes_no_time(shift):
     # Rounded so that y + shift and x + 1000 are exact.
     x, y = np.round(np.array(ensemble(200)) * 2**30) / 2**30
     window = np.array([-2.0, 2.25])
@@ -181,13 +181,13 @@ def test_ensembles_are_nested_and_fill_the_paper_s_rectangle_evenly(n_orbits):
     x, y = ensemble(n_orbits)
     assert_array_equal(ensemble(100), (x[:100], y[:100]))
     assert ((x >= 0) & (x < 1) & (y >= 0) & (y < 0.3)).all()
-    # In 5 × 5 boxes, the fullest one of a random sample of 1000 would be about 15 above the mean.
+    # With 1000 random starts, the fullest of 5 × 5 boxes would be about 15 above the mean.
     counts, _, _ = np.histogram2d(x, y, bins=5, range=[(0, 1), (0, 0.3)])
     assert np.abs(counts - n_orbits / 25).max() <= 6
 
 
 @pytest.mark.slow
-def test_a_processor_without_fma_finds_the_same_times(tmp_path):
+def test_a_processor_without_fma_computes_the_same_times(tmp_path):
     if platform.machine() not in ("x86_64", "AMD64"):
         pytest.skip("x86-64 is the target that lacks fma")
     path = tmp_path / "times.npy"
@@ -228,7 +228,7 @@ def test_boundary_includes_rays_along_every_edge_of_the_plane():
         assert boundary(times, first, second, [angle], 5)[0] == pytest.approx(0.6, abs=0.06)
 
 
-def test_the_boundary_is_unknown_in_transport_or_next_to_unknown_cells():
+def test_the_boundary_is_unknown_if_a_ray_starts_in_transport_or_meets_nan():
     kappa1, kappa2 = np.arange(0.35, 1, 0.1), np.arange(0.05, 1, 0.1)
     times = np.full((10, 7), np.inf)
     times[:, 0] = times[:, 5] = 5.0
@@ -242,7 +242,7 @@ def test_the_boundary_is_unknown_in_transport_or_next_to_unknown_cells():
 
 @pytest.mark.parametrize(("profile", "barrier"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
 def test_an_escape_bounds_the_direct_critical_scale_from_above(profile, barrier):
-    for n_max in (3000, 30_000):  # test_work_precision tests how the bias falls
+    for n_max in (3000, 30_000):  # test_work_precision tests how the bias decreases
         result = escape.critical_scale(profile, n_max, 256)
         assert result.status is Status.OK
         x, y = ensemble(256)
@@ -265,7 +265,7 @@ def test_the_error_of_the_direct_scale_allows_for_a_lucky_draw(profile, n_max, n
     ("profile", "n_max", "n_orbits"),
     [((1, 0.6, 0.3), 300, 10), ((1, 0), 64, 64), ((0.2, -1, 0.5), 500, 30), ((1,), 200, 10)],
 )
-def test_before_the_law_holds_there_is_a_bound_and_no_value(profile, n_max, n_orbits):
+def test_before_the_power_law_holds_there_is_an_upper_bound_but_no_value(profile, n_max, n_orbits):
     result = escape.critical_scale(profile, n_max, n_orbits)
     assert result.status is Status.NOT_CONVERGED
     assert np.isnan([result.value, result.error, result.lower]).all()
@@ -274,7 +274,7 @@ def test_before_the_law_holds_there_is_a_bound_and_no_value(profile, n_max, n_or
 
 
 @pytest.mark.parametrize("n_max", [100, 1000, 10_000])
-def test_a_value_is_between_zero_and_the_onset_and_its_error_is_smaller(n_max):
+def test_a_value_is_between_zero_and_the_onset_and_larger_than_its_error(n_max):
     rng = np.random.default_rng(n_max)
     results = [
         escape.critical_scale(rng.uniform(-1, 1, n_kicks), n_max, 30) for n_kicks in (1, 2, 3, 5)
@@ -298,7 +298,7 @@ def test_at_the_onset_an_orbit_escapes_in_n_steps_and_just_below_none_does(n):
     assert np.isnan(escape.onset_scale((1, 0.3), 2, 20))  # too few steps to leave the window
 
 
-def test_a_critical_scale_needs_a_window_that_orbits_leave():
+def test_a_critical_scale_needs_a_window_that_orbits_can_leave():
     assert escape.critical_scale((1, 1), 640, 64, window=(-0.7, 1.0)).status is Status.OK
     result = escape.critical_scale((1, 0), 64, 64, window=(-1e6, 1e6))
     assert result.status is Status.NO_BREAKUP
@@ -306,7 +306,7 @@ def test_a_critical_scale_needs_a_window_that_orbits_leave():
     assert np.isnan(escape.onset_scale((1, 0), 64, 64, window=(-1e6, 1e6)))
 
 
-def test_masked_cells_of_a_field_are_unknown_and_its_axes_must_fit():
+def test_masked_cells_of_a_field_are_unknown_and_its_axes_must_match():
     times, centres = np.full((4, 4), np.inf), (np.arange(4) + 0.5) / 4
     times[2:, 2:] = 5
     mask = np.zeros((4, 4), bool)

@@ -1,4 +1,4 @@
-"""Every command runs once to its end, and without the extras says what it needs."""
+"""Every command runs to its end; if an extra is missing, it says what to install."""
 
 import json
 import re
@@ -57,17 +57,17 @@ def test_without_python_flint_commands_that_prove_say_what_to_install(tmp_path):
 
 
 def test_every_command_ends_as_expected_and_its_cubes_can_be_saved_as_netcdf(tmp_path):
-    """Without Bokeh, which the explorer needs. Commands that prove nothing do not look for FLINT.
+    """Each command runs twice, and computes nothing the second time.
 
-    Each runs twice, and computes nothing the second time.
+    Bokeh, which the explorer needs, is hidden. Commands that prove nothing do not look for FLINT.
     """
     for name, (code, output, asked, _) in run(tmp_path / "out", SMALLEST, 2, "bokeh").items():
         assert code == (name == "explore"), f"{name}: {output}"
         assert code == 0 or "pip install '.[explore]'" in output
         assert asked == (name in PROVING), name
     files = [path for path in tmp_path.glob("out/*/*") if path.is_file() and path.name != ".lock"]
-    for path in files:  # so that commands with one folder do not overwrite each other
-        page = path.name == "index.html"  # of the gallery
+    for path in files:  # commands that share a folder must not overwrite each other
+        page = path.name == "index.html"  # the gallery's page
         assert page or path.name.startswith(path.parent.name), path
     cubes = [path for path in tmp_path.glob("out/*/*.zarr") if path.is_dir()]
     assert len(cubes) > 30

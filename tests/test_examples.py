@@ -1,4 +1,4 @@
-"""The examples in docstrings: each is run, and gives the output shown."""
+"""Examples in docstrings: each is run, and must print the output shown."""
 
 import doctest
 from importlib import import_module
@@ -21,7 +21,7 @@ def examples():
 @pytest.mark.parametrize(
     "example", [example for example in examples() if example.examples], ids=lambda test: test.name
 )
-def test_an_example_gives_the_output_shown(example, tmp_path, monkeypatch):
+def test_an_example_prints_the_output_shown(example, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     report = []
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE

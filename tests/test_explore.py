@@ -36,7 +36,7 @@ from workflows.explore.state import State
 from workflows.explore.work import Work
 from workflows.figures.style import circle_style
 from workflows.shared import on_demand, phase_space
-from workflows.shared.orbit_words import describe_orbit
+from workflows.shared.orbit_sentences import describe_orbit
 from workflows.shared.run import place_of
 
 
@@ -95,8 +95,9 @@ def test_expensive_pixels_are_computed_only_along_the_boundary(monkeypatch):
     assert (times == own)[near].all()
     blocks, apart = (x.reshape(18, 3, 18, 3) for x in (times, ~near))
     alike = (blocks == blocks[:, 1:2, :, 1:2]).all(axis=(1, 3))
-    assert alike[apart.all(axis=(1, 3))].mean() > 0.9  # away from it, whole blocks share a time
-    # For fewer steps the boundary is elsewhere, and needs pixels of its own.
+    # Away from the boundary, whole blocks share a time.
+    assert alike[apart.all(axis=(1, 3))].mean() > 0.9
+    # With fewer steps the boundary is elsewhere, and its pixels have yet to be computed.
     known = Field(*beyond.centres(), times, 300, apart=3)
     fewer = pictures(beyond, 200, [known])[0][-1][0]
     np.testing.assert_array_equal(fewer, pictures(beyond, 200)[0][-1][0])
@@ -152,7 +153,7 @@ def test_the_page_paints_nothing_of_a_refused_store_and_says_why(store, tmp_path
             next(opened)
 
 
-def test_escapes_in_coarse_cells_of_a_refined_cube_are_a_preview(store):
+def test_coarse_cells_of_a_refined_cube_are_shown_as_a_preview(store):
     ((own, preview), _), *_ = plane._cubes(place_of(str(store)), two_kicks())
     view = View((-2, 2), (-2, 2), (64, 64))
     times, width = own.on(view, 300)
@@ -184,7 +185,7 @@ def test_the_distance_to_the_boundary_is_measured_along_the_ray():
 
 
 @pytest.mark.parametrize("plane", [two_kicks(), rotating("1/3"), three_kicks(0.2)])
-def test_the_rays_of_a_view_cross_it_and_a_second_look_needs_no_more(plane):
+def test_a_view_needs_a_limited_number_of_rays_and_no_more_the_second_time(plane):
     known, ray = Rays(plane), Breakup(1.0, 0.0, "[0;(1)]", 0.618)
     for view in (View((-1, 1), (-1, 1), (54, 54)), View((0.97, 0.9701), (0.96, 0.9601), (54, 54))):
         angles = known.missing(view)
@@ -222,14 +223,14 @@ def test_an_orbit_is_described_as_a_circle_periodic_on_islands_or_chaotic(start,
 
 
 @pytest.mark.parametrize("text", ["0.618", "0.5", "1.25", "-0.38", "0.3819660113"])
-def test_for_a_decimal_number_a_noble_number_that_rounds_to_it_is_followed(text):
+def test_a_decimal_number_is_replaced_by_a_noble_number_that_rounds_to_it(text):
     noble, words = rays.named_by(text)
     assert parse(noble).tail == (1,)
     assert noble in words
     assert round(float(parse(noble)), len(text.partition(".")[2])) == float(text)
 
 
-def test_an_ensemble_started_in_a_box_has_the_diffusion_rate_of_the_cell(monkeypatch):
+def test_an_ensemble_started_in_a_box_diffuses_like_one_in_the_whole_cell(monkeypatch):
     monkeypatch.setattr(on_demand, "_FRAME_SECONDS", 0)
     monkeypatch.setattr(on_demand, "_SIDE_STARTS", 24)
     kappa, result = np.array([4.0, 3.5]), None
@@ -242,7 +243,7 @@ def test_an_ensemble_started_in_a_box_has_the_diffusion_rate_of_the_cell(monkeyp
 
 
 class Document:
-    """A stand-in for Bokeh's Document, whose callbacks the tests call by hand."""
+    """A stand-in for Bokeh's Document; the tests run its callbacks themselves."""
 
     def __init__(self):
         self.callbacks = []
@@ -294,7 +295,7 @@ def test_a_closed_tab_ends_its_generators():
             closed.set()
 
     work.latest("endless").submit(endless, done=result.append)
-    assert not work.busy  # the browser is not connected
+    assert not work.busy  # the browser is not connected yet
     work.start()
     document.run(lambda: result)
     work.close()
@@ -321,7 +322,7 @@ def test_a_closed_tab_ends_its_generators():
         ("show=boundary,all", "must be some of boundary,kicks,symmetry,cycles,manifolds"),
     ],
 )
-def test_an_address_with_invalid_state_is_explained_and_changes_nothing(query, words):
+def test_invalid_state_in_an_address_is_explained_and_changes_nothing(query, words):
     state = State(two_kicks())
     first = state.address()
     with pytest.raises(ValueError, match=re.escape(words)):
@@ -411,7 +412,7 @@ def test_zooming_does_not_change_the_colour_of_a_circle():
     for angle in range(360):
         circle = names[0 if angle % 9 == 4 else 1 + angle // 7 % 7]
         rays.known[float(angle)] = Breakup(1.0, 0.0, circle, 0.618)
-    a, b = np.cos(np.deg2rad(40)), np.sin(np.deg2rad(40))  # the ray of a golden circle
+    a, b = np.cos(np.deg2rad(40)), np.sin(np.deg2rad(40))  # on the ray of a golden circle
     for half in (1.2, 0.4, 0.13, 0.04):
         lines, legend = rays.lines(View((a - half, a + half), (b - half, b + half), (27, 27)))
         golden = circle_style(names[0])["color"]
@@ -432,12 +433,12 @@ def with_page(ask, client=None):
         page.stop()
         return result
 
-    with ThreadPoolExecutor() as thread:  # Playwright may have a loop in this thread
+    with ThreadPoolExecutor() as thread:  # Playwright may run a loop in this thread
         return thread.submit(asyncio.run, asked()).result()
 
 
 def answers(requests):
-    """Return the answers of a server without workers to (path, headers), and what it computes."""
+    """Return how a server without workers answers each (path, headers), and what it computed."""
 
     async def ask(port):
         client, result = AsyncHTTPClient(), []
@@ -487,7 +488,7 @@ REQUESTS += [
 ]
 
 
-def test_local_host_names_are_answered_and_other_sites_are_not():
+def test_local_host_names_are_accepted_and_other_sites_are_refused():
     result, _ = answers([request[:2] for request in REQUESTS])
     assert [answer.code for answer in result] == [code for *_, code in REQUESTS]
 
@@ -549,7 +550,7 @@ async def said_to(port, text):
     return line
 
 
-def test_slow_clients_are_disconnected_and_delay_nobody(monkeypatch):
+def test_slow_clients_are_disconnected_and_do_not_delay_others(monkeypatch):
     monkeypatch.setattr(server, "_SLOWEST", 2)
     slow = ["", "GET / HTTP/1.1\r\nHost: localhost\r\nX: ", f"{_POST}Content-Length: 99\r\n\r\na"]
     slow += [f"{_POST}Transfer-Encoding: chunked\r\n\r\n63\r\na"]
@@ -605,7 +606,7 @@ def test_a_text_mode_browser_is_not_opened(monkeypatch, program, opens):
     assert len(opened) == opens
 
 
-def test_work_without_kernels_does_not_wait_for_kernels_being_compiled():
+def test_work_that_needs_no_kernels_does_not_wait_for_their_compilation():
     document, result, loaded = Document(), [], threading.Event()
     work = Work(document, None, {"verdict": loaded})
     work.start()
@@ -642,7 +643,7 @@ def test_a_page_that_is_requested_but_not_shown_computes_nothing(path, headers, 
     monkeypatch.setattr("workflows.explore.work.Thread", lambda **how: threads.append(how))
     (answer,), computed = answers([(path, headers)])
     assert answer.code == code
-    time.sleep(0.2)  # a verdict would begin a little later
+    time.sleep(0.2)  # computing a verdict would begin a little later
     assert (computed, threads) == ([], [])
 
 
@@ -663,12 +664,13 @@ main(["--port", "0", "--no-browser", "--out", sys.argv[1]])
 @pytest.mark.parametrize(
     ("number", "blocks"),
     [
+        # The second of these never releases the GIL; the third releases it, as a kernel does.
         (signal.SIGINT, "while True: pass"),
-        (signal.SIGTERM, "10 ** 10 ** 9"),  # which never releases the GIL
-        (signal.SIGINT, "hashlib.pbkdf2_hmac('sha256', b'', b'', 2**31 - 1)"),  # as a kernel does
+        (signal.SIGTERM, "10 ** 10 ** 9"),
+        (signal.SIGINT, "hashlib.pbkdf2_hmac('sha256', b'', b'', 2**31 - 1)"),
     ],
 )
-def test_a_signal_ends_the_explorer_whatever_blocks_its_loop(number, blocks, tmp_path):
+def test_a_signal_ends_the_explorer_whatever_blocks_its_event_loop(number, blocks, tmp_path):
     command = [sys.executable, "-c", _BLOCKED.format(blocks), str(tmp_path)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, **pipes) as process:

@@ -61,7 +61,7 @@ def at(tab, k1=KAPPA[0], k2=KAPPA[1]):
 
 @pytest.fixture(scope="module")
 def opened(chromium, served):
-    """The page at KAPPA, once its verdict and portrait are shown, and the text of the verdict."""
+    """Yield the page at KAPPA, with its verdict and portrait shown, and the text of the verdict."""
     with pages(chromium, served[0]) as page:
         tab = page("?k1={}&k2={}&n=100".format(*KAPPA), 900)
         words = message_with(tab, "BARRIER at")
@@ -70,26 +70,29 @@ def opened(chromium, served):
 
 
 def is_smaller(side):
-    """JavaScript: both sides of the portrait are below `side`; they change one after the other."""
+    """Return JavaScript that is true if both sides of the portrait are below `side`.
+
+    The sides change one after the other.
+    """
     data = "Bokeh.documents[0].get_model_by_name('orbits').data"
     return f"Math.max({data}.w[0], {data}.h[0]) < {side}"
 
 
 def box_of(tab):
-    """Left, bottom, width and height of the portrait."""
+    """Return left, bottom, width and height of the portrait."""
     result = columns(tab, "orbits")
     return tuple(result[name][0] for name in "xywh")
 
 
 def pixels(tab):
-    """The pixels of the portrait: 0 where empty, 1 for chaos, 2 to 255 for ω."""
+    """Return the pixels of the portrait: 0 where empty, 1 for chaos, 2 to 255 for ω."""
     (flat,) = columns(tab, "orbits")["pixels"]
     _, _, width, height = picture(tab, PORTRAIT)
     return np.reshape(flat, (int(height), int(width)))
 
 
 def seen_at(image, box, x, y):
-    """The picture at points, one value for each."""
+    """Return the values of a picture at those points that lie in it."""
     left, bottom, width, height = box
     rows, columns = image.shape
     row = ((y - bottom) % 1 / height * rows).astype(int)
@@ -101,13 +104,13 @@ def seen_at(image, box, x, y):
 def test_orbits_are_coloured_by_rotation_number_and_the_circle_is_certified(opened):
     tab, words = opened
     image, expected = pixels(tab), verdict(KAPPA)
-    for line, y in ((0.5, 12 * 2 + 1), (0.0, 2 * 14), (0.0, 2 * 20)):  # of `orbits.portrait`
+    for line, y in ((0.5, 12 * 2 + 1), (0.0, 2 * 14), (0.0, 2 * 20)):  # starts of `orbits.portrait`
         x, y = orbits.orbit(KAPPA, line, y / 80, 500)
         omega, _ = orbits.rotation_number(KAPPA, x[0], y[0], 2000)
         place = 1 if np.isnan(omega) else 2 + 253 * abs((omega + 1) % 2 - 1)
         values = seen_at(image, BOX, x, y)
         assert (values > 0).all()
-        assert np.mean(abs(values - place) < 2) > 0.9  # where no other orbit is drawn over it
+        assert np.mean(abs(values - place) < 2) > 0.9  # other orbits cover the rest
     result = columns(tab, "circle")
     x, y = np.array(result["x"], float), np.array(result["y"], float)
     there = np.isfinite(x)
@@ -192,7 +195,7 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     apart = abs(x[:, None] - image_x + 0.5) % 1 - 0.5, (y[:, None] - image_y + 0.5) % 1 - 0.5
     assert np.hypot(*apart).min(axis=0).max() < 1e-9  # each point is mapped to one of them
     lines = columns(tab, "symmetry")
-    assert {0.0, 0.5} <= set(np.round(lines["x"], 12))  # before the first kick
+    assert {0.0, 0.5} <= set(np.round(lines["x"], 12))  # the lines before the first kick
     type_in(tab, "Orbits of a fraction", "3/8")
     output = message_with(tab, "3/8: minimizing orbit")
     (residue,) = re.findall(r"minimax orbit: residue (\S+), elliptic", output)
@@ -235,7 +238,7 @@ _FOCUS = """() => {
 }"""
 
 
-def test_the_keyboard_reaches_all_controls_in_order_and_back_undoes_its_moves(opened):
+def test_keys_reach_all_controls_in_order_and_going_back_undoes_a_move(opened):
     tab, focused = opened[0], []
     at(tab)
     message_with(tab, "BARRIER at")  # so that the button to the boundary is enabled
@@ -262,7 +265,7 @@ def test_the_keyboard_reaches_all_controls_in_order_and_back_undoes_its_moves(op
     assert float(tab.get_by_label("κ₂").input_value()) == KAPPA[1]
 
 
-def test_pictures_and_fields_follow_the_dark_mode_of_the_system(opened):
+def test_pictures_and_fields_follow_the_system_s_dark_mode(opened):
     tab, _ = opened
     painted = """(colours) => [...new Set([...Bokeh.documents[0]._all_models.values()].flatMap(
         (model) => model.type == "Figure" ? [model.border_fill_color] :
@@ -273,7 +276,7 @@ def test_pictures_and_fields_follow_the_dark_mode_of_the_system(opened):
         below = tab.evaluate("getComputedStyle(document.body).backgroundColor")
         for colour in (field, below):
             assert (max(map(int, re.findall(r"\d+", colour)[:3])) < 60) == dark, colour
-        # The page is notified of the change with a frame, which may come later.
+        # The page learns of the change when a frame is drawn, which may be later.
         wait(tab, painted, "#16181a,#ddd" if dark else "#222,#fff")
 
 
@@ -340,9 +343,9 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_the_orbits_in_the_box(opened)
     box, image = box_of(tab), pixels(tab)
     assert box == pytest.approx((0.4, 0.19, 0.2, 0.2), abs=0.01)
     added = seen_at(image, box, *orbits.orbit(KAPPA, x, y, 5000))
-    assert added.size > 5000 * box[2] / 4  # the circle is as wide as the cell
+    assert added.size > 5000 * box[2] / 4  # the circle spans the whole cell
     assert (added > 1).all()
-    assert (image > 0).mean() > 0.25  # though the box is small
+    assert (image > 0).mean() > 0.25  # even though the box is small
     browser.drag(tab, PORTRAIT, (0.25, 0.25), (0.75, 0.75), partial(wait, tab, is_smaller(0.15)))
     ready(tab, SLOW)
     assert box_of(tab) == pytest.approx((0.45, 0.24, 0.1, 0.1), abs=0.01)
@@ -496,7 +499,7 @@ def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_escape_times(ope
     wait(tab, "document.documentElement.scrollWidth <= 390")
     _, top, width, height = picture(tab, PLANE)
     assert width > 250
-    for label in ("κ₁", "κ₂", "N, steps"):  # next to the picture that they control
+    for label in ("κ₁", "κ₂", "N, steps"):  # above the picture that they control
         field = tab.get_by_label(label).bounding_box()
         assert 0 < top - field["y"] < 250
     portrait = tab.locator(f'section[aria-label="{PORTRAIT}"]').bounding_box()
@@ -506,7 +509,7 @@ def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_escape_times(ope
     for n in (200, 500):
         tab.get_by_role("slider").press("ArrowRight")
         until(tab, n=n)
-    browser.zoom(tab, PLANE, (0.98, 0.47), *[-600] * 5)  # each zooms in by a factor of ten
+    browser.zoom(tab, PLANE, (0.98, 0.47), *[-600] * 5)  # each turn zooms in by a factor of ten
     shown = "Bokeh.documents[0].get_model_by_name('times').data"
     wait(tab, f"{shown}.da[0] < 1e-4 && {shown}.values[0].some(Number.isFinite)")
     ready(tab, "boundary|circle")

@@ -1,4 +1,7 @@
-"""The Farey tree of residues: circles that searches miss, none beyond, and the last one named."""
+"""The Farey tree of residues finds circles that searches miss, and none beyond breakup.
+
+Just beyond breakup, the last circle is among its candidates.
+"""
 
 import numpy as np
 import oracles
@@ -12,7 +15,7 @@ RIPPLE = np.array([1, -1, -1, 1])
 
 
 @pytest.mark.parametrize("profile", thirds([ray(30), (0.3, 0.2, 0.25), (1, 0.2, 1), (1,)]))
-def test_a_circle_exists_below_the_breakup_and_the_last_is_named_above(profile):
+def test_a_circle_is_found_below_breakup_and_the_last_is_a_candidate_above(profile):
     last = barriers.critical_scale(profile, 1e-3)
     inside, outside, *far = (last.value * s * np.array(profile) for s in (0.999, 1.0002, 1.01, 99))
     omega, _, _ = farey.find_existing_circle(inside)
@@ -46,7 +49,7 @@ def test_the_tree_finds_circles_whose_survivors_searches_miss(case):
     ],
 )
 def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega, scale, exists):
-    # Those of two or three convergents fall in each case; those of ten decide.
+    # In each case the residues of two or three convergents fall; only those of ten decide.
     kappa = scale * np.array(profile)
     assert farey.circle_exists(omega, kappa) == exists
     assert oracles.residues_fall(omega, kappa, 3000) is exists

@@ -34,7 +34,7 @@ def files_of_at_most(n_bytes):
 def test_a_study_on_a_full_disk_fails_with_one_message_and_can_be_completed(
     tmp_path, monkeypatch, exists, n_bytes
 ):
-    if exists:  # written by other code
+    if exists:  # a store written by other code
         with monkeypatch.context() as patch:
             patch.setitem(run._CODE, "studied_by", "other code")
             with driven(tmp_path) as one:
@@ -71,11 +71,11 @@ def test_a_tile_that_runs_out_of_memory_fails_alone(here, tmp_path):
     toy.assert_complete(tmp_path, toy.cube())
 
 
-# Drivers are normally separate processes. Here they are threads, which share warning filters: one
-# of them may restore a filter that the other one still needs.
+# Drivers are normally separate processes. Here they are threads, which share warning filters: when
+# one restores the filters, it may remove one that the other still needs.
 @pytest.mark.filterwarnings("ignore:Consolidated metadata")
 def test_two_drivers_of_one_cube_lose_nothing(here, place):
-    """As on an object store, where no lock stops the second one; verified while they run."""
+    """As on an object store, no lock stops the second; the cube is verified while they run."""
     plan, job, outcomes, faults = toy.cube(tile=1), toy.job(tile=1), [], []
 
     def drive():

@@ -1,4 +1,4 @@
-"""Figures: the look of circles, which ω alone decides, and what all figures share."""
+"""Figures: the styles of circles, which ω alone determines, and what all figures share."""
 
 import os
 import subprocess
@@ -31,7 +31,7 @@ from workflows.shared.period_one import secondary_dataset
 
 ROOT = Path(__file__).parents[1]
 
-# Linear RGB as a dichromat sees it (Machado, Oliveira & Fernandes 2009, severity 1).
+# From linear RGB to what a dichromat sees (Machado, Oliveira & Fernandes 2009, severity 1).
 DICHROMATS = {
     "deuteranope": [
         [0.367322, 0.860646, -0.227968],
@@ -61,7 +61,7 @@ IN_THE_TIP = ["[0;1,3,4,3,(1)]", "[0;1,3,4,4,(1)]", "[0;1,3,4,4,2,(1)]", "[0;1,3
 
 
 def lab(colour, seen_by):
-    """Return CIE L*a*b*, with white point D65, of an sRGB colour as the dichromat sees it."""
+    """Return CIE L*a*b*, with white point D65, of an sRGB colour as a dichromat sees it."""
     rgb = np.array(to_rgb(colour))
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
     seen = np.clip(np.array(DICHROMATS[seen_by]) @ linear, 0, 1)
@@ -85,14 +85,14 @@ def test_circles_that_meet_on_the_boundary_differ_in_colour():
     assert len({(look["color"], look["marker"]) for look in looks}) == len(looks)
 
 
-def test_the_six_circles_of_the_paper_differ_and_the_golden_one_is_blue():
+def test_the_six_circles_of_the_paper_look_different_and_golden_is_blue():
     looks = [circle_style(str(parse(name)), 1) for name in NAMES]
     assert len({(look["color"], look["ls"]) for look in looks}) == len(NAMES)
     assert looks[0] == {"color": style.COLOURS[0], "marker": "o", "ls": "-"}
 
 
 def test_no_two_circles_of_a_figure_look_alike_and_simple_ones_keep_their_style():
-    """Circles of three kicks that share a colour and marker by default, and all 60 of a tree."""
+    """The cases are circles of three kicks that look alike by default, and all 60 of a tree."""
     alike = ["[0;1,3,(1)]", "[0;2,2,(1)]", "[1;3,(1)]"]
     assert len({str(circle_style(text)) for text in alike}) == 1
     tree = [f"[0;{a},{b},{c},(1)]" for a, b, c in product(range(1, 5), range(1, 6), range(2, 5))]
@@ -131,7 +131,7 @@ def test_the_picture_of_the_boundary_has_the_colours_of_its_circles():
         assert (shown == colour).all(axis=1).sum() > 100, text
 
 
-def test_a_figure_for_a_column_has_its_width_and_letters_instead_of_titles(tmp_path, monkeypatch):
+def test_a_figure_is_as_wide_as_its_column_with_letters_instead_of_titles(tmp_path, monkeypatch):
     monkeypatch.setattr(Figure, "savefig", SAVE)
     with style.sheet(column=True):
         figure, drawn = style.panels(1, 2, 12, 5)
@@ -207,7 +207,7 @@ print(len(changed))
         assert (theirs / path.name).read_bytes() == path.read_bytes(), path.name
 
 
-def test_a_figure_that_cannot_be_drawn_costs_no_result_and_no_other_figure(tmp_path, monkeypatch):
+def test_if_a_figure_cannot_be_drawn_results_and_other_figures_are_kept(tmp_path, monkeypatch):
     def failing(_):
         raise RuntimeError("no layout for this\nand more")
 
@@ -270,7 +270,7 @@ def test_faults_of_a_figure_are_detected():
     assert "markers 'o' are cut" in output
 
 
-def test_a_figure_is_saved_without_blank_strips_and_its_legend_is_close(tmp_path, monkeypatch):
+def test_a_saved_figure_has_no_blank_strips_and_its_legend_is_close_by(tmp_path, monkeypatch):
     monkeypatch.setattr(Figure, "savefig", SAVE)
     for column in (False, True):
         with style.sheet(column):
@@ -290,7 +290,7 @@ def test_a_figure_is_saved_without_blank_strips_and_its_legend_is_close(tmp_path
 
 @pytest.fixture(scope="module")
 def around():
-    """CB_gt of a plane without symmetry; some of its circles look alike by default."""
+    """Return CB_gt of a plane without symmetry; by default some of its circles look alike."""
     angles = np.linspace(0, 360, 25)
     texts = [
         *ON_THE_BOUNDARY,

@@ -28,7 +28,7 @@ WRITERS = {
 
 
 class Killed(BaseException):
-    """The process was killed here."""
+    """Raised where the process is killed."""
 
 
 def contents(folder):
@@ -36,7 +36,7 @@ def contents(folder):
 
 
 @pytest.mark.parametrize("writer", WRITERS)
-def test_a_kill_while_a_file_is_written_leaves_the_earlier_one(tmp_path, monkeypatch, writer):
+def test_a_kill_while_a_file_is_written_keeps_the_earlier_file(tmp_path, monkeypatch, writer):
     WRITERS[writer](tmp_path)
     for path in contents(tmp_path):
         path.write_bytes(b"of an earlier run")
@@ -64,15 +64,15 @@ def test_on_a_full_disk_only_the_earlier_file_remains(tmp_path):
     assert contents(tmp_path) == {tmp_path / "table.csv": b"an earlier run"}
 
 
-# Other code that writes: certificates and pictures, to memory; the keys of a cluster, to a new
-# folder that only this user can read.
+# Other code that writes: certificates and pictures are written to memory, and the keys of a cluster
+# to a new folder that only this user can read.
 OTHERS = {"pipeline/cubes/proved.py", "workflows/figures/style.py"}
 OTHERS |= {"pipeline/sweep/cluster.py", "workflows/examples/job_queue.py"}
 WRITE = {"write_text", "write_bytes", "to_csv", "savefig", "to_netcdf", "open", "touch"}
 
 
 def writes(call):
-    """Return whether a call opens or names a file that it writes."""
+    """Return True if a call writes to a file that it opens or names."""
     name = getattr(call.func, "attr", getattr(call.func, "id", ""))
     if name == "open":
         modes = [node.value for node in call.args[1:2] if isinstance(node, ast.Constant)]
@@ -80,7 +80,7 @@ def writes(call):
     return name in WRITE and bool(call.args)
 
 
-def test_every_file_of_a_command_is_written_by_one_function():
+def test_commands_write_all_their_files_with_one_function():
     result = set()
     for folder in ("workflows", "pipeline"):
         for path in (ROOT / folder).rglob("*.py"):

@@ -61,16 +61,16 @@ def test_failed_tiles_raise_an_exception_and_the_others_are_kept(here, tmp_path)
     assert len(store.missing(store.place_of(tmp_path), job.cube)) == 1
 
 
-def test_other_settings_raise_an_exception(here, tmp_path):
+def test_filling_a_cube_with_different_settings_raises_an_exception(here, tmp_path):
     pipeline.fill(toy.job(), tmp_path, here(), progress=False)
     with pytest.raises(pipeline.Refused, match="depth is None, not 2"):
         pipeline.fill(toy.job(depth=2), tmp_path, here(), progress=False)
 
 
-# Threads share warning filters: one of them may restore a filter that the other one still needs.
+# Threads share warning filters: when one restores them, another may lose one that it still needs.
 @pytest.mark.filterwarnings("ignore:Consolidated metadata")
-def test_fill_runs_in_a_thread_and_beside_a_running_event_loop(here, tmp_path):
-    """Fill two directories at a time, as from a notebook cell and from a program's thread."""
+def test_fill_runs_in_a_thread_and_under_a_running_event_loop(here, tmp_path):
+    """Fill two directories at once, as from a notebook cell and from a program's thread."""
     cubes = {}
 
     def fill(out):
@@ -132,7 +132,7 @@ def test_an_estimate_counts_only_missing_tiles(here, tmp_path):
     assert pipeline.estimate(job, tmp_path / "out").tiles == 0
 
 
-def test_a_message_names_a_few_failed_tiles():
+def test_a_message_names_only_the_first_failed_tiles():
     failed = {(i, 0): "no answer" for i in range(9)}
     assert str(pipeline.TilesFailed("toy", failed)).endswith("(2, 0), no answer; and 6 more")
     assert fills.Interrupted("toy", 1, {}).remaining == 1
@@ -177,7 +177,7 @@ def test_a_bad_argument_of_a_job_is_named(maker, name, value):
         make(**arguments | {name: value})
 
 
-def test_a_job_has_the_cube_of_the_command():
+def test_a_job_made_in_python_has_the_same_cube_as_the_command():
     from nasm.planes import two_kicks
     from pipeline.cubes.barrier import last_barrier
 

@@ -1,4 +1,4 @@
-"""A worker's first call compiles all kernels that a job's tiles need, so that no tile waits."""
+"""A worker's first call compiles the kernels of a job, so that no tile waits: two tiles of each."""
 
 import json
 import subprocess
@@ -15,7 +15,7 @@ from workflows.shared.run import Run
 
 WITHOUT_SWEEPS = """ask explore period_one portraits ramp self_consistent stability status verify
     work_precision"""
-# The gallery runs the others.
+# The gallery only runs other commands.
 SWEEPING = [name for name in SMALLEST if name not in (*WITHOUT_SWEEPS.split(), "gallery")]
 
 

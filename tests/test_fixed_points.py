@@ -1,4 +1,4 @@
-"""Secondary fixed points against the map itself, and Eq. (38b) expanded where they branch off."""
+"""Secondary fixed points compared with the map, and with Eq. (38b) expanded at their birth."""
 
 import numpy as np
 import pytest

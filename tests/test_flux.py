@@ -1,4 +1,4 @@
-"""The flux through broken circles, against areas, exact reductions and renormalisation."""
+"""The flux through broken circles, compared with areas, exact reductions and renormalisation."""
 
 import math
 
@@ -8,9 +8,9 @@ from oracles import LITERATURE
 
 from nasm import maps, periodic
 from nasm.action import ordered_orbits
-from nasm.critical import Status
 from nasm.flux import action_difference, flux
 from nasm.numbers import parse
+from nasm.results import Status
 
 GOLDEN = parse("gamma")
 GOLDEN_AXIS = periodic.critical_scale(GOLDEN, (1.0, 0.0)).value
@@ -44,7 +44,7 @@ def test_the_difference_in_action_is_the_area_of_the_turnstile(kappa, p, q):
     assert action_difference(kappa, p, q) == pytest.approx(expected, rel=1e-6)
 
 
-def test_the_action_difference_of_the_fixed_points_is_that_of_the_potential():
+def test_the_action_difference_of_fixed_points_is_the_potential_difference():
     # Between (0, 0) and (1/2, 0) it is exactly the difference in potential.
     assert action_difference((0.8,), 0, 1) == pytest.approx(0.8 / (2 * math.pi**2), rel=1e-14)
 
@@ -56,13 +56,13 @@ def test_nothing_passes_through_a_circle(part):
     assert abs(result.value) <= result.error < 1e-15
 
 
-def test_at_the_breakup_there_is_no_answer():
+def test_at_the_breakup_there_is_no_value():
     result = flux(GOLDEN, (GOLDEN_AXIS, 0.0))
     assert result.status is Status.NOT_CONVERGED
     assert math.isnan(result.value)
 
 
-def test_the_claimed_error_covers_longer_orbits():
+def test_the_claimed_error_covers_the_change_due_to_longer_orbits():
     for excess in (1e-3, 1e-2, 0.1):
         kappa = (GOLDEN_AXIS * (1 + excess), 0.0)
         answers = (flux(GOLDEN, kappa, q_max) for q_max in (50, 200, 800, 3200, 12_800))
@@ -70,8 +70,9 @@ def test_the_claimed_error_covers_longer_orbits():
         assert abs(rough.value - fine.value) < rough.error < 0.011 * rough.value
 
 
-def test_renormalisation_gives_the_exponent():
-    # MacKay's ln(αβ)/ln δ, approached from below; the deviation is proportional to the distance.
+def test_the_exponent_agrees_with_renormalisation():
+    # The exponent approaches MacKay's ln(αβ)/ln δ from below; the deviation is proportional to the
+    # distance from the breakup.
     x = np.array([5e-4, 1e-3, 2e-3])
     values = [flux(GOLDEN, (GOLDEN_AXIS * (1 + e), 0.0)).value for e in x]
     slopes = np.diff(np.log(values)) / np.log(2)
@@ -81,9 +82,10 @@ def test_renormalisation_gives_the_exponent():
 
 
 @pytest.mark.parametrize(("kappa", "p", "q"), [(0.9, 377, 305), (1.2, 21, 17), (1.8, 21, 17)])
-def test_the_standard_map_has_a_flux_with_convergents_that_have_even_denominators(kappa, p, q):
-    # Convergents of 2γ: 5/4, 21/17, 89/72, 377/305. For 4 and 72 the minimizing orbit has no centre
-    # on a site of P = 1. The longest of the others found there is already close to the limit.
+def test_the_standard_map_has_a_flux_though_some_denominators_are_even(kappa, p, q):
+    # Convergents of 2γ: 5/4, 21/17, 89/72, 377/305. For q = 4 and 72 the minimizing orbit has no
+    # symmetry centre on a site if P = 1. Of the other orbits, the longest that is found at each
+    # strength is already close to the limit.
     result = flux(parse("2gamma"), (kappa,))
     assert result.status is Status.OK
     assert result.error < 1e-2 * result.value

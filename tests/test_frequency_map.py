@@ -1,4 +1,4 @@
-"""Frequency maps against exact rotations, a symmetry, and time series of the same orbits."""
+"""Frequency maps compared with exact rotations, a symmetry, and time series of their orbits."""
 
 import numpy as np
 from commands import invoke, succeed
@@ -9,7 +9,7 @@ from pipeline import jobs, store
 
 
 def computed(*arguments):
-    """Return the coordinates and arrays of a frequency map, as one tile."""
+    """Return the coordinates and arrays of a frequency map, computed as one tile."""
     job = jobs.frequency_map(*arguments)
     coords = {name: job.cube.template[name].values for name in "xy"}
     return coords, job.compute(coords, job.cube.settings)
@@ -30,7 +30,7 @@ def test_the_map_has_the_symmetry_of_the_forcing():
     assert (np.abs(omega + omega[::-1, ::-1])[both] < 2 * 10.0**-few).mean() > 0.98
 
 
-def test_omega_of_a_cell_is_that_of_its_orbit_as_a_time_series():
+def test_omega_of_a_cell_agrees_with_the_time_series_of_its_orbit():
     kappa = (0.4, 0.1, 0.2)
     coords, arrays = computed(kappa, "0:1:6", "0:0.5:6", 2000)
     x, _ = orbits.orbit(kappa, *np.meshgrid(coords["x"], coords["y"]), 2000)
@@ -41,7 +41,7 @@ def test_omega_of_a_cell_is_that_of_its_orbit_as_a_time_series():
     assert (np.abs(omega - arrays["omega"]) < errors)[regular].all()
 
 
-def test_the_command_sweeps_the_cube_of_the_function(tmp_path, workers):
+def test_the_command_computes_the_same_map_as_the_function(tmp_path, workers):
     options = ["--position", "0:1:8", "--momentum", "0:1:8", "--n-max", "100", *workers]
     succeed("frequency_map", tmp_path, "0.3", "-0.2", *options)
     cube = store.read(store.place_of(tmp_path), "frequency_map")

@@ -1,4 +1,4 @@
-"""The Python examples of pipeline/README.md run as printed, and do what they claim."""
+"""The Python examples in pipeline/README.md run as printed, and do what they claim."""
 
 import re
 import runpy
@@ -19,14 +19,17 @@ README = (ROOT / "pipeline/README.md").read_text(encoding="utf-8")
 
 
 def page(heading):
-    """The code below a heading."""
+    """Return the code below a heading."""
     (text,) = re.findall(rf"^##+ {heading}\n.*?```python\n(.*?)```", README, re.S | re.M)
     return text
 
 
 @pytest.fixture
 def run(here, tmp_path, monkeypatch):
-    """Run an example as a script in a folder, on existing workers; return what it prints."""
+    """Return a function that runs an example as a script and returns what it prints.
+
+    The script runs in a folder of its own, on existing workers.
+    """
     fill = pipeline.fill
     monkeypatch.setattr(pipeline, "fill", lambda job, out, workers: fill(job, out, here()))
 
@@ -95,7 +98,7 @@ def test_the_example_that_reads_a_cube_selects_by_status(run, tmp_path, monkeypa
     assert history == f"{xr.open_zarr(path).attrs['created']} {call}"
     monkeypatch.chdir(tmp_path)
     code = zarr.open_array(path / "status", mode="r+")
-    code[1] = 11  # undecided; a chunk of this cube is a tile
+    code[1] = 11  # undecided; each chunk of this cube is one tile
     names = {}
     with redirect_stdout(StringIO()) as output:
         exec(page("Reading a cube"), names)
@@ -133,7 +136,7 @@ def test_a_job_records_the_call_that_made_it():
     assert length.call.startswith("pipeline.over_plane(overlap_of, 'two-kicks', ")
 
 
-def test_the_table_lists_all_makers():
+def test_the_table_lists_all_functions_that_make_jobs():
     table = set(re.findall(r"^\| `pipeline\.(\w+)\(", README, re.M))
     names = {name: getattr(pipeline, name) for name in dir(pipeline)}
     assert table == {k for k, v in names.items() if getattr(v, "__module__", "") == "pipeline.jobs"}

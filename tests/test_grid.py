@@ -29,7 +29,7 @@ def test_centres_lie_in_the_middle_of_their_cells():
     assert Axis(-1, 1, 4).bounds.tolist() == [[-1, -0.5], [-0.5, 0], [0, 0.5], [0.5, 1]]
 
 
-def test_a_coarser_axis_has_the_means_of_the_finer_ones_centres():
+def test_centres_of_a_coarser_axis_are_means_of_the_finer_centres():
     axis = Axis(-0.3, 1.1, 12)
     np.testing.assert_allclose(
         axis.coarsened(4).centres, axis.centres.reshape(3, 4).mean(axis=1), atol=1e-15
@@ -37,7 +37,7 @@ def test_a_coarser_axis_has_the_means_of_the_finer_ones_centres():
 
 
 @given(st.floats(-9, 0), st.floats(1, 9), lengths)
-def test_an_axis_can_be_read_back(lo, hi, n):
+def test_an_axis_can_be_parsed_from_its_text(lo, hi, n):
     assert parse_axis(f"{lo!r}:{hi!r}:{n}") == Axis(lo, hi, n)
 
 
@@ -52,14 +52,14 @@ def a_second_a_cell(coords, settings):
 @pytest.mark.parametrize(
     ("cells", "predict", "tile"),
     [
-        (50, a_millisecond_a_cell, 1),  # 2500 tiles are few
-        (130, a_millisecond_a_cell, 2),  # 65² tiles; a quarter of them would be few
-        (2000, a_millisecond_a_cell, 16),  # a tile of 32² takes 1 s, but there are only 3969
-        (8000, a_millisecond_a_cell, 32),  # a tile of 64² takes 4 s
+        (50, a_millisecond_a_cell, 1),  # 2500 tiles are already few
+        (130, a_millisecond_a_cell, 2),  # 65² tiles; a quarter of that would be too few
+        (2000, a_millisecond_a_cell, 16),  # tiles of 32² would take 1 s, but number only 3969
+        (8000, a_millisecond_a_cell, 32),  # tiles of 64² would take 4 s
         (8000, a_second_a_cell, 1),
     ],
 )
-def test_cheap_tiles_are_joined_as_long_as_thousands_are_left(cells, predict, tile):
+def test_cheap_tiles_are_joined_as_long_as_thousands_remain(cells, predict, tile):
     job = join_tiles(toy.job(cells, cells, 1, predict=predict))
     assert job.cube.tile == {"row": tile, "column": tile}
     again = join_tiles(toy.job(cells, cells, 1, predict=predict)).cube

@@ -20,7 +20,7 @@ PACKAGES = {module.removesuffix(".__init__") for module in MODULES if "__init__"
 
 @cache
 def imports(module):
-    """Return the names of all that the module imports, inside functions too.
+    """Return the names of everything that the module imports, inside functions too.
 
     For `from a import b` these are a.b, and a if it is a module.
     """
@@ -31,7 +31,7 @@ def imports(module):
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0  # imports are absolute
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
-            names |= {node.module} - PACKAGES  # of a package, only imported names count
+            names |= {node.module} - PACKAGES  # for a package, only the imported names count
     return names
 
 
@@ -49,7 +49,7 @@ MORE = {"arithmetic.kernels": "filelock", "proofs.barrier": "flint", "proofs.pat
 
 
 @pytest.mark.parametrize("module", NASM)
-def test_nasm_imports_nothing_for_files_clusters_or_plots_and_the_checker_no_proof(module):
+def test_nasm_imports_only_allowed_libraries_and_the_checker_only_flint(module):
     allowed = {"nasm", "lazy_loader", "llvmlite", "numba", "numpy", "rocket_fft", "scipy"}
     allowed.add(MORE.get(module.removeprefix("nasm."), "nasm"))
     if module == "nasm.proofs.certificate_checker":
@@ -87,7 +87,7 @@ def test_figures_compute_no_physics_directly_or_through_their_imports(module):
 
 
 def home(name):
-    """Return the subpackage of a name of nasm, or its top-level module."""
+    """Return the subpackage or top-level module of nasm to which a name belongs."""
     return ".".join(name.split(".")[:2])
 
 

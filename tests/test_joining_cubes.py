@@ -1,4 +1,4 @@
-"""Cubes of different rays are joined by plain xarray, and texts stay texts or are missing."""
+"""Plain xarray joins cubes of different rays; strings stay strings, or become missing values."""
 
 import json
 from pathlib import Path
@@ -19,7 +19,7 @@ TIED = {0.0: "[0;2,(1)]"}
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """A store with two cubes of the boundary, in which one ray has no answer."""
+    """Return a store with two cubes of the boundary, in which one ray has no answer."""
     place = store.place_of(tmp_path_factory.mktemp("cubes"))
     for name, angles in RAYS.items():
         result = barrier.boundary(angles, 0.1)
@@ -30,12 +30,12 @@ def place(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def opened(place):
-    """The cubes as any user of xarray opens them, read lazily."""
+    """Return the cubes as any user of xarray would open them, without loading their data."""
     return [xr.open_zarr(place.cube(name), chunks=None) for name in RAYS]
 
 
 def texts(variable, expected):
-    """True if a variable holds the expected text at each angle, and NaN where it is missing."""
+    """Return True if each angle has the expected text, or NaN where no text is expected."""
     pairs = zip(variable.values, variable.angle.values.tolist(), strict=True)
     return all(
         text == expected[angle] if expected.get(angle) else pd.isna(text) for text, angle in pairs
@@ -60,7 +60,7 @@ def test_cubes_of_different_rays_merge_and_missing_circles_stay_missing(opened):
     assert texts(one.reindex(angle=[0.0, 1.0]).circle, {0.0: CIRCLES[0.0]})
 
 
-def test_runs_concatenate_along_a_new_dimension_to_netcdf_and_csv(opened, tmp_path):
+def test_runs_joined_along_a_new_dimension_can_be_saved_as_netcdf_and_csv(opened, tmp_path):
     runs = xr.concat(opened, "run", join="outer", coords="different", compat="equals")
     for run, angles in enumerate(RAYS.values()):
         assert texts(runs.circle.isel(run=run), only(CIRCLES, angles))
@@ -75,7 +75,7 @@ def test_runs_concatenate_along_a_new_dimension_to_netcdf_and_csv(opened, tmp_pa
     assert scales.isel(run=1).groupby("circle").count().critical_scale.sel(circle="[0;(1)]") == 2
 
 
-def test_the_program_reads_its_texts_as_it_wrote_them(place):
+def test_the_program_reads_strings_as_it_wrote_them(place):
     cube = store.read(place, "a")
     assert cube.circle.values.tolist() == [CIRCLES[angle] for angle in RAYS["a"]]
     assert cube.tied.values.tolist() == [TIED.get(angle, "") for angle in RAYS["a"]]

@@ -1,4 +1,4 @@
-"""The table of judged forcings is consistent, judges detect errors, no search contradicts it."""
+"""Checks of the table of judged forcings and of its judges; no search contradicts the table."""
 
 from collections import Counter
 from dataclasses import replace
@@ -14,7 +14,7 @@ from cases import thirds
 from judged import image, table
 
 from nasm import barriers, numbers, symmetries
-from nasm.critical import CriticalScale, Status
+from nasm.results import CriticalScale, Status
 
 ROWS = table()
 JUDGED = {n: row for n, row in ROWS.items() if row.image_of is None}
@@ -34,7 +34,7 @@ def test_every_row_is_complete_and_in_order():
             assert row.value == pytest.approx((row.lower + row.upper) / 2, rel=1e-15)
 
 
-def test_images_follow_from_their_rows():
+def test_images_agree_with_the_rows_from_which_they_are_derived():
     images = [row for row in ROWS.values() if row.number not in JUDGED]
     assert len(images) > 20
     assert [row.number for row in images if judge_forcings.doubts(row)] == []
@@ -50,12 +50,12 @@ def test_an_image_of_a_forcing_is_equivalent_to_it(operations):
     assert any(np.array_equal(form, profile) for form in equivalent)
 
 
-def test_pauses_and_repetitions_shorten_to_the_same_forcing():
+def test_repetitions_shorten_to_the_same_forcing_and_pauses_rescale_y():
     row = replace(next(iter(ROWS.values())), profile=(0.3, 0.1), start=None)
     repeated, _, factor, _ = image(row, "repeat 3")
     (short,), _ = symmetries.shorten([repeated], numbers.parse("gamma"))
     assert (tuple(short), factor) == ((0.3, 0.1), 1)
-    # With kicks n sites apart, y → y/n: the sites are those under n times the kick.
+    # With kicks n sites apart and y → y/n, x at the kicks is as under kicks n times as strong.
     paused, _, factor, _ = image(row, "pause 3")
     assert (paused, factor) == ((0.3, 0, 0, 0.1, 0, 0), 1 / 3)
     x, y = 0.2, 0.15
@@ -100,7 +100,7 @@ def test_a_false_row_is_doubted(name, factor, words):
     assert words in " ".join(judge_forcings.doubts(false))
 
 
-def test_a_search_is_contradicted_by_deviations_larger_than_the_errors():
+def test_a_row_contradicts_a_search_that_deviates_by_more_than_the_errors():
     row = replace(
         ROWS[min(ROWS)], value=1.0, error=1e-6, lower=0.999, upper=1.001, method="bracket"
     )

@@ -22,7 +22,7 @@ HALF = """
 def half(x):
     return x / 2 if x > 0 else x * 2.0
 """
-# A program that calls it and saves it so slowly that other writers have time to interfere.
+# A program that calls `half` and saves it so slowly that other writers have time to interfere.
 SLOWLY = f"""
 import sys, time
 from numba.core.caching import IndexDataCacheFile
@@ -33,7 +33,7 @@ IndexDataCacheFile._save_index = lambda *a: (time.sleep(0.5), save(*a))
 print(*(half(5) if kind == "int" else half(5.0) for kind in sys.argv[1:]), end=" ")
 print(sum(half.stats.cache_hits.values()))
 """
-# A program whose kernel inlines a function of another file.
+# A program whose kernel inlines a function from another file.
 SINE = """
 from nasm.arithmetic import kernels, sine
 
@@ -44,7 +44,7 @@ def turned(x):
 print(turned(0.1))
 """
 
-# The same, after an edit of that file that this process has loaded, and which is then undone.
+# The same, but the process has loaded an edited version of that file; the edit is then undone.
 EDITING = """
 import importlib, os, warnings
 from pathlib import Path
@@ -72,7 +72,7 @@ assert "sources of nasm have changed" in str(given[0].message)
 
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
-    """The directory of kernels as a new process finds it, and a function that changes it."""
+    """Yield the directory of kernels as a new process finds it, and a function to set another."""
 
     def at(folder):
         monkeypatch.setattr(config, "CACHE_DIR", str(folder))
@@ -86,7 +86,10 @@ def kept(tmp_path, monkeypatch):
 
 @pytest.fixture
 def half(tmp_path):
-    """What a small kernel returns for some values, and how many of its types came from disk."""
+    """Return a function that calls a small kernel with some values.
+
+    It returns the results, and how many of the kernel's types came from disk.
+    """
     script = tmp_path / "script.py"
     script.write_text(HALF)
     code = compile(HALF, script, "exec")
@@ -143,7 +146,7 @@ def test_a_kernel_that_cannot_be_kept_is_compiled_without_a_warning(half, kept, 
 
 
 def loosen(path, mode):
-    """Make a file or directory writable for others, or give it to another user."""
+    """Make a file or directory writable by others, or give it to another user."""
     if mode is None:
         os.chown(path, 54321, -1)
     else:
@@ -172,7 +175,7 @@ def test_kernels_that_others_can_write_are_refused_with_one_warning(half, kept, 
 
 @pytest.mark.parametrize("mode", OTHERS)
 @pytest.mark.parametrize("suffix", ["nbc", "nbi"])
-def test_a_file_of_a_kernel_that_others_can_write_is_not_loaded(half, kept, suffix, mode):
+def test_kernel_files_that_others_can_write_are_not_loaded(half, kept, suffix, mode):
     half(5.0)
     for file in kept[0].glob(f"*.{suffix}"):
         loosen(file, mode)
@@ -252,7 +255,7 @@ def test_kernels_are_kept_even_on_a_file_system_without_locks(half, kept, monkey
     assert half(5, 5.0) == (2.5, 2.5, 2)
 
 
-def test_two_types_kept_at_once_without_a_lock_have_their_own_files(half, kept, monkeypatch):
+def test_two_signatures_saved_at_once_without_a_lock_have_their_own_files(half, kept, monkeypatch):
     monkeypatch.setattr(FileLock, "acquire", _no_locks)
     save_index = IndexDataCacheFile._save_index
 
@@ -266,7 +269,7 @@ def test_two_types_kept_at_once_without_a_lock_have_their_own_files(half, kept, 
     assert len(list(kept[0].glob("*.nbc"))) == 2
 
 
-def test_kernels_are_read_from_a_directory_that_cannot_be_written(half, kept, monkeypatch):
+def test_kernels_are_loaded_from_a_read_only_directory(half, kept, monkeypatch):
     half(5.0)
 
     def refuse(*_, **__):

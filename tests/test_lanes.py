@@ -9,13 +9,13 @@ from nasm.arithmetic.lanes import FEW, LANES, fma, load, rint, store
 
 RNG = np.random.default_rng(2)
 A, B, C = RNG.uniform(-1, 1, (3, LANES)) * 2.0 ** RNG.integers(-40, 40, (3, LANES))
-A[:6] = 0.5, 1.5, -2.5, -0.25, -0.0, 2.0**60  # rounding ties, signed zeros, too large for fractions
+A[:6] = 0.5, 1.5, -2.5, -0.25, -0.0, 2.0**60  # ties, signed zeros, too large to have a fraction
 B[:6] = 0.5, -1.5, 2.5, 0.25, 0.0, -(2.0**60)
 F = 0.1  # a float among lanes
 
 
 def exact_fma(a, b, c):
-    """a·b + c in rational arithmetic, then the nearest float."""
+    """Return a·b + c, computed in rational arithmetic and rounded to the nearest float."""
     triples = np.broadcast(a, b, c)
     return np.array([float(Fraction(a) * Fraction(b) + Fraction(c)) for a, b, c in triples])
 
@@ -38,7 +38,7 @@ _load, _keep = njit(lambda array: load(array, 0)), njit(lambda number: number)
 
 
 def on_lanes(name, a, b, c):
-    """The operation on lanes; an argument that is a float stays one."""
+    """Apply the operation to lanes; arguments that are floats stay floats."""
     operation = COMPILED[name]
     get_a, get_b, get_c = (_load if isinstance(x, np.ndarray) else _keep for x in (a, b, c))
 
@@ -62,7 +62,7 @@ def test_lanes_numpy_and_floats_agree_to_the_last_bit(name):
     assert_same_bits(result, list(map(COMPILED[name], A, B, C)))
 
 
-def test_a_float_in_any_place_fills_all_lanes():
+def test_a_float_in_any_position_is_broadcast_to_all_lanes():
     for name in list(OPERATIONS)[:6]:
         assert_same_bits(on_lanes(name, A, F, C), OPERATIONS[name][1](A, F))
         assert_same_bits(on_lanes(name, F, B, C), OPERATIONS[name][1](F, B))
@@ -83,13 +83,13 @@ def test_few_lanes_are_the_first_of_many():
 
 
 @pytest.mark.parametrize("name", ["maximum", "minimum"])
-def test_the_second_argument_wins_where_there_is_a_nan(name):
+def test_the_second_argument_is_returned_if_either_is_nan(name):
     nans, ones = np.full(LANES, np.nan), np.ones(LANES)
     assert_same_bits(on_lanes(name, nans, ones, C), ones)
     assert_same_bits(on_lanes(name, ones, nans, C), nans)
 
 
-def test_lanes_are_loaded_from_any_index_and_stored_at_any():
+def test_lanes_can_be_loaded_from_and_stored_at_any_index():
     @njit
     def move(source, start, target, target_start):
         store(target, target_start, load(source, start))
@@ -101,7 +101,7 @@ def test_lanes_are_loaded_from_any_index_and_stored_at_any():
     assert not target[-4:].any()
 
 
-def test_own_frame_is_aligned_and_never_inlined():
+def test_a_function_with_its_own_frame_is_aligned_and_never_inlined():
     @njit
     def framed(a):
         lanes.own_frame()

@@ -19,8 +19,8 @@ from oracles import KAPPA_G
 from nasm import Answer, Evidence, barriers, circles, escape, flux, periodic, verdict
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
-from nasm.critical import Status
 from nasm.numbers import NAMES, RotationNumber, moebius, parse
+from nasm.results import Status
 from nasm.symmetries import ray
 
 GAMMA = parse("gamma")

@@ -10,9 +10,9 @@ from oracles import KAPPA_G, LITERATURE
 from nasm import periodic, survivors
 from nasm.action import ordered_orbits
 from nasm.circles import continuation
-from nasm.critical import Status
 from nasm.maps import step, step_tangent
 from nasm.numbers import NAMES, parse
+from nasm.results import Status
 from nasm.symmetries import ray
 
 GAMMA = parse("gamma")

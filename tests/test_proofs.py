@@ -12,9 +12,9 @@ from cases import thirds
 from commands import invoke, succeed
 
 from nasm import barriers, proofs
-from nasm.critical import Status
 from nasm.numbers import parse
 from nasm.planes import two_kicks
+from nasm.results import Status
 from nasm.symmetries import ray
 from pipeline import store
 from pipeline.cubes.cube import NOT_COMPUTED

@@ -6,13 +6,13 @@ import pickle
 import numpy as np
 import pytest
 
-from nasm import circles, critical, periodic, planes, self_consistent
+from nasm import circles, periodic, planes, self_consistent
 from nasm.converse_kam.transversal import Transversal
-from nasm.critical import CriticalScale, Status
 from nasm.diffusion import Diffusion
 from nasm.flux import Flux
 from nasm.manifolds import Turnstile
 from nasm.numbers import parse
+from nasm.results import CriticalScale, Status, no_answer
 from nasm.verdicts import verdict
 
 GAMMA = parse("gamma")
@@ -44,7 +44,7 @@ def test_results_are_equal_if_all_that_they_hold_is_equal(name):
 
 def test_planes_and_critical_scales_are_hashable():
     assert len({planes.two_kicks(), planes.two_kicks(), planes.three_kicks(0.1)}) == 2
-    nothing = [critical.no_answer(None, Status.RATIONAL) for _ in range(2)]
+    nothing = [no_answer(None, Status.RATIONAL) for _ in range(2)]
     assert len({*nothing, CriticalScale(1, 0, 0, 2, None, Status.OK)}) == 2
 
 
@@ -66,7 +66,7 @@ def test_a_critical_scale_prints_with_the_digits_of_its_error():
 
 
 def test_a_critical_scale_without_a_value_prints_the_reason_and_the_cure():
-    text = repr(critical.no_answer(None, Status.NO_CIRCLE))
+    text = repr(no_answer(None, Status.NO_CIRCLE))
     assert text == f"CriticalScale(no value, NO_CIRCLE: {Status.NO_CIRCLE.value})"
     one_end = CriticalScale(np.nan, np.nan, np.nan, 1.25, None, Status.NOT_CONVERGED)
     assert "no value, upper 1.25, NOT_CONVERGED" in repr(one_end)
@@ -81,7 +81,7 @@ def test_critical_scales_of_any_size_print(value):
 def test_a_notebook_shows_a_critical_scale_as_a_table():
     html = CriticalScale(0.5, 0.01, np.nan, 0.6, GAMMA, Status.OK, "a < b")._repr_html_()
     assert html.startswith("<table>")
-    for cell in "0.500 ± 0.01", "none exists at 0.6", "[0;(1)] = 0.61803398875 per period":
+    for cell in "0.500 ± 0.01", "none is found at 0.6", "[0;(1)] = 0.61803398875 per period":
         assert f"<td>{cell}</td>" in html
     assert "<td>a &lt; b</td>" in html
     assert "a circle exists" not in html

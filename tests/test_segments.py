@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from nasm import barriers, periodic
-from nasm.critical import Status
+from nasm.results import Status
 from nasm.symmetries import ray
 
 ASYMMETRIC = np.array((1, 0.7, 0.3))

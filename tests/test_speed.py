@@ -1,7 +1,7 @@
-"""Speed, as ratios within one run: `python -m pytest -m benchmark -s`.
+"""Compare speeds within one run: `python -m pytest -m benchmark -s`.
 
-Other programs on the machine affect every timing; versions are therefore timed in turn, in CPU
-seconds, and their medians compared.
+Other programs on the machine affect every timing. The functions to be compared are therefore timed
+in turn, in CPU seconds, and the medians of their times are compared.
 """
 
 import time
@@ -20,11 +20,11 @@ from pipeline import fill
 
 pytestmark = pytest.mark.benchmark
 
-KAPPA = (0.3, 0.3)  # nothing escapes, so that the kernel runs at its steady speed
+KAPPA = (0.3, 0.3)  # no orbit escapes, so that the kernels run at their steady speed
 
 
 def median_times(*timed, repeats=9):
-    """Return the median CPU seconds of each function, called in turn."""
+    """Return the median CPU seconds of each function; the functions are called in turn."""
     times = np.empty((repeats, len(timed)))
     for row in times:
         for i, function in enumerate(timed):
@@ -35,7 +35,7 @@ def median_times(*timed, repeats=9):
 
 
 def per_unit(unit, timed, counts):
-    """Print and return the nanoseconds per unit of work of each function of {name: function}."""
+    """Print and return the nanoseconds per unit of work for each function in {name: function}."""
     for function in timed.values():
         function()
     times = median_times(*timed.values()) * 1e9 / np.array(counts)
@@ -44,11 +44,11 @@ def per_unit(unit, timed, counts):
     return times
 
 
-def test_the_kernel_against_plain_numba():
+def test_the_speed_of_the_kernels_relative_to_plain_numba():
     n_orbits, n = 1024, 20_000
     x, y = escape.ensemble(n_orbits)
-    few, short = slice(0, 64), 4000  # the plain kernel is slow; time less of it
-    line = np.linspace(0.2, 0.3, 256)  # of starts that all survive such weak kicks
+    few, short = slice(0, 64), 4000  # plain Numba is slow: time fewer orbits and steps
+    line = np.linspace(0.2, 0.3, 256)  # starts that all survive such weak kicks
     kicks = escape.kick_series(np.array(KAPPA))
     timed = {
         "plain Numba": lambda: oracles.escape_time(KAPPA, x[few], y[few], short),
@@ -86,8 +86,8 @@ def test_a_newton_step_of_a_circle_costs_n_log_n():
     assert (times[0] < times[1]).all()
 
 
-def test_fill_adds_less_than_a_millisecond_a_tile_to_the_sweep(here, tmp_path):
-    """Both write what they compute; both times include the CPU time of the workers (threads)."""
+def test_fill_adds_less_than_a_millisecond_per_tile_to_the_sweep(here, tmp_path):
+    """Both store their results; both times include the CPU time of the workers (threads)."""
     side, places = 20, (tmp_path / str(n) for n in range(100))
 
     def swept():

@@ -1,6 +1,7 @@
-"""Guarantees of the store, for every kind of place: a directory, and an S3-compatible object store.
+"""Guarantees of the store, for both kinds of place: a directory and an S3-compatible object store.
 
-Sweeps under faults are in `test_sweep` and `test_campaign`; here tiles are committed one by one.
+Here tiles are committed one by one; `test_sweep` and `test_campaign` test sweeps that fail or are
+interrupted.
 """
 
 import dataclasses
@@ -93,7 +94,7 @@ def test_committed_tiles_can_be_read_with_plain_xarray_and_contain_no_secret(pla
         warnings.simplefilter("error")
         cube, records = xr.open_zarr(path), xr.open_zarr(path, group="tiles")
         assert np.array_equal(cube.wave, toy.serial(plan)["wave"])
-        assert len(cube.to_dataframe()) == cube.wave.size  # no record of the sweep among the data
+        assert len(cube.to_dataframe()) == cube.wave.size  # the data contain no commit records
         assert records.commit.shape == (2, 4, 5)
     assert cube.attrs | {"title": "toy", "depth": 3} == cube.attrs
     provenance = {"config_hash", "source", "history", "computed_by", "package_version", "created"}
@@ -106,12 +107,12 @@ def test_committed_tiles_can_be_read_with_plain_xarray_and_contain_no_secret(pla
 
 
 class Cut(Exception):
-    """A process was killed here."""
+    """Raised where the process would be killed."""
 
 
 @contextmanager
 def killed_at_put(monkeypatch, n):
-    """End the block as a kill would, before put number n, counted from 0."""
+    """Interrupt the block, as a kill would, just before write number n, counted from 0."""
     puts = iter(range(1000))
 
     def cut(put):
@@ -130,19 +131,19 @@ def killed_at_put(monkeypatch, n):
 
 
 @pytest.mark.parametrize("n", thirds([0, 1, 2, 5, 8, *range(13, 20)]))
-def test_a_run_killed_before_any_of_its_puts_is_completed_by_the_next_run(on_disk, monkeypatch, n):
-    plan, other = (toy.cube(tile=10, depth=depth) for depth in (1, 2))  # of two tiles
+def test_a_run_killed_before_any_of_its_writes_is_completed_by_the_next(on_disk, monkeypatch, n):
+    plan, other = (toy.cube(tile=10, depth=depth) for depth in (1, 2))  # cubes of two tiles
     with killed_at_put(monkeypatch, n):
         fill(on_disk, plan)
     if n:  # part of the cube exists; other settings are refused
         with pytest.raises(store.Refused, match="depth is 1, not 2"):
             store.create(on_disk, other, US)
     records = [key for key in contents(on_disk) if f"/{COMMIT}/c/" in key]
-    assert fill(on_disk, plan) == 2 - len(records)  # a record is the last put of its tile
+    assert fill(on_disk, plan) == 2 - len(records)  # a tile's record is written last
     toy.assert_complete(on_disk, plan)
 
 
-def test_a_tile_of_wrong_shape_or_values_is_refused_and_one_of_fill_values_is_stored(on_disk):
+def test_tiles_that_do_not_fit_are_refused_but_fill_values_are_stored(on_disk):
     store.create(on_disk, toy.cube(tile=13), US)
     empty = {"wave": np.full((2, 10, 13), np.nan), "sign": np.zeros((10, 13))}
     wrong = np.zeros((10, 12)), 1, np.full((10, 13), np.nan), np.full((10, 13), 128)
@@ -174,7 +175,7 @@ def test_a_cube_records_the_program_and_the_call_that_made_it(place):
     call = "pipeline.fill(job, 's3://host/rays')"
     assert attributes["history"] == f"{attributes['created']} {call} "
     before = contents(place)
-    fill(place, plan, [])  # by a call that passes no text
+    fill(place, plan, [])  # without the text of a call
     store.create(place, plan, US, "another call")
     assert contents(place) == before
     assert plan.config_hash == toy.cube(depth=1).config_hash == attributes["config_hash"]
@@ -185,7 +186,7 @@ def test_a_cube_records_the_program_and_the_call_that_made_it(place):
     assert store.read(place, "squares").attrs["history"].endswith("+00:00 nasm-transport squares")
 
 
-def test_a_cube_of_an_earlier_version_keeps_its_record_of_its_origin(on_disk, monkeypatch):
+def test_a_cube_of_an_earlier_version_keeps_the_record_of_its_origin(on_disk, monkeypatch):
     """Earlier cubes name the paper as their source and have no history."""
     earlier = {"source": "arXiv:1606.04824", "computed_by": US, "created": "2026-01-01"}
     plan = toy.cube()
@@ -206,7 +207,7 @@ def test_a_cube_of_an_earlier_version_keeps_its_record_of_its_origin(on_disk, mo
     toy.assert_complete(on_disk, plan)
 
 
-def test_other_settings_or_mathematics_are_refused_for_an_incomplete_cube(place):
+def test_other_settings_or_other_code_are_refused_for_an_incomplete_cube(place):
     plan, unlike = toy.cube(depth=1), "coordinates, tiles, variables or format differ"
     fill(place, plan, [(0, 0)])
     before = contents(place)
@@ -244,7 +245,7 @@ def test_a_second_driver_or_one_that_cannot_write_is_refused(on_disk, tmp_path):
     [NotImplementedError("use SoftFileLock")]
     + [OSError(number, "no locks") for number in (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)],
 )
-def test_a_file_system_without_lock_support_is_written_without_a_lock(tmp_path, monkeypatch, error):
+def test_a_file_system_that_supports_no_locks_is_used_without_a_lock(tmp_path, monkeypatch, error):
     def acquire(*_, **__):
         raise error
 
@@ -255,7 +256,7 @@ def test_a_file_system_without_lock_support_is_written_without_a_lock(tmp_path, 
 
 
 def test_global_zarr_settings_do_not_change_a_cube(tmp_path):
-    """For example another codec pipeline, which may support only files on disk."""
+    """One such setting is another codec pipeline, which may support only files on disk."""
     theirs = {"codec_pipeline.path": "nowhere.Pipeline", "default_zarr_format": 2}
     with zarr.config.set(theirs | {"array.order": "F", "array.write_empty_chunks": False}):
         fill(place := store.place_of(tmp_path), toy.cube())
@@ -266,7 +267,7 @@ def test_global_zarr_settings_do_not_change_a_cube(tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:Consolidated metadata")  # threads share warning filters
-def test_of_several_threads_that_create_a_cube_at_once_one_wins(place):
+def test_if_several_threads_create_a_cube_at_once_exactly_one_succeeds(place):
     n, together = 4, Barrier(4)
 
     def make(depth):
@@ -298,7 +299,7 @@ def of_an_earlier_format(place):
 
 
 def of_pickles(place):
-    """Write zarr format 2, whose arrays may name a codec that unpickles data in the store."""
+    """Write a store of zarr format 2, whose arrays may name a codec that unpickles their data."""
     of_another_program(place, 2)
     with pytest.raises(store.StoreFailed):
         store.read(place, "toy")
@@ -306,7 +307,7 @@ def of_pickles(place):
 
 @pytest.mark.filterwarnings("ignore:Failed to open Zarr store with consolidated metadata")
 @pytest.mark.parametrize("make", [of_another_program, of_pickles, of_an_earlier_format])
-def test_a_group_of_another_program_or_version_is_refused_and_left_alone(on_disk, make):
+def test_a_group_of_another_program_or_version_is_refused_and_not_changed(on_disk, make):
     make(on_disk)
     before = contents(on_disk)
     message = "or format differ" if make is of_an_earlier_format else "not a cube of this program"
@@ -323,7 +324,7 @@ def flipped(data, i):
     return data[:i] + bytes([data[i] ^ 1]) + data[i + 1 :]
 
 
-def test_repair_removes_damaged_and_exchanged_tiles_and_no_others(place, tmp_path):
+def test_repair_removes_damaged_and_misplaced_tiles_but_no_others(place, tmp_path):
     plan, other = toy.cube(), store.place_of(tmp_path)
     fill(place, plan)
     fill(other, toy.cube(depth=2), [(3, 0)])
@@ -335,8 +336,8 @@ def test_repair_removes_damaged_and_exchanged_tiles_and_no_others(place, tmp_pat
     put(place, f"toy.zarr/{COMMIT}/c/0/2/4", flipped(record, 0))
     put(place, f"toy.zarr/{COMMIT}/c/0/1/1", b"")
     damaged = {(1, 2), (0, 0), (3, 4), (2, 4), (1, 1)}
-    moved = {"wave/c/0/0/1": "wave/c/0/1/0", "wave/c/0/1/0": "wave/c/0/0/1"}  # one variable of two
-    for key in ("wave/c/0/2/", "sign/c/2/", f"{COMMIT}/c/0/2/"):  # a tile and its record
+    moved = {"wave/c/0/0/1": "wave/c/0/1/0", "wave/c/0/1/0": "wave/c/0/0/1"}  # one of two variables
+    for key in ("wave/c/0/2/", "sign/c/2/", f"{COMMIT}/c/0/2/"):  # a tile with its record
         moved[f"{key}1"] = f"{key}2"
     chunks = {to: get(place, f"toy.zarr/{key}") for key, to in moved.items()}
     chunks[f"{COMMIT}/c/0/3/0"] = get(other, f"toy.zarr/{COMMIT}/c/0/3/0")  # of another cube
@@ -348,7 +349,7 @@ def test_repair_removes_damaged_and_exchanged_tiles_and_no_others(place, tmp_pat
     assert result[1, 2] == "wave does not match its checksum"
     words = {result[index] for index in exchanged}
     assert words == {"its data are not those that were committed"}
-    assert missing(place, plan) == {(0, 0), (3, 4), (1, 1)}  # those with a file missing or cut
+    assert missing(place, plan) == {(0, 0), (3, 4), (1, 1)}  # a file is missing or truncated
     assert dict(store.verify(place, "toy", repair=True)) == result
     assert missing(place, plan) == result.keys()
     assert np.isfinite(toy.records(place)).sum() == 11
@@ -373,7 +374,7 @@ LOST += [(key, lost) for key in ("wave/zarr.json", f"{COMMIT}/zarr.json") for lo
 
 
 @pytest.mark.parametrize("case", thirds(LOST))
-def test_lost_metadata_are_restored_with_all_tiles_and_other_settings_still_refused(on_disk, case):
+def test_lost_metadata_are_restored_tiles_kept_and_other_settings_refused(on_disk, case):
     plan, (key, lost) = toy.cube(tile=5, depth=3), case
     fill(on_disk, plan)
     put(on_disk, f"toy.zarr/{key}", lost)
@@ -385,7 +386,7 @@ def test_lost_metadata_are_restored_with_all_tiles_and_other_settings_still_refu
     toy.assert_complete(on_disk, plan)
 
 
-def test_tiles_that_lost_their_metadata_are_recognized_and_kept_if_settings_differ(place):
+def test_tiles_without_metadata_are_reused_only_with_the_same_settings(place):
     plan = toy.cube()
     fill(place, plan)
     for key in contents(place):
@@ -397,7 +398,7 @@ def test_tiles_that_lost_their_metadata_are_recognized_and_kept_if_settings_diff
             with pytest.raises(store.Refused, match="metadata are lost"):
                 refuse(place, other, by)
     assert contents(place) == before
-    put(place, "toy.zarr/wave/c/0/1/2", None)  # deleted when its record was still to be written
+    put(place, "toy.zarr/wave/c/0/1/2", None)  # as if deleted just before its record was written
     assert fill(place, plan) == 1
     toy.assert_complete(place, plan)
 
@@ -473,12 +474,12 @@ def test_an_untiled_cube_is_rewritten_if_damaged_or_interrupted(on_disk, monkeyp
 
 def test_a_full_disk_ends_a_sweep_at_once_and_the_next_run_completes_it(here, on_disk):
     plan, limits = toy.cube(8, 8, tile=1), resource.getrlimit(resource.RLIMIT_FSIZE)
-    fills = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (10, limits[1]))  # bytes of a file
+    fills = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (10, limits[1]))  # bytes per file
     with ExitStack() as after:
         after.callback(resource.setrlimit, resource.RLIMIT_FSIZE, limits)
         with pytest.raises(store.StoreFailed, match=f"^{on_disk}[^\n]*File too large[^\n]*$"):
             toy.watched_sweep(here, on_disk, plan, {20: fills})
-    assert len(toy.COMPUTED) < 30  # it did not let 64 tiles fail in turn
+    assert len(toy.COMPUTED) < 30  # it stopped before all 64 tiles failed in turn
     assert toy.watched_sweep(here, on_disk, plan).remaining == 0
     assert 34 < len(toy.COMPUTED) < 54
     toy.assert_complete(on_disk, plan)
@@ -492,13 +493,14 @@ def test_an_error_raised_elsewhere_is_not_attributed_to_the_store(on_disk, tmp_p
 
 
 @SLOW
-def test_a_lost_server_is_awaited_and_its_absence_reported_in_one_message(tmp_path, monkeypatch):
+def test_a_lost_server_is_awaited_and_finally_reported_in_one_message(tmp_path, monkeypatch):
     plan = toy.cube(tile=10)
     with seaweed.serving(tmp_path) as (kill, start):
         place = store.place_of("s3://cubes/run")
         fill(place, plan, [(0, 0)])
         kill()
-        # Starting takes 5 to 20 s more; ten retries, obstore's default, last only 2 to 8 s.
+        # The server then takes another 5 to 20 s to start; obstore's default of ten retries would
+        # give up after 2 to 8 s.
         back = Timer(5, start)
         back.start()
         assert fill(place, plan) == 1
@@ -533,7 +535,7 @@ def test_a_malformed_url_is_refused_without_repeating_its_password(url):
     assert "password" not in str(refused.value).replace("user, password", "")
 
 
-def test_an_endpoint_that_is_not_a_url_raises_one_message():
+def test_an_endpoint_that_is_not_a_url_is_reported_in_one_message():
     failed = pytest.raises(store.StoreFailed, match=r"^s3://cubes/run: ")
     with seaweed.environment("no url"), failed:
         store.names(store.place_of("s3://cubes/run"))
@@ -551,7 +553,7 @@ def test_a_directory_may_have_any_name(tmp_path, monkeypatch, name):
     toy.assert_complete(place, plan)
 
 
-def test_status_counts_tiles_and_failures_with_their_reasons(place):
+def test_status_counts_tiles_and_failures_and_gives_reasons(place):
     assert list(store.status(place)) == []
     plan = toy.cube()
     store.create(place, plan, US)
@@ -567,7 +569,7 @@ def test_status_counts_tiles_and_failures_with_their_reasons(place):
     assert contents(place) == before
 
 
-def test_the_rate_is_recent_and_a_damaged_cube_does_not_hide_others(on_disk):
+def test_the_rate_is_that_of_recent_tiles_and_damaged_cubes_hide_no_others(on_disk):
     tiles = list(np.ndindex(4, 3))
     fill(on_disk, toy.cube(), tiles)
     for i, (row, column) in enumerate(tiles):
@@ -582,7 +584,7 @@ def test_the_rate_is_recent_and_a_damaged_cube_does_not_hide_others(on_disk):
 
 
 @pytest.mark.benchmark
-def test_committing_a_tile_costs_about_what_zarr_costs(on_disk, capsys):
+def test_committing_a_tile_takes_at_most_1_5_times_as_long_as_zarr(on_disk, capsys):
     store.create(on_disk, toy.line(600).cube, US)
     one, seconds = np.ones((1, 256)), []
     array = store.tiles.arrays_of(on_disk, "line")["level"]
@@ -598,7 +600,7 @@ def test_committing_a_tile_costs_about_what_zarr_costs(on_disk, capsys):
     assert each < 1.5 * 2 * zarrs  # two arrays: the data and the record
 
 
-def test_the_recorded_mathematics_are_the_modules_of_nasm_and_of_the_cubes():
+def test_the_recorded_code_is_that_of_all_modules_of_nasm_and_of_the_cubes():
     assert f"numba {version('numba')}, " in store.COMPUTED_BY
     modules = {*EVERYTHING.modules}
     assert {"nasm.maps", "nasm.circles.newton", "pipeline.cubes.escape"} <= modules

@@ -1,4 +1,4 @@
-"""A store from an untrusted source: nothing in it is executed or exhausts the memory."""
+"""Stores from untrusted sources: nothing in them is executed or exhausts the memory."""
 
 import json
 import lzma
@@ -34,7 +34,7 @@ def place(tmp_path):
 
 
 def change(place, edit):
-    """Edit the metadata of the toy's arrays, and delete the digests that would reveal it."""
+    """Edit the metadata of the toy cube's arrays; delete the digests that would reveal the edit."""
     path = Path(place.cube("toy"), "zarr.json")
     path.with_name("digests.json").unlink()
     root = json.loads(path.read_bytes())
@@ -43,7 +43,7 @@ def change(place, edit):
 
 
 def messages_about(place):
-    """Return what `status`, `verify` and `read` report of the toy: a sentence each, or ""."""
+    """Return what `status`, `verify` and `read` report on the toy cube: a sentence each, or ""."""
     (state,) = store.status(place)
     (damage,) = list(store.verify(place, "toy")) or [((), "")]
     try:
@@ -57,7 +57,7 @@ def messages_about(place):
 
 
 class Command:
-    """Unpickled, it creates a directory."""
+    """An object that creates a directory when it is unpickled."""
 
     def __init__(self, path):
         self.path = path
@@ -76,7 +76,7 @@ def pickled(path):
 
 @pytest.mark.parametrize("where", ["evil", "tiles/evil", "in a group"])
 def test_no_pickle_in_a_store_is_executed(place, tmp_path, monkeypatch, where):
-    """Not even with versions of numcodecs that unpickle whatever is requested."""
+    """This holds even with versions of numcodecs that unpickle whatever they are asked to."""
     monkeypatch.setattr("numcodecs.pickles.ALLOW_UNSAFE_PICKLE_DECODE", True, raising=False)
     evil = Path(place.cube("toy"), where)
     evil.mkdir()
@@ -126,7 +126,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("words", "edit"), REFUSED)
-def test_metadata_that_fit_no_cube_are_refused_in_one_sentence(place, words, edit):
+def test_metadata_unlike_those_of_any_cube_are_refused_in_one_sentence(place, words, edit):
     change(place, edit)
     assert all(words in sentence for sentence in messages_about(place))
 
@@ -149,7 +149,7 @@ def test_records_that_do_not_match_the_tiles_are_refused_in_one_sentence(place, 
 
 
 def endless():
-    """Return a zstd frame that does not state its size: 64 blocks of 2^17 zeros, 4 bytes each."""
+    """Return a zstd frame that declares no size: 64 blocks of 4 bytes, each for 2^17 zeros."""
     block, last = ((2**17 << 3 | 2 | end).to_bytes(3, "little") + b"\0" for end in (0, 1))
     return b"\x28\xb5\x2f\xfd\x00\x58" + 63 * block + last
 
@@ -182,7 +182,7 @@ def test_a_chunk_that_claims_to_be_large_is_not_unpacked(place, monkeypatch, cas
 
 
 @pytest.mark.parametrize("chunk", [Zstd(1).encode(bytes(2**20)), claim(80) + b"no block"])
-def test_a_chunk_that_unpacks_to_something_else_counts_as_damaged(place, chunk):
+def test_a_chunk_that_does_not_unpack_to_its_array_counts_as_damaged(place, chunk):
     change(place, extend("row", codecs=ZSTD))
     Path(place.cube("toy"), "row/c/0").write_bytes(chunk)
     state, damage, read = messages_about(place)
@@ -199,7 +199,7 @@ def test_a_file_larger_than_any_in_a_cube_is_not_read(place, name):
     assert words.get(name, "") in messages_about(place)[1]
 
 
-def test_foreign_files_beside_the_tiles_do_not_change_the_status(place):
+def test_foreign_files_next_to_the_tiles_do_not_change_the_status(place):
     folder = Path(place.cube("toy"))
     (folder / ".wanted").write_text("9" * 5000)
     (folder / ".failed").mkdir()
@@ -208,7 +208,7 @@ def test_foreign_files_beside_the_tiles_do_not_change_the_status(place):
     assert (state.tiles, state.done, state.failed) == (20, 20, 0)
 
 
-def test_user_and_password_in_the_url_of_an_endpoint_are_not_repeated(monkeypatch):
+def test_messages_omit_user_and_password_in_the_url_of_an_endpoint(monkeypatch):
     monkeypatch.setattr("pipeline.store.place.PATIENCE", 0.1)
     for user in ("user:passw0rd", ":passw0rd", "passw0rd"):
         failed = pytest.raises(store.StoreFailed, match=r"GET http://127\.0\.0\.1:9/cubes")
@@ -218,7 +218,7 @@ def test_user_and_password_in_the_url_of_an_endpoint_are_not_repeated(monkeypatc
 
 
 @pytest.mark.parametrize("user", ["user:passw0rd@", "user:pass/w0rd@", "passw0rd@"])
-def test_user_and_password_in_the_address_of_a_scheduler_are_not_repeated(user):
+def test_messages_omit_user_and_password_in_the_address_of_a_scheduler(user):
     for n_workers, message in ((None, "must be tcp://HOST:PORT"), (2, "has its own workers")):
         refused = pytest.raises(ClusterError, match=message)
         with refused as error, connect(f"tcp://{user}localhost:8786", n_workers):
@@ -235,15 +235,15 @@ def test_a_cube_that_could_not_be_read_back_is_not_written(tmp_path):
     assert not any(tmp_path.iterdir())
 
 
-def test_the_largest_texts_that_a_cube_may_hold_can_be_read(place):
-    """The text of a rotation number with 1000 quotients of 100 digits."""
+def test_the_longest_strings_that_a_cube_may_contain_can_be_read(place):
+    """Such a string is a rotation number with 1000 partial quotients of 100 digits."""
     text = f"[{','.join(['9' * 100] * 1000)}]"
     cube = Cube("texts", xr.Dataset({"omega": ("x", np.array([text, ""], dtype=object))}), {}, {})
     store.replace(place, cube, "mathematics 1")
     assert store.read(place, "texts").omega.values.tolist() == [text, ""]
 
 
-def test_the_cost_of_checking_a_certificate_counts_the_kicks_of_its_boxes():
+def test_the_cost_of_checking_a_certificate_grows_with_all_its_lifetimes():
     assert proved.seconds_to_check({"lives": [10**6, 1]}) == pytest.approx(70, rel=1e-3)
     assert proved.seconds_to_check({"lives": [[10**6, 1], [1, 1]]}) == pytest.approx(70, rel=1e-3)
 
@@ -251,12 +251,12 @@ def test_the_cost_of_checking_a_certificate_counts_the_kicks_of_its_boxes():
 @pytest.mark.parametrize(
     "lives", [[10**9, -(10**9)], [0], [1, True], [1.5], ["9"], [[1, 0]], [[[1]]], [10**400]]
 )
-def test_certificates_whose_boxes_have_no_valid_lifetime_are_not_checked(lives):
+def test_certificates_whose_boxes_have_invalid_lifetimes_are_not_checked(lives):
     with pytest.raises((ValueError, OverflowError)):
         proved.seconds_to_check({"lives": lives})
 
 
-def test_the_cost_of_a_certificate_counts_its_longest_function_wherever_it_is():
+def test_the_longest_function_at_any_position_sets_a_certificate_s_cost():
     short, long = [[0], [0]], [[0], [0] * 1000]
     cost = {
         name: proved.seconds_to_check({"kappa": ["0x1p0"], "moves": {"numbers": numbers}})
@@ -269,7 +269,7 @@ def test_the_cost_of_a_certificate_counts_its_longest_function_wherever_it_is():
     assert cost["first"] == cost["last"] > 100 * cost["none"]
 
 
-def test_compressed_certificates_that_unpack_to_too_much_are_refused(monkeypatch):
+def test_certificates_that_are_damaged_or_unpack_to_too_much_are_refused(monkeypatch):
     many = b"[" + b",".join([b'{"kappa": ["0x1.8p+1"]}'] * 100) + b"]"
     assert len(proved.unpack_certificates(lzma.compress(many))) == 100
     for bomb in (lzma.compress(bytes(10**8)), lzma.compress(many)[:-9], b"no file of xz"):

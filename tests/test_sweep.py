@@ -83,7 +83,7 @@ def compute_oddly(coords, settings):
 
 
 @pytest.mark.parametrize("odd", ODD)
-def test_a_tile_of_wrong_shape_or_with_an_odd_exception_fails_alone(here, tmp_path, odd):
+def test_a_wrong_shape_or_an_odd_exception_affects_only_its_own_tile(here, tmp_path, odd):
     outcome = toy.run(here, tmp_path, toy.cube(odd=odd), compute=compute_oddly)
     assert (outcome.committed, list(outcome.failed)) == (19, [(0, 0)])
     assert ODD[odd][1] in outcome.failed[0, 0]
@@ -91,18 +91,18 @@ def test_a_tile_of_wrong_shape_or_with_an_odd_exception_fails_alone(here, tmp_pa
     assert reasons(tmp_path) == outcome.failed
 
 
-def test_dask_does_not_give_up_a_worker_that_the_sweep_still_waits_for(client):
+def test_dask_does_not_give_up_on_a_worker_that_the_sweep_still_waits_for(client):
     client()
     given_up_after = parse_timedelta(dask.config.get("distributed.deploy.lost-worker-timeout"))
     assert given_up_after >= submit._STARTING
 
 
-@pytest.mark.parametrize("attempts", thirds([1, 2]))  # alone; 2 by default
-def test_a_tile_that_kills_its_workers_fails_alone(client, tmp_path, monkeypatch, attempts):
+@pytest.mark.parametrize("attempts", thirds([1, 2]))  # to compute the tile alone; 2 by default
+def test_a_tile_that_kills_its_workers_harms_no_other_tile(client, tmp_path, monkeypatch, attempts):
     if attempts == 1:
         monkeypatch.setattr(sweeps, "_ATTEMPTS_ALONE", 1)
     outcome = toy.run(client, tmp_path, toy.cube(poison=[0.0, -1.0], pids=str(tmp_path / "pids")))
-    # The first worker, one for each attempt, and one for the rest of the tile's first batch.
+    # These are the first worker, one for each attempt, and one for the other tiles of the batch.
     assert len({*(tmp_path / "pids").read_text().split()}) == 2 + attempts
     assert list(outcome.failed) == [(0, 0)]
     assert "its worker died" in outcome.failed[0, 0]
@@ -110,7 +110,7 @@ def test_a_tile_that_kills_its_workers_fails_alone(client, tmp_path, monkeypatch
     assert reasons(tmp_path) == outcome.failed
 
 
-def test_without_a_fit_worker_the_sweep_ends_with_one_message(here, tmp_path, monkeypatch):
+def test_a_sweep_without_a_fit_worker_ends_with_one_message(here, tmp_path, monkeypatch):
     monkeypatch.setattr("pipeline.sweep.sweep._complaint", lambda *_: "is unfit")
     with pytest.raises(ClusterError, match=r"no worker is fit to compute: .* unfit") as refusal:
         toy.run(here, tmp_path, toy.cube())
@@ -158,7 +158,7 @@ def test_a_second_ctrl_c_abandons_the_tiles_in_flight(tmp_path):
 
 
 class Full(io.StringIO):
-    """A log that cannot be written to; this does not end a sweep."""
+    """A log that cannot be written to; a sweep continues nevertheless."""
 
     def write(self, text):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -166,7 +166,7 @@ class Full(io.StringIO):
 
 @pytest.mark.parametrize("n_workers", [2, 1024])
 def test_one_driver_keeps_a_thousand_workers_busy(n_workers):
-    """Tiles of half a second, two minutes of work per worker, 2 ms of scheduling per batch."""
+    """Simulate tiles of 0.5 s, two minutes of work per worker, and 2 ms to schedule a batch."""
     tiles = 240 * n_workers
     batches = list(_pack(np.full(tiles, 0.5), n_workers))
     assert np.array_equal(np.sort(np.concatenate(batches)), np.arange(tiles))
@@ -178,11 +178,11 @@ def test_one_driver_keeps_a_thousand_workers_busy(n_workers):
     assert 120 / max(free) > 0.95
 
 
-def test_the_most_expensive_tiles_come_first_and_cheap_ones_together():
+def test_the_most_expensive_tiles_come_first_and_cheap_ones_share_batches():
     first, second, *others = _pack(np.array([0.0] * 1000 + [9.0, 0.2, 0.2]), 2)
     assert first.tolist() == [1000]
     assert (set(second[:2].tolist()), len(second)) == ({1001, 1002}, 33)
-    assert max(map(len, others)) < 200  # committing them takes time, too
+    assert max(map(len, others)) < 200  # because committing them takes time, too
 
 
 def test_tiles_of_the_same_cost_come_in_random_order():
@@ -190,41 +190,41 @@ def test_tiles_of_the_same_cost_come_in_random_order():
     rank = np.concatenate(batches)
     assert np.array_equal(np.sort(rank), np.arange(1000))
     correlation = np.corrcoef(rank, np.arange(1000))[0, 1]
-    assert abs(correlation) < 0.15  # 5 standard deviations
+    assert abs(correlation) < 0.15  # 4.7 standard deviations
 
 
-def test_a_series_of_sweeps_shares_its_progress_and_repeats_nothing(here, tmp_path):
+def test_sweeps_in_a_series_share_one_progress_line_and_repeat_no_tile(here, tmp_path):
     report, place = io.StringIO(), store.place_of(tmp_path)
     with store.driver_lock(place):
         with Progress("series", report, {"toy": 1.0}) as progress:
             for wanted in ({(0, 0)}, {(1, 0), (2, 0)}):
                 sweep(here, place, toy.job(), progress, wanted)
             begun = progress.begun
-            sweep(None, place, toy.job(), progress, {(1, 0)})  # no workers are asked for
+            sweep(None, place, toy.job(), progress, {(1, 0)})  # without requesting workers
             assert progress.begun == begun
         assert progress.done == pytest.approx(begun)
         assert 0 < progress.used < progress.wall
-        output = report.getvalue().splitlines()[-1]  # a slow machine writes several lines
+        output = report.getvalue().splitlines()[-1]  # on a slow machine there are several lines
         assert re.match(r"series: \d+%, elapsed 0:\d\d, remaining about [\d:]+$", output)
         with Progress("toy", Full()) as progress:
             sweep(here, place, toy.job(), progress, {(3, 0)})
         (state,) = store.status(place)
-    assert (state.done, state.tiles) == (4, 4)  # 16 others are not wanted
+    assert (state.done, state.tiles) == (4, 4)  # the other 16 were not requested
 
 
 def test_a_store_deleted_during_a_sweep_ends_it_with_one_message(here, tmp_path):
     plan, out, away = toy.cube(5, 5, tile=1), tmp_path / "out", tmp_path / "away"
-    # A worker that finds what another one has just written there finds no metadata with it.
+    # A worker may see files that another one has just written to `out`, without metadata.
     message = "out: .* does not exist|was moved, or deleted|out/toy.zarr are damaged"
     with pytest.raises((store.StoreFailed, store.Refused), match=message):
         toy.watched_sweep(here, out, plan, {5: partial(out.rename, away)})
-    assert len(toy.commit_times(out)) <= 2  # what the workers were writing
-    for place in (away, out):  # tiles that were in flight may lie in the second without metadata
+    assert len(toy.commit_times(out)) <= 2  # tiles that the workers were writing
+    for place in (away, out):  # `out` may contain tiles that were in flight, without metadata
         assert toy.watched_sweep(here, place, plan).remaining == 0
         toy.assert_complete(place, plan)
 
 
-def test_a_sweep_that_ends_with_a_tile_missing_fails(here, tmp_path):
+def test_a_sweep_fails_if_a_written_tile_is_missing_at_the_end(here, tmp_path):
     plan = toy.cube(5, 5, tile=1)
 
     def lose_one():
@@ -240,7 +240,7 @@ def test_a_sweep_that_ends_with_a_tile_missing_fails(here, tmp_path):
     not Path("/proc/self/statm").exists() or "CS_GNU_LIBC_VERSION" not in os.confstr_names,
     reason="other C libraries keep memory in their own ways",
 )
-def test_workers_keep_freed_memory_and_programs_that_import_nasm_do_not(client):
+def test_workers_keep_freed_memory_but_programs_that_import_nasm_do_not(client):
     assert client().submit(toy.kept_memory).result() > 120
     program = "import toy, nasm.barriers, nasm.tori; print(toy.kept_memory())"
     here = Path(__file__).parent
@@ -283,14 +283,14 @@ def test_workers_listen_on_loopback_only_and_answer_only_their_own_driver(client
 
 
 def elsewhere(client, folder):
-    """Write dask's file that names the client's scheduler; return it, and CA, certificate, key."""
+    """Write the client's scheduler file; return its path, and those of CA, certificate and key."""
     file = folder / "scheduler.json"
     file.write_text(json.dumps({"address": client().scheduler.address}))
     return str(file), cluster.write_credentials(client(), folder)
 
 
-def test_an_unfit_worker_computes_nothing_and_another_sweeps_over_tls(client, tmp_path, capfd):
-    """This process addresses the scheduler as if it ran on another machine."""
+def test_an_unfit_worker_computes_nothing_while_another_sweeps_over_tls(client, tmp_path, capfd):
+    """This process connects to the scheduler as if the scheduler ran on another machine."""
     file, (ca, cert, key) = elsewhere(client, tmp_path)
     pids, script = tmp_path / "pids", tmp_path / "preload.py"
     script.write_text("import sys; sys.modules['pipeline'] = None")
@@ -315,7 +315,7 @@ def test_an_unfit_worker_computes_nothing_and_another_sweeps_over_tls(client, tm
     assert re.search(message, capfd.readouterr().err)
 
 
-def test_a_worker_that_dies_as_it_starts_raises_one_clear_error(monkeypatch):
+def test_a_worker_that_dies_while_starting_raises_one_clear_error(monkeypatch):
     monkeypatch.setitem(cluster._LOCAL, "distributed.worker.preload", ["import os; os._exit(1)"])
     refusal = pytest.raises(ConnectionError, match=r"cannot be started: .*Nanny")
     with refusal, connect(n_workers=1) as client:
@@ -343,8 +343,8 @@ def test_a_machine_on_which_workers_would_hang_raises_one_clear_error(
         client()
 
 
-def test_settings_of_dask_reach_only_workers_on_other_machines(client):
-    """A user's settings, some of which would hang workers; apart from what the tests changed."""
+def test_a_user_s_dask_settings_apply_only_to_workers_on_other_machines(client):
+    """Some of these settings would hang workers on this machine."""
     theirs = {
         "temporary-directory": "/proc/nowhere",
         "distributed.worker.multiprocessing-method": "fork",
@@ -364,7 +364,7 @@ def test_settings_of_dask_reach_only_workers_on_other_machines(client):
 
 
 def test_a_sweep_runs_in_a_thread_and_in_an_event_loop(here, tmp_path):
-    """As in a web application and in a notebook, where the sweep does not handle Ctrl-C."""
+    """As in a web application, where a sweep cannot handle Ctrl-C, and in a notebook."""
     outcomes = []
 
     def work(out):
@@ -382,7 +382,7 @@ def test_a_sweep_runs_in_a_thread_and_in_an_event_loop(here, tmp_path):
     toy.assert_complete(tmp_path / "thread", toy.cube())
 
 
-def test_connect_waits_for_the_file_of_a_scheduler(client, tmp_path, monkeypatch):
+def test_connect_waits_for_the_scheduler_file(client, tmp_path, monkeypatch):
     file, tls = elsewhere(client, tmp_path)
     late = tmp_path / "home" / "late.json"
     late.parent.mkdir()
@@ -396,7 +396,7 @@ def test_connect_waits_for_the_file_of_a_scheduler(client, tmp_path, monkeypatch
         pass
 
 
-def test_tls_that_does_not_match_gives_one_clear_message(client, tmp_path):
+def test_mismatched_tls_files_or_addresses_give_one_clear_message(client, tmp_path):
     file, (ca, _, key) = elsewhere(client, tmp_path)
     plain = client().scheduler.address.replace("tls", "tcp")
     other, made = tmp_path / "other.pem", Security.temporary()
@@ -414,7 +414,7 @@ def test_tls_that_does_not_match_gives_one_clear_message(client, tmp_path):
 
 
 def during(out, act):
-    """Start a thread that acts when the first tile is committed."""
+    """Start and return a thread that calls `act` once the first tile is committed."""
 
     def wait_and_act():
         toy.wait_until(lambda: toy.commit_times(out))
@@ -426,11 +426,11 @@ def during(out, act):
 
 
 def test_ctrl_c_stops_no_worker(client):
-    """Neither one that is starting nor one that has started."""
+    """It stops neither a worker that is starting nor one that has started."""
     (nanny,) = client().cluster.workers.values()
     worker = client().submit(os.getpid, pure=False).result(timeout=60)
     os.kill(worker, signal.SIGKILL)
-    toy.wait_until(lambda: nanny.pid not in (worker, None))  # another one begins to import
+    toy.wait_until(lambda: nanny.pid not in (worker, None))  # its replacement begins to import
     os.kill(worker := nanny.pid, signal.SIGINT)
     assert client().submit(os.getpid, pure=False).result(timeout=60) == worker
     os.kill(worker, signal.SIGINT)
@@ -439,7 +439,7 @@ def test_ctrl_c_stops_no_worker(client):
 
 @pytest.fixture
 def messages(monkeypatch):
-    """What a sweep prints about its workers; it soon notices if none are left."""
+    """Collect what a sweep prints about its workers; make it notice soon if none are left."""
     printed = []
     monkeypatch.setattr(submit, "print", lambda text, file: printed.append(text), raising=False)
     monkeypatch.setattr(submit, "_PATIENCE", 0.2)
@@ -464,7 +464,7 @@ def test_a_sweep_waits_for_new_workers_of_a_scheduler_elsewhere(client, tmp_path
 
 
 def test_a_sweep_on_this_machine_gives_up_once_its_workers_are_gone(client, tmp_path, messages):
-    """The last test that needs the worker, because it stops the worker."""
+    """This must be the last test that needs the worker, because it stops the worker."""
     leaver = during(tmp_path, lambda: client().cluster.scale(0))
     with pytest.raises(ConnectionError, match="no workers are left; run again to resume"):
         toy.run(client, tmp_path, toy.cube(seconds=0.5))
@@ -472,7 +472,7 @@ def test_a_sweep_on_this_machine_gives_up_once_its_workers_are_gone(client, tmp_
     assert 0 < len(toy.commit_times(tmp_path)) < 20
 
 
-def test_workers_that_are_slow_to_end_do_not_make_their_work_fail(monkeypatch):
+def test_workers_that_are_slow_to_stop_do_not_make_their_work_fail(monkeypatch):
     def slow(*args, **options):
         return SimpleNamespace(close=partial(fail, TimeoutError("of the end")))
 
@@ -489,7 +489,7 @@ def test_workers_that_are_slow_to_end_do_not_make_their_work_fail(monkeypatch):
         work(partial(fail, TimeoutError("of the work")))
 
 
-def test_a_worker_with_another_version_or_another_disk_is_unfit(tmp_path, monkeypatch):
+def test_a_worker_with_other_library_versions_or_another_disk_is_unfit(tmp_path, monkeypatch):
     place, ours = store.place_of(tmp_path), store.COMPUTED_BY
     for library in ("numba", "xarray", "zarr"):
         driver = re.sub(rf"\b{library} [^,]+", f"{library} 0.1", ours)

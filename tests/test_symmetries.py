@@ -15,17 +15,17 @@ coordinates = st.floats(-1, 1)
 
 @st.composite
 def cases(draw, periods):
-    """Draw a forcing, a start, and a number of steps that makes six kicks or slightly fewer."""
+    """Draw a forcing, a start, and the largest number of steps that fits into six kicks."""
     P = draw(st.sampled_from(periods))
     kappa = draw(st.lists(strengths, min_size=P, max_size=P))
     return kappa, draw(coordinates), draw(coordinates), 6 // P
 
 
-# An error of one kick, below 4e-15 while |x| and |y| are below 10, grows by less than ‖DS‖ ≤ 4 with
-# each of up to seven kicks.
+# The rounding error of one kick is below 4e-15 while |x| and |y| are below 10. Each of up to seven
+# kicks multiplies it by less than ‖DS‖ ≤ 4.
 SHORT = 4e-15 * 4**7
 
-# For each symmetry: strengths of the image, and its orbit, from the image of (x, y) on.
+# For each symmetry: the image of the forcing, and the image of the orbit of (x, y).
 IMAGES = {
     symmetries.negate: lambda kappa, xs, ys, t: (-kappa, (xs + 0.5, ys)),
     symmetries.alternate: lambda kappa, xs, ys, t: (
@@ -37,7 +37,7 @@ IMAGES = {
 
 @pytest.mark.parametrize("carry", IMAGES)
 @given(data=st.data())
-def test_orbits_are_carried_to_orbits_of_the_image(carry, data):
+def test_symmetries_map_orbits_to_orbits_under_the_image_of_the_forcing(carry, data):
     periods = (2, 4) if carry is symmetries.alternate else (1, 2, 3, 4, 5)
     kappa, x, y, n = data.draw(cases(periods))
     image, *start = carry(np.array(kappa), x, y)
@@ -74,7 +74,7 @@ def test_the_shorter_forcing_has_the_same_orbits_and_the_matching_omega(kappa, l
     long_x, long_y = symmetries.lengthen(kappa, x, y)
     ratio = len(kappa) // length
     xs, ys = orbit(short, x, y, 3 * ratio)
-    # ω of the short forcing is that of the long one divided by their ratio, plus `zero`.
+    # ω under the short forcing is ω under the long one, divided by `ratio`, plus `zero`.
     (*_, turns) = convergents(zero)
     gained = np.arange(4) * ratio * float(turns)
     moved_x, moved_y = xs[::ratio] + (long_x - x), ys[::ratio] + (long_y - y)
@@ -91,7 +91,7 @@ def test_the_shorter_forcing_has_the_same_orbits_and_the_matching_omega(kappa, l
         ((1.0, 0.0), 1.0),
         ((1.0, 0.9, 0.95), 0.1),
         ((1.0, 0.0, -0.9, 0.0), 0.1),
-        ((1.0, 0.1, -0.95, -0.02), 0.08),  # from an antiperiodic forcing
+        ((1.0, 0.1, -0.95, -0.02), 0.08),  # distance from an antiperiodic forcing
         ((0.5, 1.0, 0.4, 0.9), 0.1),
         ((0.5, -1.0, -0.4, 0.9), 0.1),
     ],
@@ -113,7 +113,7 @@ def test_forcings_without_a_common_shorter_period_are_unchanged():
 
 
 @pytest.mark.parametrize("kappa", [(0.3, 0.2), (0.3, -0.3), (0.1, 0.2, 0.3)])
-def test_omega_is_that_of_the_circle_between_y_0_and_1(kappa):
+def test_shortening_yields_the_omega_of_the_circle_between_y_0_and_1(kappa):
     near, far = (symmetries.shorten([kappa], parse(f"[{n};3,(1)]")) for n in (1, 1 + 6 * 10**20))
     np.testing.assert_array_equal(near[0], far[0])
     assert near[1] == far[1]
@@ -141,7 +141,7 @@ def test_orbits_from_symmetry_lines_are_their_own_mirror_images(kappa):
     here = np.arange(period) + 2 * period
     centres = set()
     for line in range(4):
-        # c/2 is the site, or the middle of two, about which x_{c-n} + x_n is a whole number.
+        # c/2 is the centre, on a site or midway between two: x_{c-n} + x_n is a whole number.
         sums = {c: sites[c - here, line] + sites[here, line] for c in range(4 * period, 6 * period)}
         (centre,) = (c for c, sum in sums.items() if np.abs(sum - np.rint(sum)).max() < 1e-9)
         centres.add(centre)

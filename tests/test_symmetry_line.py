@@ -1,4 +1,4 @@
-"""Converse KAM on symmetry lines against residues; test_transversal tests its definition."""
+"""Compare converse KAM on symmetry lines with residues; test_transversal tests its criterion."""
 
 from itertools import product
 
@@ -11,10 +11,10 @@ from numpy.testing import assert_array_equal
 from nasm import periodic
 from nasm.converse_kam import symmetry_line
 from nasm.converse_kam.symmetry_line import critical_scale, elimination_time, longest_lived
-from nasm.critical import Status
+from nasm.results import Status
 from nasm.symmetries import ray
 
-# Each some per cent beyond the breakup of its last circle; tests scale them.
+# Each is several per cent beyond the breakup of its last circle; tests rescale them.
 FORCINGS = [(1.03,), (0.71, 0.46), (-0.43, 0.72), (0.15, -0.57)]
 Y = (np.arange(300) + 0.5) / 600
 
@@ -35,7 +35,7 @@ def _one_by_one(c, x0, w0, y0, n_max):
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize("n_starts", [1, 63, 300])
 def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_starts):
-    # The same kick on floats, one start at a time; the last block may be full or not.
+    # Compare with the same kick on floats, one start at a time. The last block may be incomplete.
     line = symmetry_line._line_coefficients(
         0.9 * critical_scale(kappa, 100).value * np.array(kappa)
     )
@@ -52,14 +52,14 @@ def test_beyond_strength_two_the_first_kick_eliminates_all_starts(kappa):
     assert_array_equal(elimination_time(kappa, Y, 5), 1 / len(kappa))
 
 
-# The most robust circle on each ray, found by trying nobles.
+# {angle of the ray: ω of its most robust circle}, found by trying noble numbers.
 LAST = {0: "gamma", 20: "gamma", 30: "[0;1,2,(1)]", 36: "[0;1,3,(1)]"}
 LAST |= {43: "[0;1,3,2,(1)]", 45: "2gamma"}
 CASES = [(0, 10_000), *product(LAST, (100, 500, 3000)), (45, 10_000)]
 
 
 @pytest.mark.parametrize("case", thirds(CASES))
-def test_the_last_circle_breaks_where_its_residue_says(case):
+def test_the_last_circle_breaks_where_its_residue_predicts(case):
     degrees, n_max = case
     profile = ray(degrees)
     exact = periodic.critical_scale(LAST[degrees], profile).value
@@ -75,7 +75,7 @@ def test_the_last_circle_breaks_where_its_residue_says(case):
 
 
 @pytest.mark.parametrize("degrees", [45 - 1e-1, 45 - 1e-2, 45 - 1e-3, 45 - 1e-5])
-def test_errors_next_to_the_cusp_are_honest(degrees):
+def test_error_estimates_next_to_the_cusp_cover_the_true_errors(degrees):
     better = critical_scale(ray(degrees), 20_000)
     for n_max in (100, 400, 1600):
         result = critical_scale(ray(degrees), n_max)
@@ -83,7 +83,7 @@ def test_errors_next_to_the_cusp_are_honest(degrees):
         assert better.value < result.upper
 
 
-def test_the_line_is_eliminated_above_upper_and_not_far_below():
+def test_all_starts_are_eliminated_above_upper_but_not_slightly_below_it():
     result = critical_scale(ray(30), 500)
     for scale in (1, 1.001, 1.01, 1.3, 3):
         assert longest_lived(scale * result.upper * ray(30), 500)[1] < np.inf
@@ -93,7 +93,7 @@ def test_the_line_is_eliminated_above_upper_and_not_far_below():
 
 @pytest.mark.parametrize("degrees", thirds([14, 30, 44.4, 44.99]))
 def test_a_dense_scan_finds_no_longer_lifetime(degrees):
-    # A cell at the end of the search is 0.01/T² ≈ 5e-8 wide; the scan's are 2.4e-7.
+    # Cells are 0.01/T² ≈ 5e-8 wide at the end of the search, and 2.4e-7 wide in the scan.
     kappa = 1.003 * critical_scale(ray(degrees), 5000).value * ray(degrees)
     _, time = longest_lived(kappa, 10**6)
     dense = elimination_time(kappa, (np.arange(2**21) + 0.3) / 2**22, 10**6).max()

@@ -1,4 +1,4 @@
-"""Texts from untrusted sources: each is read, or refused in one sentence, at once."""
+"""Strings from untrusted sources are parsed, or refused in one sentence, without delay."""
 
 import signal
 from decimal import Decimal
@@ -24,7 +24,7 @@ DIGITS = "9" * 60_000
 
 @pytest.fixture(autouse=True)
 def alarm():
-    """Fail a test that hangs."""
+    """Make a test fail if it hangs."""
 
     def hangs(*_):
         raise TimeoutError("a text takes more than 60 s")
@@ -37,12 +37,12 @@ def alarm():
 
 
 def asked(name, text):
-    """Go to the explorer's address in which this parameter has this text."""
+    """Open the explorer's address in which the parameter `name` is `text`."""
     State(planes.two_kicks()).go({name: text})
 
 
 def option(command, name, text):
-    """Read an option of a command."""
+    """Parse an option of a command."""
     return main_of(command).make_context(command, [f"{name}={text}"])
 
 
@@ -107,17 +107,17 @@ def test_input_too_long_to_compute_is_refused_at_once_in_one_sentence(read, text
 
 @pytest.mark.parametrize("text", ["0.3819660112501051", "0.5" + 30 * "0", "0." + DIGITS])
 @pytest.mark.parametrize("whole", ["", "-", "12345"])
-def test_only_as_many_digits_of_a_decimal_number_are_used_as_floats_have(text, whole):
+def test_digits_of_a_decimal_number_beyond_float_precision_are_ignored(text, whole):
     noble, _ = named_by(whole + text)
     assert float(numbers.parse(noble)) == pytest.approx(float(whole + text), rel=1e-14)
 
 
-def test_numbers_in_a_file_are_read_however_long_they_are():
+def test_numbers_in_a_file_may_have_any_number_of_digits():
     assert numbers_in(DIGITS.encode()) == [float("inf")]
 
 
 @given(st.fractions(max_denominator=10**30), st.sampled_from(["{}", " {}\n"]))
-def test_a_fraction_is_read_as_it_is_written(value, form):
+def test_parsing_a_formatted_fraction_returns_the_same_value(value, form):
     assert texts.parse_fraction(form.format(value)) == value
 
 
@@ -132,11 +132,11 @@ def test_a_fraction_is_read_as_it_is_written(value, form):
         ("7" * 100 + "/" + "9" * 100, Fraction(int("7" * 100), int("9" * 100))),
     ],
 )
-def test_decimal_numbers_are_read_exactly(text, value):
+def test_decimal_numbers_are_parsed_exactly(text, value):
     assert texts.parse_fraction(text) == checks.exact_fraction(text) == value
 
 
 @pytest.mark.parametrize("text", ["", "x", "nan", "inf", "1/0", "1/-2", "3 / 8", "1_0", "1e1000"])
-def test_what_is_not_a_fraction_is_refused(text):
+def test_a_string_that_is_not_a_fraction_is_refused(text):
     with pytest.raises(ValueError, match=FRACTION):
         texts.parse_fraction(text)

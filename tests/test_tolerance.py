@@ -1,4 +1,4 @@
-"""Ripples and random forcings against constant kicks: responses, laws, findings that can fail."""
+"""Ripples and random forcings compared with constant kicks; responses, laws, tests of findings."""
 
 import numpy as np
 import pytest
@@ -15,11 +15,11 @@ from workflows.tolerance import response, study
 GAMMA = float(parse("gamma"))
 
 
-def test_residues_of_golden_orbits_respond_as_finite_differences_show():
-    """To a change of all kicks, against residues of constant kicks; and to a ripple of three kicks.
+def test_responses_of_golden_residues_agree_with_finite_differences():
+    """Change all kicks by the same factor, and then by a ripple of period 3.
 
-    Of the minimax orbits 2/3 of (1, 1, 1), one for each phase, the last to be eliminated is the one
-    that the ripple moves down; periodic.residue finds the minimax over all.
+    Under (1, 1, 1) there is one minimax orbit 2/3 for each phase. The last of them to be eliminated
+    is the one that the ripple moves down; periodic.residue finds the minimax over all of them.
     """
     for n, p, q in ((4, 2, 3), (5, 3, 5), (7, 8, 13)):
         up, down = (periodic.residue((KAPPA_G * (1 + h),), p, q) for h in (1e-5, -1e-5))
@@ -31,7 +31,7 @@ def test_residues_of_golden_orbits_respond_as_finite_differences_show():
     assert min(abs(moved - each) for each in phases) < 1e-3 * max(np.abs(phases))
 
 
-def test_ripples_have_rms_one_about_their_mean_and_come_in_three_shapes():
+def test_ripples_have_mean_zero_rms_one_and_one_of_three_shapes():
     for shape, d, profile in study.ripples(False):
         assert (profile.mean(), profile.std()) == pytest.approx((1, d))
         assert shape == "cosine" or profile.size in (4, 6, 8)
@@ -39,8 +39,8 @@ def test_ripples_have_rms_one_about_their_mean_and_come_in_three_shapes():
     assert study.ripple(4, "one kick") * 3**0.5 == pytest.approx([3, -1, -1, -1])
 
 
-def test_ripples_return_to_their_phases_and_circles_are_renormalised():
-    """The golden circle is its own image per kick; another circle is nearer to it than before."""
+def test_renormalisation_repeats_modes_and_approaches_the_golden_circle():
+    """The golden circle is its own image; the image of another circle is closer to it."""
     steps = [len(response.modes(n)) * response.steps(n) for n in study.PERIODS]
     assert steps == [3, 4, 6, 10, 12, 8, 12]
     for n, circle in {2: "[0;1,3,4,2,(1)]", 3: "[1;6,1,5,(1)]", 7: "[2;1,1,3,5,2,(1)]"}.items():
@@ -50,8 +50,8 @@ def test_ripples_return_to_their_phases_and_circles_are_renormalised():
         assert (abs(float(parse(finer)) - n * GAMMA) < 1e-2, mode) == (True, 1)
 
 
-def test_the_law_of_alternating_ripples_is_settled():
-    """By the last circles, and by those that are computed from them."""
+def test_the_measured_and_predicted_laws_of_alternating_ripples_agree():
+    """The law is measured on the last circles, and on their images under renormalisation."""
     ripples = [("cosine", d, 1 + d * study.ripple(2)) for d in (1e-2, 1e-3)]
     circles = [str(barriers.critical_scale(profile, 1e-3).omega) for *_, profile in ripples]
     laws = study.laws(xr.Dataset(coords=labels(ripples, "") | {"circle": ("forcing", circles)}))
@@ -61,8 +61,8 @@ def test_the_law_of_alternating_ripples_is_settled():
     assert abs(law.measured - law.predicted) < law.measured_error + law.predicted_error < 0.03
 
 
-def test_forcings_against_constant_kicks_of_the_same_strength():
-    """(1.1, 0.9) breaks up at an rms of 0.66; under constant kicks a start survives at κ_G."""
+def test_other_forcings_lose_barriers_before_constant_kicks_of_equal_rms():
+    """Under (1.1, 0.9) breakup is at an rms of 0.66; constant kicks leave a survivor at κ_G."""
     ripple = np.array([1.1, 0.9]) / np.hypot(1.1, 0.9) * 2**0.5
     assert 0.66173460 < scale_without_barrier(ripple, KAPPA_G) <= 1.001 * KAPPA_G
     assert scale_without_barrier(np.ones(1), 0.97) == np.inf
@@ -74,10 +74,10 @@ def test_forcings_against_constant_kicks_of_the_same_strength():
 
 
 def results(measured, upper):
-    """Arguments of `findings` and of the figure.
+    """Return the arguments of `findings` and of the figure.
 
-    `measured` are exponents of the golden circle's loss, and `upper` bounds of random forcings and,
-    last, of a climb.
+    measured : exponents of the loss of the golden circle. upper : bounds for random forcings, and
+    last the bound for a climb.
     """
     ripples = [("cosine", d, 1 + d * study.ripple(2)) for d in (1e-3, 1e-2)]
     cube = xr.Dataset(coords=labels(ripples, "")).assign(loss=("forcing", [0.02, 0.09]))
@@ -95,7 +95,7 @@ def said_of(measured, upper):
     return study.findings(*results(measured, upper))
 
 
-def test_findings_on_ripples_are_judged_by_the_numbers():
+def test_verdicts_on_the_findings_about_ripples_follow_from_the_numbers():
     output = said_of([0.64, 0.5], [0.7, 1.001])
     assert output.count("Supported: ") == 2
     assert "and at the ends of 1 climbs without escape" in output
@@ -108,7 +108,7 @@ def test_findings_on_ripples_are_judged_by_the_numbers():
 
 
 def test_only_forcings_with_a_barrier_are_drawn_beyond_constant_kicks():
-    """Only a forcing under which a barrier is left is drawn beyond them."""
+    """Forcings without a barrier are drawn at strengths up to κ_G, that of constant kicks."""
     for beyond in (0, 1):
         upper = [0.7, 1.001, 1.001, *beyond * [np.inf], 1.001]
         _, strengths = draw_tolerance(*results([0.64, 0.5], upper)).axes

@@ -1,4 +1,4 @@
-"""Tori, and the last barrier of rotating maps, against circles, orbits and residues; refusals."""
+"""Tori and last barriers of rotating maps, compared with circles, orbits, residues; refusals."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -10,20 +10,20 @@ from oracles import KAPPA_G
 
 from nasm import circles, maps, orbits, periodic, tori
 from nasm.converse_kam import aperiodic
-from nasm.critical import Status
 from nasm.numbers import parse
+from nasm.results import Status
 from nasm.symmetries import ray
 from nasm.tori import last_torus
 
 GAMMA = parse("gamma")
 TAU = 1.8392867552141612  # the tribonacci constant
 TRIBONACCI = 1 / TAU, 1 / TAU + 1 / TAU**2
-HALF = 0.18, 0.18  # κ̄ and Δκ some 20% below the breakup of that torus on 45°
+BELOW_BREAKUP = 0.18, 0.18  # κ̄ and Δκ, about 20% below the breakup of the tribonacci torus at 45°
 
 
 @pytest.fixture(scope="module")
 def torus():
-    return tori.invariant_torus(*TRIBONACCI, *HALF)
+    return tori.invariant_torus(*TRIBONACCI, *BELOW_BREAKUP)
 
 
 def test_at_zero_amplitude_the_torus_is_the_circle_of_the_standard_map():
@@ -51,7 +51,7 @@ def test_the_circles_of_all_phases_form_the_torus_of_a_rational_frequency():
     assert np.abs(tori.residual(omega, 1 / 3, mean, amplitude, u)).max() < 2 * worst < 1e-8
 
 
-def test_at_zero_mean_half_a_turn_added_to_omega_and_frequency_gives_the_same_torus():
+def test_at_zero_mean_adding_1_2_to_both_frequencies_keeps_the_torus():
     omega, frequency = TRIBONACCI
     one = tori.invariant_torus(omega, frequency, 0.0, 0.3)
     two = tori.invariant_torus(omega + 0.5, frequency + 0.5, 0.0, 0.3)
@@ -63,12 +63,12 @@ def test_at_zero_mean_half_a_turn_added_to_omega_and_frequency_gives_the_same_to
 def test_the_torus_is_odd_and_a_negative_amplitude_shifts_its_phase_by_half_a_turn(torus):
     mirrored = np.roll(torus.u[::-1, ::-1], (1, 1), axis=(0, 1))
     assert np.abs(torus.u + mirrored).max() < 1e-9
-    other = tori.invariant_torus(*TRIBONACCI, HALF[0], -HALF[1]).u
+    other = tori.invariant_torus(*TRIBONACCI, BELOW_BREAKUP[0], -BELOW_BREAKUP[1]).u
     assert np.abs(np.roll(torus.u, len(torus.u) // 2, axis=0) - other).max() < 1e-9
 
 
-def test_orbits_stay_on_the_torus_and_rotate_as_it_does(torus):
-    n, phase = 5000, 3  # kicks, and the row of the start
+def test_orbits_stay_on_the_torus_and_have_its_rotation_number(torus):
+    n, phase = 5000, 3  # number of kicks, and the row of the start in the grid
     turns = phase / len(torus.u) + np.arange(n) * torus.frequency
     kappa = torus.mean + torus.amplitude * np.cos(2 * np.pi * turns)
     x, y = (values[phase, 0] for values in tori.graph(torus))
@@ -94,7 +94,7 @@ def test_newton_error_squares():
 
 @pytest.mark.parametrize("n_max", [2**14, 2**16])  # n = 256 and 1024
 def test_circles_past_kappa_g_are_refused_as_tori(n_max):
-    # On 1024 points, a Newton's method that checks only its own modes converges at 0.97251.
+    # On 1024 points, Newton's method converges at 0.97251 if it checks only its own modes.
     vector, mean = (float(GAMMA), np.e), 0.97251
     torus = tori.invariant_torus(*vector, mean, 0.0, n_max)
     assert torus.status in (Status.TOO_FEW_MODES, Status.NO_CIRCLE, Status.NOT_CERTIFIED)
@@ -127,7 +127,7 @@ def test_the_torus_of_zero_amplitude_breaks_where_the_circle_does():
     assert 0.9 < result.lower < KAPPA_G
 
 
-def test_a_torus_one_per_cent_below_its_breakup_is_certified_by_continuation_from_zero():
+def test_a_torus_1_per_cent_below_breakup_is_certified_by_continuation():
     n_max = tori.TorusSettings().max_points
     assert tori.invariant_torus(*TRIBONACCI, *(0.322 * ray(45)), n_max).certified
 
@@ -142,14 +142,14 @@ def test_a_torus_one_per_cent_below_its_breakup_is_certified_by_continuation_fro
         ),
     ],
 )
-def test_tori_are_certified_close_to_the_breakup_by_residues_of_a_long_orbit(angle, tol, known):
+def test_tori_are_certified_up_to_near_the_breakup_that_residues_predict(angle, tol, known):
     result = tori.critical_scale(*TRIBONACCI, *ray(angle), tol)
     residue = periodic.torus_scale("3136/5768", "4841/5768", *ray(angle))
     assert known < result.lower < result.value
     assert abs(result.value - residue.value) < result.error + residue.error
 
 
-def test_invariant_graphs_persist_where_a_torus_is_certified_and_are_excluded_far_beyond():
+def test_graphs_persist_at_a_certified_torus_and_are_excluded_far_beyond():
     n = np.arange(-100, 101)
     kappa = ray(45)[0] + ray(45)[1] * np.cos(2 * np.pi * n * TRIBONACCI[1])
     lives = [aperiodic.longest_lived(scale * kappa, 0.0, 100)[2] for scale in (0.3, 0.6)]
@@ -157,13 +157,14 @@ def test_invariant_graphs_persist_where_a_torus_is_certified_and_are_excluded_fa
     assert lives[1] < 60
 
 
-# Periods, the breakups of their last circles by residues or continuation, and the relative distance
-# above which no graph is left: without a symmetry, minimizing orbits cross the lines.
+# One period of each forcing, the breakup of its last circle by residues or continuation, and the
+# relative distance beyond it at which no graph is left. This is larger without a symmetry, because
+# minimizing orbits then cross the lines.
 KNOWN = ((1.0,), KAPPA_G, 0.01), ((0.3, 0.2, 0.25), 1.79656, 0.05)
 
 
 @pytest.mark.parametrize("case", thirds(KNOWN))
-def test_for_repeated_kicks_invariant_graphs_are_excluded_past_the_breakup(case):
+def test_under_repeated_kicks_graphs_are_excluded_past_the_breakup(case):
     period, breakup, above = case
     kappa = np.tile(period, 601)
     upper = aperiodic.critical_scale(kappa).upper
@@ -171,12 +172,12 @@ def test_for_repeated_kicks_invariant_graphs_are_excluded_past_the_breakup(case)
     assert aperiodic.last_survivor(0.99 * breakup * kappa).kicks == np.inf
 
 
-def test_strong_random_kicks_exclude_graphs_and_identify_the_longest_lived_start():
+def test_a_few_strong_random_kicks_eliminate_even_the_longest_lived_start():
     kappa = np.random.default_rng(20).uniform(0.8, 1.8, 300)
     last = aperiodic.last_survivor(kappa)
     site, reach = last.site, int(last.kicks)
     assert reach < 20
-    for less, life in ((0, reach), (1, np.inf)):  # these kicks alone suffice, fewer do not
+    for less, life in ((0, reach), (1, np.inf)):  # these kicks alone suffice, but fewer do not
         first, end = max(site - reach + less, 0), site + reach - less
         alone = aperiodic.elimination_time(kappa[first:end], 0.0, site - first, [last.x], [last.y])
         assert alone == life

@@ -1,4 +1,4 @@
-"""The page Trust: broken promises are counted, and each row names a method that exists."""
+"""The page Trust counts broken promises, and each of its rows names an existing method."""
 
 from importlib import import_module
 from pathlib import Path
@@ -31,7 +31,7 @@ def test_a_ratio_above_one_breaks_a_promise_and_nan_counts_as_no_answer(page):
     )
 
 
-def test_a_lower_end_beyond_the_breakup_breaks_a_promise(page):
+def test_a_lower_bound_that_is_not_below_the_breakup_breaks_a_promise(page):
     lower, most = xr.DataArray([0.5, 1.0, NAN, 0.2]), xr.DataArray([0.6, 1.0, 0.3, NAN])
     seen = page("studies").below(barriers.critical_scale, "lower", "rays", lower, most)
     assert (seen.asked, seen.answered, seen.broken) == (4, 2, 1)
@@ -52,7 +52,7 @@ def test_verdicts_are_counted_by_section(page, tmp_path):
     ]
 
 
-def test_each_measured_row_names_a_method_of_nasm_and_counts_no_more_than_it_asked(page):
+def test_each_measured_row_names_a_method_of_nasm_with_consistent_counts(page):
     trust = page("measure_trust")
     rows = trust.read(trust.MEASURED)
     assert {row["command"] for row in rows} <= {trust.COMMAND, *trust.STUDIES}

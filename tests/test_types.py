@@ -11,7 +11,7 @@ import nasm
 import pipeline
 import workflows.shared
 
-# Not annotated yet.
+# Prefixes of the names of modules that are not annotated yet.
 LATER = """
 
 """

@@ -1,4 +1,4 @@
-"""A verdict on one forcing: consistent with the boundary, symmetric, and never a guess."""
+"""A verdict on one forcing is consistent with the boundary, symmetric, and never a guess."""
 
 import re
 from dataclasses import replace
@@ -13,13 +13,13 @@ from commands import invoke
 from nasm import barriers, circles, orbits, periodic
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
-from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import MAX_STRENGTH
 from nasm.numbers import parse
+from nasm.results import CriticalScale, Status, no_answer
 from nasm.symmetries import ray
 from nasm.verdicts import Answer, Evidence, VerdictSettings, verdict
 from workflows.ask import period
-from workflows.shared.verdict_words import bracket_of, sentences
+from workflows.shared.verdict_sentences import bracket_of, sentences
 
 _RANDOM = np.random.default_rng(5)
 ANGLES = [-45.0, *_RANDOM.uniform(0, 360, 2)]
@@ -82,13 +82,13 @@ def test_under_the_weakest_kicks_a_circle_exists_and_the_boundary_is_not_infinit
 
 
 @pytest.mark.parametrize("kappa", [(2.0, 0.0), (0.1, -3.0), (MAX_STRENGTH, -MAX_STRENGTH)])
-def test_no_circle_exists_from_a_strength_of_two_on(kappa):
+def test_no_circle_exists_if_a_kick_has_a_strength_of_two_or_more(kappa):
     result = verdict(kappa)
     assert (result.answer, result.steps) == (Answer.TRANSPORT, 0.5)
 
 
 @pytest.mark.slow
-def test_close_to_a_cusp_the_point_itself_still_decides():
+def test_close_to_a_cusp_the_forcing_itself_still_determines_the_verdict():
     inside, outside = verdict((0.9, 0.9000001)), verdict((1.0, 1.0000001))
     assert np.isnan(inside.boundary.value)
     assert inside.boundary.status is outside.boundary.status is Status.NEAR_CUSP
@@ -97,24 +97,25 @@ def test_close_to_a_cusp_the_point_itself_still_decides():
 
 # By default, up to 20 CPU seconds would be spent on proofs of barriers further out on the ray.
 SHORT_PROOFS = VerdictSettings(proof_seconds=1.0)
-# Only the first of the default tolerances: a verdict that fails takes 0.2 s instead of 4 s.
+# Only the first of the default tolerances: an undecided verdict takes 0.2 s instead of 4 s.
 ONE_TOLERANCE = VerdictSettings(tols=(1e-3,))
 
 
 @pytest.mark.parametrize("kappa", [(0.3, 0.45), (0.526, 0.69)])
-def test_without_a_certified_circle_there_is_no_barrier(monkeypatch, kappa):
+def test_without_a_certified_circle_the_verdict_is_undecided(monkeypatch, kappa):
     def failing(omega, kappa, *args):
         u = np.zeros((2, 64))
         return circles.InvariantCircle(omega, np.array(kappa), u, np.nan, Status.NOT_CERTIFIED)
 
     monkeypatch.setattr(circles, "invariant_circle", failing)
     monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
-    monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)  # avoids long tests of others
+    # This avoids long tests of other circles.
+    monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)
     result = verdict(kappa, settings=ONE_TOLERANCE)
     assert (result.answer, result.evidence) == (Answer.UNDECIDED, Evidence.NONE)
 
 
-def test_a_circle_further_out_is_a_barrier_under_an_assumption(monkeypatch):
+def test_a_circle_certified_further_out_is_a_barrier_under_an_assumption(monkeypatch):
     monkeypatch.setattr(continuation, "certified_circle", lambda *given: (given[2], None))
     assert verdict((0.526, 0.69), settings=ONE_TOLERANCE).evidence is Evidence.CIRCLE_BEYOND
 
@@ -124,14 +125,14 @@ def test_if_starts_are_never_eliminated_the_verdict_is_undecided(monkeypatch):
     assert verdict((1.2, 0.9), settings=ONE_TOLERANCE).answer is Answer.UNDECIDED
 
 
-def test_converse_kam_that_contradicts_a_certified_circle_gives_no_verdict(monkeypatch):
+def test_if_converse_kam_contradicts_a_circle_the_verdict_is_undecided(monkeypatch):
     monkeypatch.setattr("nasm.survivors.eliminates", lambda kappa, n_max: True)
     result = verdict((0.3, 0.4), settings=ONE_TOLERANCE)
     assert result.boundary.lower > 1
     assert result.answer is Answer.UNDECIDED
 
 
-def test_without_residues_only_the_point_itself_decides(monkeypatch):
+def test_without_residues_only_the_forcing_itself_determines_the_verdict(monkeypatch):
     lost = lambda omega, *_, **__: no_answer(omega, Status.DISORDERED)  # noqa: E731
     monkeypatch.setattr(periodic, "critical_scale", lost)
     assert verdict((0.3, 0.4)).answer is Answer.BARRIER
@@ -146,7 +147,7 @@ def test_without_residues_only_the_point_itself_decides(monkeypatch):
         ((-0.75, 0.6), Evidence.TRANSPORT_PROVED),
     ],
 )
-def test_a_proof_is_its_own_kind_of_evidence(kappa, evidence):
+def test_a_proof_is_a_separate_kind_of_evidence(kappa, evidence):
     result, sampled = verdict(kappa, prove=True, settings=SHORT_PROOFS), verdict(kappa)
     assert result.evidence is evidence
     assert result.proof.proved
@@ -160,7 +161,7 @@ def test_a_proof_is_its_own_kind_of_evidence(kappa, evidence):
 @pytest.mark.parametrize(
     ("kappa", "evidence"), [((0.3, 0.45), Evidence.CIRCLE), ((-0.75, 0.6), Evidence.CONVERSE_KAM)]
 )
-def test_a_proof_that_fails_changes_nothing_and_says_why(kappa, evidence):
+def test_a_failed_proof_changes_nothing_but_its_reason_is_reported(kappa, evidence):
     result = verdict(kappa, prove=True, settings=replace(ONE_TOLERANCE, proof_seconds=1e-9))
     assert result.evidence is evidence
     assert not result.proof.proved
@@ -187,7 +188,7 @@ def test_a_proof_that_fails_changes_nothing_and_says_why(kappa, evidence):
         (("1e-310", "0"), ["BARRIER", "is not known: no breakup found"]),
     ],
 )
-def test_the_answer_in_words_and_as_a_figure(monkeypatch, tmp_path, point, expected):
+def test_the_answer_is_given_in_words_and_as_a_figure(monkeypatch, tmp_path, point, expected):
     briefly = partial(verdict, settings=SHORT_PROOFS)
     monkeypatch.setattr("workflows.ask.period.verdict", briefly)
     result = invoke("ask", tmp_path / "out", *point)
@@ -199,7 +200,7 @@ def test_the_answer_in_words_and_as_a_figure(monkeypatch, tmp_path, point, expec
     assert (tmp_path / f"out/{name}.txt").read_text(encoding="utf-8") in result.output
 
 
-def test_strengths_and_a_point_of_a_plane_ask_the_same_question(tmp_path, monkeypatch):
+def test_strengths_and_a_point_of_a_plane_can_specify_the_same_forcing(tmp_path, monkeypatch):
     kappas, answer = [], verdict((0.3, 0.3, 0.3))
     seen = (
         "workflows.ask.period.verdict",
@@ -215,7 +216,7 @@ def test_strengths_and_a_point_of_a_plane_ask_the_same_question(tmp_path, monkey
     assert len(list(tmp_path.glob("ask_*.png"))) == 2
 
 
-def test_an_aperiodic_forcing_gets_an_answer_of_its_own(tmp_path):
+def test_aperiodic_and_repeated_kicks_get_different_answers(tmp_path):
     kicks = str(tmp_path / "kicks.txt")
     np.savetxt(kicks, np.random.default_rng(1).uniform(1, 1.5, 70))
     output = invoke("ask", tmp_path, "--once", kicks).output
@@ -282,7 +283,7 @@ def test_lifetimes_are_whole_numbers_of_kicks(kappa):
         (np.nan, np.inf, ("", "")),
     ],
 )
-def test_a_bracket_has_digits_to_match_its_width_and_is_rounded_outwards(lower, upper, texts):
+def test_a_bracket_is_rounded_outwards_to_digits_that_match_its_width(lower, upper, texts):
     boundary = CriticalScale(np.nan, np.nan, lower, upper, None, Status.OK)
     assert bracket_of(boundary) == texts
 
@@ -310,7 +311,7 @@ def test_the_circle_is_drawn_over_the_whole_period():
 
 
 @pytest.mark.slow
-def test_starts_that_survive_longer_beyond_bands_of_breakup_are_eliminated_by_more_steps():
+def test_more_steps_eliminate_starts_that_survive_beyond_bands_of_breakup():
     answer = verdict(0.62708 * np.array((1, 0.63, 1)))
     assert (answer.answer, answer.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
 

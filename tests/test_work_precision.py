@@ -1,4 +1,4 @@
-"""Speed against accuracy: errors fall as they should, and every method estimates its own."""
+"""Speed against accuracy: errors fall as they should, and estimates of errors are right."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ EFFORTS = {
     "residue": [30, 100, 300, 1000],
     "barriers": [1e-2, 3e-3, 1e-3],
 }
-ORDERS = {  # order in the effort, and its margin
+ORDERS = {  # exponent of the effort in the error, and its tolerance
     "converse KAM, upper bound": (-1, 0.1),
     "residue, last crossing": (-2, 0.25),
     "last certified circle": (-1, 0.25),
@@ -28,13 +28,13 @@ ORDERS = {  # order in the effort, and its margin
 
 @pytest.mark.parametrize("rays", thirds([("0", "30"), ("0", "three-kicks")]))
 def test_errors_fall_with_effort_and_their_estimates_cover_them(rays, monkeypatch):
-    """Of the better methods, on two rays with and without a symmetry, at small efforts."""
+    """Test the better methods at small efforts, on rays with and without a symmetry."""
     for name, efforts in EFFORTS.items():
         monkeypatch.setattr(METHODS[name], "efforts", efforts)
     monkeypatch.setattr(measure, "timed", lambda run, *arguments: (run(*arguments), 1.0))
     measured = measure.measure(rays, [*EFFORTS], quick=False, show=bool)
     place = measured.method.values.tolist().index
-    off = abs(float(measured.value[0]) / (KAPPA_G / 2) - 1)  # error of the judge
+    off = abs(float(measured.value[0]) / (KAPPA_G / 2) - 1)  # error of the reference value
     assert off <= float(measured.judge_error[0]) < 1e-11
     for name, (order, margin) in ORDERS.items():
         assert measure.order(measured, place(name)) == pytest.approx(order, abs=margin)
@@ -53,9 +53,9 @@ def test_errors_fall_with_effort_and_their_estimates_cover_them(rays, monkeypatc
         assert np.nanmax(errors[1] / errors[0]) < 0.2
 
 
-def test_seconds_count_from_where_all_errors_are_small():
+def test_times_count_from_the_effort_beyond_which_all_errors_are_small():
     dims = "ray", "method", "level"
-    errors = [[[1e-1, 1e-3, 1e-4]], [[1e-3, 1e-2, 1e-4]]]  # 1e-3 is met by chance, and lost again
+    errors = [[[1e-1, 1e-3, 1e-4]], [[1e-3, 1e-2, 1e-4]]]  # 1e-3 is first reached by chance
     seconds = [[[1.0, 2.0, 3.0]], [[1.0, 2.0, 4.0]]]
     efforts = (("method", "level"), [[1.0, 2.0, 3.0]])
     data = {"error": (dims, errors), "cpu_seconds": (dims, seconds), "effort": efforts}
@@ -65,13 +65,13 @@ def test_seconds_count_from_where_all_errors_are_small():
     assert np.isnan(measure.seconds_for(data, 1e-5))
 
 
-def test_direct_bias_falls_like_n_to_the_minus_one_third():
+def test_the_bias_of_direct_iteration_falls_like_n_to_the_minus_one_third():
     ray = judged("45")
     steps = [1000, 10_000, 100_000]
     results = [METHODS["direct-100"].run(ray, n) for n in steps]
     errors = [raw / ray.value - 1 for (raw, _), _ in results]
     assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(-1 / 3, abs=0.07)
-    assert np.isnan(results[0][1]).all()  # 1000 steps are too few for a value by the law
+    assert np.isnan(results[0][1]).all()  # 1000 steps are too few to extrapolate a value
     for (_, (value, error)), raw in zip(results[1:], errors[1:], strict=True):
         assert abs(value / ray.value - 1) < raw
         assert abs(value - ray.value) < error

@@ -24,7 +24,7 @@ from pipeline.sweep.sweep import sweep
 
 
 def cube(rows=10, columns=13, tile=3, **settings):
-    """Return the Cube of two variables over (row, column), and of a coordinate of each cell.
+    """Return a Cube with two variables over (row, column), and a coordinate that labels each cell.
 
     One variable has a further dimension, which is not tiled. The coordinate is known in advance.
     """
@@ -42,14 +42,14 @@ def cube(rows=10, columns=13, tile=3, **settings):
 
 
 def job(*args, compute=None, predict=None, **settings):
-    """Return the Job of `cube`, with other functions if they are passed."""
+    """Return the Job that computes `cube`, by default with the functions of this module."""
     plan = cube(*args, **settings)
     functions = compute or globals()["compute"], predict or globals()["predict"], no_warm_up
     return of_one_code(Job(plan, *functions))
 
 
 def of_one_code(job):
-    """Return the job as if its functions were all of nasm: tests exchange them in one cube."""
+    """Return the job with all modules as its code: jobs with other functions can share its cube."""
     vars(job)["code"] = EVERYTHING
     return job
 
@@ -73,7 +73,7 @@ def compute(coords, settings):
 
 
 COMPUTED = []  # first coordinates of tiles, in the order in which `watched` computed them
-EVENTS = {}  # {number of a tile: function called before `watched` computes it}
+EVENTS = {}  # {n: function called before `watched` computes the n-th tile, n ≥ 1}
 _ONE_BY_ONE = Lock()  # during an event the other worker commits at most its current tile
 
 
@@ -85,7 +85,7 @@ def watched(coords, settings):
 
 
 def watched_sweep(client, place, plan, events=()):
-    """Sweep with workers in this process, during which events may happen; fills COMPUTED."""
+    """Sweep with workers in this process; call the `events` during the sweep, and fill COMPUTED."""
     COMPUTED.clear()
     EVENTS.clear()
     EVENTS.update(events)
@@ -94,16 +94,16 @@ def watched_sweep(client, place, plan, events=()):
 
 @contextmanager
 def workers_here():
-    """Yield what `connect` yields, for a Client whose two workers are threads of this process."""
+    """Yield what `connect` yields, for a Client of this process, whose one worker has two threads."""
     how = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "protocol": "tcp"}
     how |= {"processes": False, "n_workers": 1, "threads_per_worker": 2}
-    # The preload of `connect` is for processes.
+    # The preload of `connect` is meant for worker processes.
     with dask.config.set({"distributed.worker.preload": []}), Client(**how) as client:
         yield lambda: client
 
 
 def predict(coords, settings):
-    # Uneven, so that there are batches of one tile and of many.
+    # The costs are uneven, so that there are batches of one tile and of many.
     return 0.3 if coords.get("row", [0.0])[0] > 0.6 else 0.01
 
 
@@ -120,7 +120,7 @@ def records(place):
 
 
 def run(client, out, plan, wanted=None, **functions):
-    """Sweep the cube silently into a place that no driver uses; return the result of `sweep`."""
+    """Sweep the cube silently into a place without another driver; return the result of `sweep`."""
     place, job = store.place_of(out), Job(plan, compute, predict, no_warm_up)
     job = of_one_code(replace(job, **functions))
     with store.driver_lock(place):
@@ -128,7 +128,7 @@ def run(client, out, plan, wanted=None, **functions):
 
 
 def assert_complete(out, plan):
-    """Assert that every cell equals that of a serial computation and verify finds no damage."""
+    """Assert that every cell equals that of a serial computation, and `verify` finds no damage."""
     cube = store.read(store.place_of(out), plan.name)
     for name, values in serial(plan).items():
         assert np.array_equal(cube[name].values, values)
@@ -151,7 +151,7 @@ def wait_until(condition, patience=60):
 
 
 def kept_memory():
-    """Return how many of 128 temporarily used megabytes this process keeps."""
+    """Return how many megabytes this process keeps after it used 128 temporarily."""
 
     def resident():
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -162,12 +162,12 @@ def kept_memory():
 
 
 def peak_memory():
-    """Return the peak memory of this process in bytes; getrusage would count its parent's."""
+    """Return the peak memory of this process, in bytes; getrusage would include its parent's."""
     return 1024 * int(re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())[1])
 
 
 def line(n_tiles):
-    """Return the Job of tiles in a row, of 2 kB each, that cost nothing to compute."""
+    """Return a Job with tiles in a row, of 2 kB each, that take no time to compute."""
     coords = {dim: xr.Variable(dim, np.arange(n)) for dim, n in (("tile", n_tiles), ("cell", 256))}
     template = xr.Dataset({"level": blank(coords, "level")}, coords)
     return Job(Cube("line", template, {"tile": 1}, {}), level, nothing, no_warm_up)

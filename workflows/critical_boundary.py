@@ -31,7 +31,7 @@ def main(run, plane, n_rays, n_cusp_rays, tol, **options):
     from pipeline.cubes.cube import untiled
     from workflows.figures.circle_boundaries import describe_circles
     from workflows.figures.critical_boundary import draw_critical_boundary
-    from workflows.shared import boundary_words, rays
+    from workflows.shared import boundary_captions, rays
     from workflows.shared.escape_field import boundary_table, escape_plane, estimate_tiles, grid_of
 
     grid = grid_of(plane, **options)
@@ -53,8 +53,8 @@ def main(run, plane, n_rays, n_cusp_rays, tol, **options):
         run.table("critical_boundary", barrier)
         run.table("critical_boundary_circles", circles)
         run.table("critical_boundary_direct", direct)
-        caption = boundary_words.describe_boundary(barrier)
-        caption += "\n" + boundary_words.describe_direct_iteration(
+        caption = boundary_captions.describe_boundary(barrier)
+        caption += "\n" + boundary_captions.describe_direct_iteration(
             direct, barrier, grid.n_orbits[-1]
         )
         caption += "\n" + describe_circles(circles)

@@ -17,7 +17,7 @@ from workflows.shared.cli import command, plane_option, plane_options, sweeps
 @sweeps
 def main(run, **options):
     from workflows.figures.escape_plane import draw_escape_plane
-    from workflows.shared.boundary_words import describe_escape_field
+    from workflows.shared.boundary_captions import describe_escape_field
     from workflows.shared.escape_field import escape_plane, estimate_tiles, grid_of
 
     grid = grid_of(**options)

@@ -18,7 +18,7 @@ def main(run, plane, n_rays, n_cusp_rays, tol):
     from pipeline.cubes.barrier import last_barrier, unfolded
     from pipeline.cubes.cube import untiled
     from workflows.figures.last_barrier import draw_last_barrier
-    from workflows.shared import boundary_words, rays
+    from workflows.shared import boundary_captions, rays
 
     boundary = untiled("boundary", n_rays=n_rays, n_cusp_rays=n_cusp_rays, tol=tol, **plane.record)
     angles = rays.ray_angles(plane, n_rays, n_cusp_rays)
@@ -27,5 +27,5 @@ def main(run, plane, n_rays, n_cusp_rays, tol):
         swept = run.sweep(job)
         barrier = run.kept(boundary, lambda: unfolded(swept, angles))
         run.table("last_barrier", barrier)
-        caption = boundary_words.describe_boundary(barrier)
+        caption = boundary_captions.describe_boundary(barrier)
         run.figure("last_barrier", draw_last_barrier, barrier, caption=caption)

@@ -33,10 +33,10 @@ from nasm.arithmetic.reproducible import geometric, powers
 from nasm.checks import positive, real
 from nasm.circles import fourier, newton
 from nasm.circles.newton import DEFAULT_NEWTON_SETTINGS, NewtonSettings
-from nasm.critical import CriticalScale, Status, no_answer
 from nasm.farey import circle_exists
 from nasm.maps import TWO_PI, direction, segment
 from nasm.numbers import as_rotation_number, convergents
+from nasm.results import CriticalScale, Status, no_answer
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 from nasm.types import FloatArray, IntArray, OmegaLike
 

@@ -40,9 +40,9 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.sine import sin2pi
 from nasm.checks import count, floats
 from nasm.circles import fourier
-from nasm.critical import Result, Status
 from nasm.maps import TWO_PI, forcing
 from nasm.numbers import RotationNumber, as_rotation_number
+from nasm.results import Result, Status
 from nasm.tables import html_table, omega_text
 from nasm.types import FloatArray, OmegaLike
 

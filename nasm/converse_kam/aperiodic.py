@@ -51,8 +51,8 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.sine import cos2pi
 from nasm.checks import count, floats, points, real
 from nasm.converse_kam.symmetry_line import LongestLived, SearchSettings, search_grids
-from nasm.critical import CriticalScale, Status, no_answer
 from nasm.maps import MAX_STRENGTH, direction, forcing, kick, unkick
+from nasm.results import CriticalScale, Status, no_answer
 from nasm.types import FloatArray
 
 __all__ = [

@@ -70,9 +70,9 @@ from nasm.arithmetic.lanes import (
 )
 from nasm.arithmetic.sine import COSINE, SINE
 from nasm.checks import count, points
-from nasm.critical import CriticalScale, Status, no_answer
 from nasm.escape import polynomial
 from nasm.maps import direction, forcing
+from nasm.results import CriticalScale, Status, no_answer
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, dominant_centre, primitive
 from nasm.types import FloatArray
 

@@ -34,10 +34,10 @@ from numpy.typing import ArrayLike, NDArray
 from nasm import circles
 from nasm.checks import count, positive, real
 from nasm.circles import continuation, fourier
-from nasm.critical import Result
 from nasm.maps import MAX_STRENGTH, MIN_SIZE, direction, forcing
 from nasm.numbers import RotationNumber, as_rotation_number, convergents
 from nasm.proofs.certificates import certificate, in_hex
+from nasm.results import Result
 from nasm.symmetries import shorten
 from nasm.tables import html_table, omega_text
 from nasm.types import FloatArray, OmegaLike

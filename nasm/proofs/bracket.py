@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 
 from nasm import barriers
 from nasm.checks import positive
-from nasm.critical import CriticalScale, Result
 from nasm.maps import direction
 from nasm.proofs.barrier import BarrierProof, proved_lower
 from nasm.proofs.patches import proved_below
 from nasm.proofs.transport import TransportProof, proved_upper
+from nasm.results import CriticalScale, Result
 from nasm.tables import html_table
 from nasm.texts import rounded_bracket
 

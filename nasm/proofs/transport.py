@@ -61,10 +61,10 @@ from nasm.arithmetic.lanes import (
 from nasm.arithmetic.sine import COSINE
 from nasm.checks import positive, real
 from nasm.converse_kam import transversal
-from nasm.critical import Result
 from nasm.maps import MAX_PERIOD, MAX_STRENGTH, MIN_SIZE, direction, forcing
 from nasm.numbers import rational
 from nasm.proofs.certificates import certificate, columns_in_hex, in_hex
+from nasm.results import Result
 from nasm.symmetries import shorten
 from nasm.tables import html_table
 from nasm.types import FloatArray, IntArray

@@ -21,9 +21,9 @@ import numpy as np
 from nasm.arithmetic.sine import cos2pi
 from nasm.checks import count, real
 from nasm.converse_kam import aperiodic
-from nasm.critical import CriticalScale, Status
 from nasm.maps import direction
 from nasm.orbits import bump, orbit
+from nasm.results import CriticalScale, Status
 from nasm.tori import newton
 
 __all__ = ["LastTorusSettings", "last_critical_scale", "upper_scale"]

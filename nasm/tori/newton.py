@@ -45,9 +45,9 @@ from nasm.arithmetic.roots import root
 from nasm.arithmetic.sine import cos2pi, sin2pi
 from nasm.checks import count, floats, positive, real
 from nasm.circles.newton import NewtonSettings, lagrange, step_outcome
-from nasm.critical import CriticalScale, Result, Status
 from nasm.maps import TWO_PI, direction, forcing
 from nasm.numbers import RotationNumber
+from nasm.results import CriticalScale, Result, Status
 from nasm.tables import html_table
 from nasm.types import FloatArray
 

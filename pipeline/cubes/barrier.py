@@ -13,9 +13,9 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from nasm import barriers, symmetries
-from nasm.critical import CriticalScale
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import Plane, plane_of, two_kicks
+from nasm.results import CriticalScale
 from nasm.symmetries import ray
 from pipeline.cubes.breakdown import job_on_rays, scale_arrays
 from pipeline.cubes.cube import (

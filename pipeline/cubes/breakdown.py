@@ -21,9 +21,9 @@ from numpy.typing import ArrayLike
 
 from nasm import escape, periodic
 from nasm.circles import continuation
-from nasm.critical import CriticalScale, Status
 from nasm.numbers import RotationNumber, parse
 from nasm.planes import Plane, plane_of
+from nasm.results import CriticalScale, Status
 from nasm.symmetries import ray
 from nasm.types import OmegaLike
 from pipeline.cubes import cube

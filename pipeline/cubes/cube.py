@@ -22,7 +22,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from nasm.critical import Status
+from nasm.results import Status
 from pipeline.provenance import PROGRAM, Code, code_of
 
 if TYPE_CHECKING:
@@ -303,7 +303,7 @@ def status_code(status: Status) -> int:
 
     Examples
     --------
-    >>> from nasm.critical import Status
+    >>> from nasm.results import Status
     >>> from pipeline.cubes.cube import status_code
     >>> status_code(Status.OK)
     1

@@ -15,9 +15,9 @@ import numpy as np
 import xarray as xr
 
 from nasm import barriers, periodic, tori
-from nasm.critical import CriticalScale
 from nasm.maps import rotating_forcing
 from nasm.planes import ROTATING_AXES
+from nasm.results import CriticalScale
 from nasm.symmetries import ray
 from nasm.tori import last_torus
 from nasm.types import FloatArray

@@ -1,4 +1,4 @@
-"""Is transport global under this forcing, or does a barrier stop it?
+"""Is transport global under this forcing, and at which multiple of it does the last barrier break?
 
 Prints the verdict of `nasm.verdict` in sentences, and draws a phase portrait with its evidence: the
 invariant circle, or an escaping orbit. An aperiodic forcing (--once) has no invariant circles;
@@ -9,7 +9,7 @@ strengths. They are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525
 one forcing per line the answers form a table. With more than 64 kicks no circle is searched for,
 only transport. Within a relative distance of a few 10⁻⁵ of the boundary the answer is UNDECIDED;
 the exit code is 0 for all three answers. One or two kicks take about two CPU seconds; the first run
-on a machine also compiles the kernels, which takes twenty seconds more. The portrait, or the table,
+on a machine also compiles the kernels, which takes half a minute more. The portrait, or the table,
 is written to OUT.
 """
 
@@ -75,7 +75,7 @@ def _answer(strengths, point, kappa, plane, once, prove, column, out):
     """Print the answer to one forcing, and draw its figure."""
     from workflows.ask.once import answer_aperiodic
     from workflows.ask.period import answer_periodic
-    from workflows.shared.verdict_words import MAX_LISTED
+    from workflows.shared.verdict_sentences import MAX_LISTED
 
     text, draw = answer_aperiodic(strengths) if once else answer_periodic(strengths, point, prove)
     click.echo(text)

@@ -5,10 +5,10 @@ from functools import partial
 import numpy as np
 
 from nasm import escape, orbits, survivors
-from nasm.critical import Status
+from nasm.results import Status
 from nasm.verdicts import Answer, verdict
 from workflows.shared.phase_space import portrait
-from workflows.shared.verdict_words import forcing_text, lifetime_text, sentences, steps_text
+from workflows.shared.verdict_sentences import forcing_text, lifetime_text, sentences, steps_text
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration, which only illustrates the verdict
 _POINTS = 2**20  # total length of the orbits searched for one that escapes

@@ -22,7 +22,7 @@ from workflows.explore.state import LINES
 from workflows.figures.planes import symbols
 from workflows.figures.style import INSIDE, NO_ESCAPE
 from workflows.shared.tables import dataset
-from workflows.shared.verdict_words import scale_text
+from workflows.shared.verdict_sentences import scale_text
 
 _PIXELS = 640  # along each side, until the browser reports its size
 _MAX_PIXELS = 1024

@@ -16,9 +16,9 @@ from workflows.explore.state import ORBITS, fraction_of, orbits_of, orbits_text
 from workflows.figures.phase_space import CHAOTIC, COLOURS, ends, places
 from workflows.figures.style import VERMILION
 from workflows.shared.on_demand import MANIFOLDS, resonance, spreading
-from workflows.shared.orbit_words import describe_orbit, describe_residue
+from workflows.shared.orbit_sentences import describe_orbit, describe_residue
 from workflows.shared.phase_space import in_box, periodic_orbits, portraits
-from workflows.shared.verdict_words import forcing_text, lifetime_text
+from workflows.shared.verdict_sentences import forcing_text, lifetime_text
 
 _PIXELS = 560  # along each side, until the browser reports its size
 _MAX_PIXELS = 1200

@@ -98,7 +98,7 @@ class Shared:
         try:
             client = self._connected()
             self.connected.set()
-            missing = "compiling the kernels, once per machine: about 20 s"
+            missing = "compiling the kernels, once per machine: about half a minute"
             self.preparing = missing if are_missing() else "loading the kernels"
             for name, warm_up in _WARM_UPS.items():
                 client.submit(warm_up, pure=False).result()

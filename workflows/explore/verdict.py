@@ -8,7 +8,7 @@ from bokeh.models import Button, CustomJS, Div
 
 from nasm.verdicts import verdict
 from workflows.explore.work import spread
-from workflows.shared.verdict_words import sentences
+from workflows.shared.verdict_sentences import sentences
 
 _START_DELAY = 0.05  # seconds to wait for a newer point, while it is dragged
 

@@ -1,4 +1,8 @@
-"""The figure of `critical_boundary`: three methods in one plane."""
+"""The figure of the main job, `critical_boundary`: three methods in one plane.
+
+Its caption joins those of its methods, `workflows.shared.boundary_captions` and
+`circle_boundaries.describe_circles`.
+"""
 
 import numpy as np
 from matplotlib.patches import Patch

@@ -1,4 +1,7 @@
-"""CB_gt in the colours of the last circles, one colour for each class under the symmetry."""
+"""CB_gt in the colours of the last circles, one colour for each class under the symmetry.
+
+Its caption is in `workflows.shared.boundary_captions`.
+"""
 
 import numpy as np
 

@@ -9,9 +9,9 @@ import numpy as np
 from nasm import action, barriers, circles, escape, orbits, periodic, tori
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
-from nasm.critical import Status
 from nasm.maps import twist
 from nasm.numbers import RotationNumber, convergents, parse
+from nasm.results import Status
 from nasm.symmetries import dominant_centre, ray
 from nasm.tori import last_torus
 from pipeline.cubes.cube import angles_of_rays, field_arrays, status_code, text

@@ -1,4 +1,4 @@
-"""The result type of every method: the scale at which a given circle, or the last one, breaks.
+"""The result of every method that looks for a breakup: the scale at which a circle breaks.
 
 On the ray κ = s·profile, s ≥ 0, the circle of rotation number ω exists for small s and breaks at
 the critical scale. The critical points of ω form the boundary CB_ω, and those of the last circle
@@ -25,7 +25,7 @@ class Status(Enum):
 
     Examples
     --------
-    >>> from nasm.critical import Status
+    >>> from nasm.results import Status
     >>> print(Status.RATIONAL.value)
     omega is rational, and no circle has it; use an irrational number, like gamma
     """
@@ -95,7 +95,7 @@ class Result:
 
     Examples
     --------
-    >>> from nasm.critical import Status, no_answer
+    >>> from nasm.results import Status, no_answer
     >>> no_answer(None, Status.RATIONAL) == no_answer(None, Status.RATIONAL)
     True
     """
@@ -131,8 +131,8 @@ class CriticalScale(Result):
     error : float
         Estimated absolute error of the value.
     lower, upper : float
-        Bracket that the method *shows*: a circle exists at lower, and none exists at upper. A bound
-        that the method does not show is NaN.
+        Bracket that the method *shows*: it finds a circle at lower, and excludes all at upper, in
+        floating point unless `method` is a proof. A bound that it does not show is NaN.
     omega : RotationNumber or None
         Rotation number of the circle per period; None if the method does not identify the circle.
     status : Status
@@ -143,7 +143,7 @@ class CriticalScale(Result):
 
     Examples
     --------
-    >>> from nasm.critical import CriticalScale, Status
+    >>> from nasm.results import CriticalScale, Status
     >>> from nasm.numbers import parse
     >>> CriticalScale(0.9716354, 2.1e-7, 0.971543, 0.971717, parse("gamma"), Status.OK, "residues")
     CriticalScale(0.97163540 ± 2.1e-07, bracket [0.97154, 0.97172], circle [0;(1)] = 0.618034 per
@@ -181,8 +181,8 @@ class CriticalScale(Result):
         """Return the table that a notebook shows."""
         lower, upper = rounded_bracket(self.lower, self.upper)
         shows = (
-            f"a circle exists at {lower}" * bool(lower),
-            f"none exists at {upper}" * bool(upper),
+            f"a circle is found at {lower}" * bool(lower),
+            f"none is found at {upper}" * bool(upper),
         )
         rows = {
             "critical scale": self._value(),
@@ -211,7 +211,7 @@ def no_answer(omega: RotationNumber | None, status: Status, method: str = "") ->
     Examples
     --------
     >>> import math
-    >>> from nasm.critical import Status, no_answer
+    >>> from nasm.results import Status, no_answer
     >>> math.isnan(no_answer(None, Status.NO_CIRCLE).value)
     True
     """

@@ -4,9 +4,9 @@ from math import inf, isfinite, log10
 from typing import Any
 
 from nasm import escape
-from nasm.critical import CriticalScale
 from nasm.numbers import RotationNumber
 from nasm.planes import Plane
+from nasm.results import CriticalScale
 from nasm.texts import rounded_bracket
 from nasm.types import FloatArray
 from nasm.verdicts import Answer, Evidence, Verdict
