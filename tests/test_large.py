@@ -1,7 +1,8 @@
 """Sweeps of many tiles.
 
-As a program, `python test_large.py OUT TILES`, it sweeps tiles that cost nothing, with dask's
-scheduler in the same process, and prints what it did and what the driver needed for it.
+Run as a program, `python test_large.py OUT TILES`, this file sweeps tiles that cost nothing to
+compute, with dask's scheduler in the same process. It prints how many tiles were committed, and the
+time and memory that the driver used.
 """
 
 import json
@@ -19,7 +20,7 @@ from pipeline.sweep.sweep import sweep
 
 
 class Counting(Progress):
-    """Counts the batches that come back from workers."""
+    """A progress line that counts the batches returned by workers."""
 
     batches = 0
 
@@ -45,14 +46,14 @@ def main(out, n_tiles):
     pytest.param(10_000, marks=pytest.mark.slow),
     pytest.param(100_000, marks=pytest.mark.release),
 ])  # fmt: skip
-def test_many_tiles_take_little_of_the_driver_s_time_and_memory(tmp_path, n_tiles):
+def test_the_driver_needs_little_time_and_memory_for_many_tiles(tmp_path, n_tiles):
     out = tmp_path / "out"
     command = [sys.executable, __file__, str(out), str(n_tiles)]
     report = json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout)
     assert (report["committed"], report["remaining"]) == (n_tiles, 0)
     assert len(store.missing(store.place_of(out), toy.line(n_tiles).cube)) == 0
     assert report["bytes"] < 250e6
-    # 0.2 ms of CPU time per tile, as they come in batches of 166.
+    # The driver needs 0.2 ms of CPU time per tile, because tiles return in batches of 166.
     assert report["batches"] < n_tiles / 50
 
 

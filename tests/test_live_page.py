@@ -1,4 +1,4 @@
-"""The live page computes what nasm computes: orbits, rotation numbers, verdicts. In Chromium."""
+"""The live page, run in Chromium, agrees with nasm on orbits, rotation numbers and verdicts."""
 
 import json
 from pathlib import Path
@@ -51,7 +51,7 @@ def test_a_rotation_number_is_the_weighted_birkhoff_average(page):
     assert seen == pytest.approx(float(omega), abs=1e-9)
 
 
-def test_escape_times_agree_where_they_are_short(page):
+def test_short_escape_times_agree(page):
     kappa, starts = [9.0, 7.0], np.linspace(0.01, 0.99, 30)
     call = "([kappa, y]) => escapeTime(kappa, 0.2, y, 5)"
     seen = [page.evaluate(call, [kappa, y]) for y in starts]
@@ -66,7 +66,7 @@ def test_escape_times_agree_where_they_are_short(page):
     pytest.param(1000, marks=pytest.mark.release),
 ])  # fmt: skip
 def test_verdicts_never_contradict_those_of_nasm(page, n):
-    """Close to the boundary the page says UNDECIDED, which is allowed on few forcings only."""
+    """Close to the boundary the page may answer UNDECIDED, for at most a tenth of all forcings."""
     kappas = np.random.default_rng(n).uniform(-1.2, 1.2, (n, 2))
     seen = page.evaluate("(kappas) => kappas.map(verdict)", kappas.tolist())
     for kappa, answer in zip(kappas, seen, strict=True):
@@ -77,8 +77,8 @@ def test_verdicts_never_contradict_those_of_nasm(page, n):
 
 
 @pytest.mark.parametrize("n", [6, pytest.param(60, marks=pytest.mark.slow)])
-def test_what_the_page_calls_proved_can_be_proved(page, n):
-    """Proved again, for single forcings; the page's regions are those of `workflows.proved_map`."""
+def test_forcings_that_the_page_calls_proved_can_be_proved(page, n):
+    """Single forcings are proved anew; the page relies on the regions of `workflows.proved_map`."""
     random = np.random.default_rng(n)
     kappas = random.uniform(-1.125, 1.125, (20 * n, 2))
     seen = page.evaluate("(kappas) => kappas.map(proved)", kappas.tolist())
@@ -102,10 +102,10 @@ def test_proved_regions_lie_on_the_correct_sides_of_the_boundary(page):
     }"""
     for ratios, most in zip(page.evaluate(program), (1.25, 1.1), strict=True):
         assert len(ratios) >= 12
-        assert 1 < min(ratios) <= median(ratios) < most  # and not much smaller than possible
+        assert 1 < min(ratios) <= median(ratios) < most  # regions are nearly as large as possible
 
 
-def test_a_click_chooses_the_forcing_and_the_address_keeps_it(page):
+def test_a_click_selects_a_forcing_and_records_it_in_the_address(page):
     box = page.locator("#plane").bounding_box()
     page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 0.25 * box["height"])
     chosen = [float(page.locator(f"#kappa{i}").input_value()) for i in (1, 2)]

@@ -1,4 +1,4 @@
-"""A small main job: three methods that bracket one boundary; kept results, and the examples."""
+"""A small run of the main job, whose three methods bracket one boundary; and the examples."""
 
 import json
 import os
@@ -34,7 +34,7 @@ def finished(tmp_path_factory, workers):
     """Return the directory of a small run of the main job."""
     out = tmp_path_factory.mktemp("main") / "out/critical_boundary"
     output = succeed("critical_boundary", out, *MAIN, *workers)
-    assert re.search(r"sweep \d of 5, \w+", output)  # which ones are shown depends on the load
+    assert re.search(r"sweep \d of 5, \w+", output)  # the load decides which are shown
     for name in ("escape.zarr", "barrier.zarr", "boundary.zarr", *FILES):
         assert f"{out}/{name}" in output
         assert (out / name).exists()
@@ -61,7 +61,7 @@ def test_a_dry_run_predicts_the_run_and_writes_nothing(finished, tmp_path):
     for name in sweeps:
         tiles = int((xr.open_zarr(finished / f"{name}.zarr", group="tiles").commit[0] > 0).sum())
         assert f"{name}: {tiles} of {plural(tiles, 'tile')}\n" in status
-        if name.startswith("escape_level") and name[-1] != "0":  # it depends on earlier levels
+        if name.startswith("escape_level") and name[-1] != "0":  # tiles depend on earlier levels
             assert tiles / 2 < int(printed[name][0]) < 2 * tiles
         else:
             assert int(printed[name][0]) == tiles
@@ -105,7 +105,7 @@ def test_the_direct_table_holds_the_boundary_along_rays(finished):
     assert ends["45"][0] == ends["45"][1]
 
 
-def test_the_boundary_is_bracketed_on_every_ray_and_the_last_circle_named(finished):
+def test_every_ray_has_a_bracket_of_the_boundary_and_names_its_last_circle(finished):
     rows = table(finished / "critical_boundary.csv")
     assert [float(r["angle"]) for r in rows] == list(range(0, 181, 15))
     for r in rows:
@@ -114,7 +114,7 @@ def test_the_boundary_is_bracketed_on_every_ray_and_the_last_circle_named(finish
         assert lower < value < upper
         assert upper - lower < 0.0101 * value
         assert float(parse(r["circle"])) == pytest.approx(float(r["omega"]), abs=1e-11)
-    # On the axis the golden circle breaks at κ_G/2, on the diagonal that of 2γ at (κ_G, κ_G).
+    # On the axes the golden circle breaks at κ_G/2; on the diagonal that of 2γ, at (κ_G, κ_G).
     scale = {int(float(r["angle"])): float(r["critical_scale"]) for r in rows}
     for angle, exact in ((0, KAPPA_G / 2), (45, KAPPA_G * 2**0.5), (90, KAPPA_G / 2)):
         assert scale[angle] == pytest.approx(exact, abs=1e-10)
@@ -128,7 +128,7 @@ def test_the_boundary_is_bracketed_on_every_ray_and_the_last_circle_named(finish
     assert boundary.circle.values.tolist() == [r["circle"] for r in rows]
 
 
-def test_the_three_methods_are_in_order(finished):
+def test_the_scales_of_the_three_methods_are_in_the_expected_order(finished):
     # Other circles break before the last one, and orbits escape only beyond its breakup.
     last = {r["angle"]: r for r in table(finished / "critical_boundary.csv")}
     for r in table(finished / "critical_boundary_circles.csv"):
@@ -174,7 +174,7 @@ def test_status_and_verify_confirm_sound_cubes_and_locate_damage(tmp_path, worke
         assert (empty.exit_code, "holds no cubes" in empty.output) == (2, True)
 
 
-def test_status_and_verify_look_into_every_run_in_a_folder(tmp_path, dense, monkeypatch):
+def test_status_and_verify_cover_every_run_in_a_folder(tmp_path, dense, monkeypatch):
     for path in ("out/one", "out/several/two"):
         shutil.copytree(dense, tmp_path / path)
     monkeypatch.chdir(tmp_path)
@@ -195,8 +195,8 @@ UNUSUAL = {
 
 
 @pytest.mark.parametrize("plane", thirds(UNUSUAL))
-def test_runs_on_unusual_planes_end_with_a_figure(tmp_path, finished, workers, plane):
-    for name in ("barrier.zarr", "breakdown.zarr"):  # they have the same rays
+def test_runs_on_unusual_planes_still_produce_a_figure(tmp_path, finished, workers, plane):
+    for name in ("barrier.zarr", "breakdown.zarr"):  # their rays are the same
         shutil.copytree(finished / name, tmp_path / "out" / name)
     options = [*MAIN, *plane.split(), "--levels", "2"]
     output = succeed("critical_boundary", tmp_path / "out", *options, *workers)
@@ -207,7 +207,7 @@ def test_runs_on_unusual_planes_end_with_a_figure(tmp_path, finished, workers, p
 EXAMPLES = Path(__file__).parents[1] / "workflows" / "examples"
 
 
-def test_the_example_without_a_command_prints_its_usage(monkeypatch):
+def test_the_job_queue_example_without_a_command_prints_its_usage(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["job_queue"])
     with pytest.raises(SystemExit, match=r"python workflows/examples/job_queue.py "):
         runpy.run_path(str(EXAMPLES / "job_queue.py"))
@@ -215,7 +215,7 @@ def test_the_example_without_a_command_prints_its_usage(monkeypatch):
 
 @pytest.fixture
 def notebook(finished, monkeypatch, capsys):
-    """Run a notebook beside `out` as a reader would; return its output and its variables."""
+    """Return a function that runs a notebook next to `out`; it returns the output and variables."""
 
     def run(name):
         written = json.loads((EXAMPLES / f"{name}.ipynb").read_text(encoding="utf-8"))
@@ -224,7 +224,7 @@ def notebook(finished, monkeypatch, capsys):
         cells = [cell for cell in written["cells"] if cell["cell_type"] == "code"]
         outputs = [output for cell in cells for output in cell["outputs"]]
         assert any("image/png" in output.get("data", {}) for output in outputs)
-        monkeypatch.chdir(finished.parents[1])  # it reads the cubes in out/critical_boundary
+        monkeypatch.chdir(finished.parents[1])  # notebooks read out/critical_boundary
         names = {}
         for cell in cells:
             exec("".join(cell["source"]), names)
@@ -233,7 +233,7 @@ def notebook(finished, monkeypatch, capsys):
     return run
 
 
-def test_the_notebook_from_one_orbit_to_the_boundary(notebook):
+def test_the_notebook_that_leads_from_one_orbit_to_the_boundary(notebook):
     output, names = notebook("boundary")
     assert "Answer.BARRIER" in output
     assert "Answer.TRANSPORT" in output
@@ -256,9 +256,9 @@ def test_the_notebook_that_reads_cubes(finished, notebook):
     assert f"the last one on {len(golden)} rays" in output
     share = 100 * (field(finished) <= 4000).mean()
     assert f"transport within 4000 steps in {share:.1f}% of the cells" in output
-    assert f"{(field(finished) <= 4000).mean():.6f}" in output  # computed by blocks
+    assert f"{(field(finished) <= 4000).mean():.6f}" in output  # computed block by block
     radius = np.hypot(*names["curves"].to_numpy().T)
-    # All of it is outside the last barrier, and within the direct boundary of the table.
+    # The curves lie outside the last barrier, and within the direct boundary of the table.
     assert radius.min() > KAPPA_G / 2
     direct = [
         float(r["critical_scale"] or 0) for r in table(finished / "critical_boundary_direct.csv")
@@ -295,7 +295,7 @@ def test_the_job_queue_example_ends_its_jobs_and_leaves_no_key(tmp_path, monkeyp
         "nworkers 16": "nworkers 1",
         "ib0": "lo",
         "Path.home()": f"Path({str(here)!r})",
-        "export NUMBA_CACHE_DIR": "unused",  # compiling takes longer than the sweep
+        "export NUMBA_CACHE_DIR": "unused",  # use the cache: compiling is slower than the sweep
     }.items():
         assert ours in edited
         edited = edited.replace(ours, theirs)

@@ -29,7 +29,7 @@ def test_a_manifold_is_mapped_into_itself(kappa, p, q, branch, advance, turns):
         for _ in range(q):
             image_x, image_y = advance(kappa, image_x, image_y)
         apart = long[:, :, None] - np.array([image_x + turns * p, image_y])[:, None]
-        assert np.hypot(*apart).min(axis=0).max() < 1e-4  # the spacing of its points
+        assert np.hypot(*apart).min(axis=0).max() < 1e-4  # the spacing of the manifold's points
         assert toward * (long[0, 9] - x) > 0
 
 
@@ -72,7 +72,7 @@ def test_spacings_that_cannot_resolve_a_lobe_are_refused(spacing):
         manifolds.turnstile((1.0,), 1, 6, True, spacing=spacing)
 
 
-def test_the_turnstile_of_an_orbit_that_a_symmetric_guess_misses():
+def test_the_turnstile_is_right_where_a_symmetric_guess_misses_the_orbit():
     result = manifolds.turnstile((1.0,), 1, 6, True)
     up, down = (np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2 for x, y in result.lobes)
     assert [abs(up), abs(down)] == pytest.approx([result.area] * 2, rel=0.02)

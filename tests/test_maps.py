@@ -15,8 +15,8 @@ strengths = st.floats(-2, 2)
 forcings = st.lists(strengths, min_size=1, max_size=3)
 coordinates = st.floats(-1, 1)
 
-# With |κ| ≤ 2 and |x|, |y| ≤ 2 the error of a kick is below 2e-15: 4e-16·κ/2π from the sine, and
-# half an ulp in each sum. Each further kick magnifies it by less than ‖DS‖ ≤ 2 + |κ| = 4.
+# For |κ| ≤ 2 and |x|, |y| ≤ 4 the error of one kick is below 2e-15: 4e-16·κ/2π from the sine, and
+# half an ulp from each sum. Each further kick magnifies it by less than ‖DS‖ ≤ 2 + |κ| ≤ 4.
 ROUNDING = 2e-15
 
 
@@ -25,7 +25,7 @@ def rounding(kappa):
 
 
 @given(kappa=forcings, x=coordinates, y=coordinates)
-def test_step_is_right_to_rounding(kappa, x, y):
+def test_step_is_accurate_to_rounding(kappa, x, y):
     with mpmath.workdps(30):
         exact = [float(z) for z in oracles.exact_step(kappa, x, y)]
     assert_allclose(step(kappa, x, y), exact, rtol=0, atol=rounding(kappa))
@@ -40,7 +40,7 @@ def test_tangent_is_the_derivative_of_step(kappa, x, y):
             ahead = mpmath.matrix(oracles.exact_step(kappa, x + dx, y + dy))
             behind = mpmath.matrix(oracles.exact_step(kappa, x - dx, y - dy))
             slope = [float(s) for s in (ahead - behind) / (2 * h)]
-            # An error in x causes one in κ cos 2πx that is 2π|κ| < 13 times as large.
+            # In κ cos 2πx, an error of x is magnified by at most 2π|κ| < 13.
             assert_allclose(tangent[:, column], slope, rtol=0, atol=13 * 4 * rounding(kappa))
 
 
@@ -48,7 +48,7 @@ def test_tangent_is_the_derivative_of_step(kappa, x, y):
     ("frequency", "amplitude", "phase", "strengths"),
     [
         ("1/2", 0.2, 0, (0.7, 0.3)),
-        ("1/2", -0.2, 0, (0.3, 0.7)),  # with the paper's sign half a period later
+        ("1/2", -0.2, 0, (0.3, 0.7)),  # the paper's sign: a shift by half a period
         ("1/2", 0.2, 0.25, (0.5, 0.5)),
         ("1/3", 0.2, 0, (0.7, 0.4, 0.4)),
         ("5/7", 0.2, 0.1, 0.5 + 0.2 * cos(2 * pi * (0.1 + np.arange(7) * 5 / 7))),

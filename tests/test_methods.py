@@ -1,10 +1,10 @@
-"""What every method promises.
+"""Properties that every method must have.
 
-- The exact breakup of the golden circle in all its disguises.
-- One answer for all copies of a forcing.
-- Honest errors close to a cusp and close to fractions.
-- A number or a reason for random nobles and forcings.
-- The size of a ray is only the unit of the scale.
+- It reproduces the exact breakup of the golden circle in all its disguises.
+- It gives the same answer for all symmetric images of a forcing.
+- Its errors are honest, even close to cusps and to fractions.
+- For random nobles and forcings it returns a number, or a reason why there is no number.
+- The size of a ray affects only the unit of the scale.
 
 NumPy's warnings are errors in this suite, so that no overflow goes unnoticed.
 """
@@ -37,8 +37,9 @@ def is_honest(found):
     return np.isnan([found.value, found.error]).all() == (found.status is not Status.OK)
 
 
-# P kicks of κ are P steps of the standard map at κ. A single kick of κ in P is a kick of the
-# standard map at Pκ, where ω counts modulo 1. The last circles are those of these ω.
+# P equal kicks κ are P steps of the standard map at κ. A single kick κ in a period of P kicks is
+# one step of the standard map at Pκ, for which ω matters only modulo 1. The last circles have one
+# of the rotation numbers `omegas`.
 @pytest.mark.parametrize(
     ("profile", "exact", "omegas"),
     [
@@ -89,15 +90,16 @@ def images(profile, omega):
     yield np.roll(profile, 1), omega
     yield profile[::-1], omega
     yield -profile, omega
-    for turns in (1, 10**6, 10**20):  # y → y + 1 takes ω to ω + P, however far
+    for turns in (1, 10**6, 10**20):  # y → y + 1 takes ω to ω + P
         yield profile, moebius(omega, 1, period * turns)
     yield -profile[::-1], moebius(omega, -1, period)
     if period % 2 == 0:
         yield profile * (-1.0) ** np.arange(period), moebius(omega, 1, period // 2)
 
 
-# The flux is computed 20% beyond the breakup, and for two circles 7% to 12% beyond it, where the
-# gaps of their cantori fill everything but rounding: sites of the minimizing orbit are 1e-17 apart.
+# The flux is computed 20% beyond the breakup, but for two circles only 7% to 12% beyond it.
+# At that distance the gaps of their cantori cover everything to within rounding: sites of the
+# minimizing orbit are 1e-17 apart.
 @pytest.mark.parametrize(
     ("name", "profile", "size"),
     [
@@ -140,7 +142,7 @@ def test_next_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
         if offset >= 5e-4:
             assert [one.status for one in results] == [Status.OK] * 2
         by_residues = periodic.critical_scale(omega, profile)
-        # Orbits are lost before they resolve the cusp.
+        # Within 1e-4 degrees of the cusp, orbits are lost before they resolve it.
         assert (by_residues.status is Status.NEAR_CUSP) == (offset <= 1e-4)
         for one in (*results, by_residues):
             assert is_honest(one)
@@ -150,9 +152,9 @@ def test_next_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
 
 @pytest.mark.parametrize(("name", "angle"), [("2gamma", 135), ("2gamma+1", 45)])
 def test_the_paper_s_circles_have_a_value_at_each_other_s_cusps(name, angle):
-    # There they are circles of the standard map with the tail (8, 2), of which the default q_max
-    # covers two periods. The reference value is from half orbits on symmetry lines, up to 200 000,
-    # with an error of 1.5e-11.
+    # At these cusps they are circles of the standard map with the tail (8, 2); the default q_max
+    # covers two periods of the tail. The reference value comes from half orbits on symmetry lines,
+    # with periods up to 200 000; its error is 1.5e-11.
     for method, bound in ((periodic.critical_scale, 1e-6), (continuation.critical_scale, 0.04)):
         result = method(parse(name), ray(angle))
         assert result.status is Status.OK
@@ -172,8 +174,9 @@ LARGE = [RotationNumber((0, *[1] * n, large), (1,)) for n in (6, 9, 12) for larg
 
 
 @pytest.mark.parametrize("omega", [*LARGE, RotationNumber((0, 2, 10**9), (1,))], ids=str)
-def test_convergents_before_a_large_quotient_do_not_answer_for_it(omega):
-    # Up to q_max they are those of the golden mean, whose circle breaks last, at 2.08, or of 1/2.
+def test_convergents_before_a_large_quotient_do_not_decide_the_breakup(omega):
+    # Up to q_max the convergents are those of the golden mean, whose circle breaks last, at 2.08,
+    # or those of 1/2.
     for result in (
         periodic.critical_scale(omega, (0.3, 0.2), 1500),
         flux.flux(omega, (0.55, 0.1), 1000),
@@ -183,7 +186,7 @@ def test_convergents_before_a_large_quotient_do_not_answer_for_it(omega):
     assert np.size(periodic.crossings(omega, (0.3, 0.2), 1500)) == 0
     result = continuation.critical_scale(omega, (0.3, 0.2))
     assert is_honest(result)
-    if result.status is Status.OK:  # by its certificates
+    if result.status is Status.OK:  # `lower` is from a certified circle
         assert result.value - result.error <= result.lower < 2.0806
 
 
@@ -198,10 +201,10 @@ METHODS = {
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_the_size_of_a_ray_is_only_a_unit_down_to_the_smallest(name):
+def test_the_size_of_a_ray_affects_only_the_unit_even_for_tiny_rays(name):
     expected = METHODS[name](PROFILE, 1.0)
     assert expected.status is Status.OK
-    for size in (2.0**-996, 2.0**13):  # powers of 2: rounding would change escapes
+    for size in (2.0**-996, 2.0**13):  # powers of 2, else rounding changes escapes
         result = METHODS[name](size * PROFILE, size)
         assert (result.status, result.omega) == (expected.status, expected.omega)
         assert result.error * size == pytest.approx(expected.error, rel=0.3)
@@ -221,18 +224,18 @@ def test_methods_for_a_given_circle_return_a_number_or_a_reason_without_warning(
         quotients = (10 ** rng.uniform(0, 1.7, rng.integers(0, 4))).astype(int)
         omega = RotationNumber((int(rng.integers(-2, 3)), *quotients.tolist()), (1,))
         half = rng.normal(size=n_kicks)
-        profile = (half + np.roll(half[::-1], 1)) * 10 ** rng.uniform(-3, 1)  # symmetric at site 0
+        profile = (half + np.roll(half[::-1], 1)) * 10 ** rng.uniform(-3, 1)  # even about site 0
         for method, effort in zip(OF_A_CIRCLE, (1500, 1e-4, 3000), strict=True):
             assert is_honest(method(omega, profile, effort))
         circle = circles.invariant_circle(omega, rng.uniform(0, 1) * profile)
-        if circle.status is not Status.NOT_CERTIFIED:  # its error says how far off it is
+        if circle.status is not Status.NOT_CERTIFIED:  # else the error says how far off it is
             assert np.isnan(circle.error) == (circle.status is not Status.OK)
 
 
 @pytest.mark.parametrize("n_kicks", thirds([2, 4, 3, 1, 6]))
 def test_methods_for_the_last_circle_return_a_number_or_a_reason_without_warning(n_kicks):
     rng = np.random.default_rng(n_kicks)
-    profile = rng.uniform(0, 0.4) ** np.arange(n_kicks)  # its first kick has the dominant line
+    profile = rng.uniform(0, 0.4) ** np.arange(n_kicks)  # dominant line at the first kick
     profile = np.maximum(profile, np.roll(profile[::-1], 1)) * 10 ** rng.uniform(-3, 1)
     methods = [barriers.critical_scale(profile, 1e-2)]
     if n_kicks <= 2:

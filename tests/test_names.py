@@ -1,4 +1,4 @@
-"""What a user types and sees: names that complete, answers that print on a line or two."""
+"""What a user types and sees: names that tab completion offers, and the printed form of results."""
 
 import ast
 import subprocess
@@ -19,7 +19,7 @@ ROOMS = sorted(path.parent.name for path in Path(nasm.__file__).parent.glob("*/_
 
 
 def defined_in(path):
-    """Names that a module defines, and does not import."""
+    """Yield the names that a module defines itself, not those that it imports."""
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             yield node.name
@@ -36,7 +36,7 @@ def test_the_public_names_of_a_module_are_defined_there(path):
 
 
 @pytest.mark.parametrize("package", [nasm, *(getattr(nasm, name) for name in ROOMS)])
-def test_a_package_completes_to_its_modules_and_their_public_names(package):
+def test_completion_of_a_package_offers_its_modules_and_public_names(package):
     folder = Path(package.__file__).parent
     modules = {path.stem for path in folder.glob("[!_]*.py")}
     rooms = {path.parent.name for path in folder.glob("*/__init__.py")}
@@ -49,19 +49,19 @@ def test_a_package_completes_to_its_modules_and_their_public_names(package):
         package.nosuch  # noqa: B018
 
 
-def test_what_most_users_call_is_at_the_top():
+def test_the_most_used_functions_are_at_the_top_level():
     assert (nasm.parse, nasm.boundary) == (parse, nasm.barriers.boundary)
     assert nasm.critical_scale is nasm.barriers.critical_scale
     assert nasm.verdict is nasm.verdicts.verdict
 
 
-def test_the_package_itself_imports_no_method_and_no_numba():
+def test_importing_the_package_loads_neither_methods_nor_numba():
     asks = "import sys, nasm, nasm.circles; assert 'numba' not in sys.modules; nasm.maps.kick"
     subprocess.run([sys.executable, "-c", asks], check=True)
 
 
 def test_the_boundary_on_axes_and_diagonal_is_that_of_the_standard_map():
-    """Its strength is doubled where every other kick is 0, and the same where both are equal."""
+    """The standard map's strength is 2κ if every other kick is 0, and κ if both kicks are equal."""
     scales = nasm.boundary([0, 45, 90, 180], tol=1e-2)
     assert all(scale.status is nasm.Status.OK for scale in scales)
     expected = KAPPA_G * np.array([0.5, 2**0.5, 0.5, 0.5])
@@ -77,7 +77,7 @@ def test_the_boundary_at_an_angle_is_the_breakup_of_its_last_circle():
     assert scale.value == pytest.approx(breakup.value, rel=1e-9)
 
 
-def test_a_number_is_a_forcing_of_one_kick():
+def test_a_single_number_is_a_forcing_of_one_kick():
     assert nasm.maps.forcing(0.3).tolist() == [0.3]
     assert nasm.verdict(0).answer is nasm.Answer.BARRIER
     assert periodic.critical_scale("gamma", 2.0, 400).value == pytest.approx(KAPPA_G / 2, rel=1e-6)

@@ -58,12 +58,12 @@ def test_a_fraction_is_the_last_of_its_convergents(fraction):
 
 
 @given(prefix=prefixes)
-def test_the_two_spellings_of_a_fraction_are_one_number(prefix):
+def test_the_two_continued_fractions_of_a_rational_are_one_number(prefix):
     assert parse(spell([*prefix, 1])) == parse(spell([*prefix[:-1], prefix[-1] + 1]))
 
 
 @given(irrationals)
-def test_convergents_come_ever_closer_from_both_sides(omega):
+def test_convergents_approach_a_number_from_alternate_sides(omega):
     value = exact(omega)
     with mpmath.workdps(100):
         misses = [f.denominator * value - f.numerator for f in islice(convergents(omega), 12)]
@@ -90,7 +90,7 @@ def test_moebius_transform_of_a_fraction(fraction, a, b, c, d):
     assert moebius(rational(fraction), a, b, c, d) == image
 
 
-def test_moebius_refuses_infinity():
+def test_moebius_refuses_to_return_infinity():
     with pytest.raises(ValueError, match="is infinite at ω = 1/2"):
         moebius(parse("1/2"), 1, 0, 2, -1)
 
@@ -143,7 +143,7 @@ def test_long_numbers_below_the_limit_are_read():
 
 
 @pytest.mark.parametrize("integer", [np.int64, np.int8])
-def test_integers_of_limited_length_do_not_overflow(integer):
+def test_numpy_integers_in_a_moebius_transform_do_not_overflow(integer):
     # Intermediate products have 63 bits or more.
     expected = moebius(parse("[0;9999,9999,(7,5)]"), 3, 100, 7, 100)
     result = moebius(parse("[0;9999,9999,(7,5)]"), *map(integer, (3, 100, 7, 100)))
@@ -175,7 +175,7 @@ def test_nobles_near_a_number_agree_with_it_and_the_shortest_come_first(value, w
 
 
 @pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int64])
-def test_numpy_quotients_make_the_same_number_as_ints_without_overflow(kind):
+def test_numpy_quotients_give_the_same_number_as_ints_without_overflow(kind):
     rng = np.random.default_rng(0)
     for _ in range(20):
         prefix, tail = rng.integers(1, 30, 6).tolist(), rng.integers(1, 30, 3).tolist()
@@ -194,7 +194,7 @@ def test_numpy_quotients_make_the_same_number_as_ints_without_overflow(kind):
     "prefix",
     [(), (True,), (0, 2.0), (0, 0), (0, -1), "02", 3, np.ma.array([0, 2], mask=[False, True])],
 )
-def test_malformed_continued_fractions_are_refused_when_a_number_is_made(prefix):
+def test_malformed_continued_fractions_are_refused_on_construction(prefix):
     with pytest.raises(ValueError, match="prefix="):
         RotationNumber(prefix)
     with pytest.raises(ValueError, match=r"tail=\(0,\) must be whole numbers, ≥ 1"):

@@ -15,7 +15,7 @@ from nasm.orbits import (
     rotation_number_of,
 )
 
-# Robust circles: ω about 0.62 and 0.76 of the paper's map, far below their breakup.
+# Starts on robust circles of the paper's map, far below breakup: ω is about 0.62 and 0.76.
 KAPPA = (0.3, 0.2)
 X, Y = np.array([0.1, 0.0]), np.array([0.31, 0.38])
 
@@ -42,7 +42,7 @@ def test_starts_broadcast():
 
 
 @pytest.mark.parametrize("P", [1, 2, 3])
-def test_a_rigid_rotation_stays_on_the_lift_and_has_omega_P_y(P):
+def test_a_rigid_rotation_is_returned_on_the_lift_and_has_omega_P_y(P):
     xs, ys = orbit([0.0] * P, 0.25, 0.5, 100)
     np.testing.assert_array_equal(xs, 0.25 + P * 0.5 * np.arange(101))
     np.testing.assert_array_equal(ys, 0.5)
@@ -59,7 +59,7 @@ def test_the_rotation_number_of_a_series_is_that_of_its_orbit():
     assert omega.shape == digits.shape == (2, 9)
     regular = sure > 11
     assert regular.sum() > 9
-    errors = 10.0**-digits + 10.0**-sure  # on a long lift the orbit itself loses digits
+    errors = 10.0**-digits + 10.0**-sure  # far out on the lift, x loses digits
     assert (np.abs(omega - expected) < errors)[regular].all()
     assert (digits > 9)[regular].all()
 
@@ -72,10 +72,10 @@ def test_digits_are_reliable_for_a_known_series_with_noise(noise, offset):
     phase = np.outer(np.arange(n + 1), rotations)
     exact = phase + 0.1 * np.sin(2 * np.pi * phase) + 0.02 * np.cos(6 * np.pi * phase)
     omega, digits = rotation_number_of(offset + exact + noise * random.normal(size=exact.shape))
-    known = np.isfinite(omega)  # except for ω close to a fraction
+    known = np.isfinite(omega)  # NaN if ω is close to a fraction
     assert known.mean() > 0.97
     assert np.mean((np.abs(omega - rotations) > 10.0**-digits)[known]) < 0.02
-    # Errors of the positions change an average by less than 5.3/n times the largest.
+    # Errors of the positions change an average by less than 5.3/n times the largest error.
     largest = max(1e-13, 2.7e-3 * max(5 * noise, offset * np.finfo(float).eps))
     assert np.median(digits) > -np.log10(2 * largest)
 
@@ -99,14 +99,15 @@ def test_digits_seldom_overstate_the_accuracy():
             allowed = 10.0 ** -digits[regular] + 1e-13
             ratios.extend(np.abs(omega - exact)[regular] / allowed)
     assert len(ratios) > 300
-    # Averages may agree by chance, here on 1% of circles; with the halves alone, on 3%.
+    # Averages may agree by chance, here on 1% of circles; it would be 3% if only the averages over
+    # the two halves were compared.
     assert np.mean(np.array(ratios) > 1) < 0.02
 
 
 @pytest.mark.parametrize(
     "case", thirds([((0.3, 0.2), 0.3), ((0.5,), 0.38), ((0.2, 0.1, 0.15), 0.2)])
 )
-def test_digits_end_where_rounding_begins(case):
+def test_digits_are_limited_by_rounding(case):
     kappa, y = case
     with mpmath.workprec(80):
         exact = weighted_average(kappa, mpmath.mpf(0.1), mpmath.mpf(y), 4000)
@@ -120,7 +121,7 @@ def test_digits_end_where_rounding_begins(case):
 
 
 def weighted_average(kappa, x, y, n):
-    """Return ω of n exact steps, from the definition."""
+    """Return ω over n exact steps, from the definition of the weighted average."""
     total = weights = mpmath.mpf(0)
     for t in range(n):
         x_next, y = oracles.exact_step(kappa, x, y)
@@ -133,7 +134,7 @@ def weighted_average(kappa, x, y, n):
 
 
 def test_islands_rotate_with_their_central_orbit_and_chaotic_orbits_have_no_rotation_number():
-    # (1/2, 0) is elliptic for small positive strengths, and fixed: ω = 0 all around it.
+    # (1/2, 0) is an elliptic fixed point for small positive strengths: ω = 0 all around it.
     assert rotation_number(KAPPA, 0.55, 0.0, 10_000)[0] == pytest.approx(0, abs=1e-12)
     omega, digits = rotation_number((1.5, 1.5), [0.01, 0.02, 0.03], 0.0, 10_000)
     assert np.isnan(omega).all()

@@ -1,4 +1,4 @@
-"""Patterns of kicks used in laboratories: measurements on pairs, and rules that can say no."""
+"""Kick patterns used in laboratories: properties of pairs, and findings that data can refute."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from workflows.patterns import study
 
 
 def said_of(*scale):
-    """Return the findings on pairs 1/2, 1/3, 1/4 with these K_c."""
+    """Return the findings for pairs 1/2, 1/3 and 1/4 of the period apart, with these K_c."""
     apart = 2, 3, 4
     pairs = [(study.PAIRS, 1 / q, study.pair(1, q)) for q in apart]
     cube = xr.Dataset({"critical_scale": ("forcing", np.divide(scale, apart))}, labels(pairs, ""))
@@ -18,7 +18,7 @@ def said_of(*scale):
     return study.findings(cube)
 
 
-def test_findings_on_patterns_are_judged_by_the_numbers():
+def test_findings_on_patterns_follow_from_the_numbers():
     assert "Supported: " in said_of(1.9, 0.9, 1.95)
     assert "Not supported: " in said_of(1.9, 2.0, 1.95)
     assert "Not decided" in said_of(1.9, np.nan, 1.95)
@@ -26,7 +26,7 @@ def test_findings_on_patterns_are_judged_by_the_numbers():
 
 @pytest.mark.parametrize("q", [2, 3, 4, 5])
 def test_pairs_drive_resonances_of_the_strength_that_the_command_states(q):
-    """2K|cos πk/q| to first order: |R| = K|cos πk/q|/2 of the orbits of period one."""
+    """To first order it is 2K|cos πk/q|: orbits of period one have |R| = K|cos πk/q|/2."""
     K = 0.01
     results = [periodic.residue(K / q * np.array(study.pair(1, q)), k, 1) for k in range(q)]
     assert results == pytest.approx(K / 2 * abs(np.cos(np.pi * np.arange(q) / q)), abs=K**2)

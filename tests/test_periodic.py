@@ -1,4 +1,4 @@
-"""Periodic orbits against high precision, published residues, symmetries, and each other."""
+"""Periodic orbits compared with high precision, published residues, symmetries, and each other."""
 
 from dataclasses import replace
 
@@ -51,8 +51,9 @@ def test_greene_1979():
         assert minimizing.refined_residue() == pytest.approx(published["minimizing"], abs=5e-5)
 
 
-# Two extrapolated values agree by chance; tails of several quotients; next to a cusp; residues that
-# are lost in rounding up to the breakup; and rays that are not hard.
+# In this order: rays on which two extrapolated values agree by chance; circles whose tails have
+# several quotients; rays next to a cusp; residues that are lost in rounding up to the breakup; and
+# rays that are not hard.
 HARD = [
     ("(gamma+1)/(4gamma+5)", ray(25.948730289534073), 1e-9),
     ("(gamma+1)/(4gamma+5)", ray(49.32870995046929), 1e-9),
@@ -86,9 +87,9 @@ def test_the_error_covers_the_change_with_longer_periods_in_hard_cases(case):
 
 
 def next_to_a_shorter_one(distance):
-    """Forcings, the shorter ones that they become at distance 0, and golden circles.
+    """Return triples (forcing, the shorter one that it becomes at distance 0, rotation number).
 
-    Each is the golden circle of the shorter forcing, with its rotation number under the longer one.
+    The golden circle of the shorter forcing has this rotation number under the longer one.
     """
     near = 1 - distance
     return [
@@ -112,7 +113,7 @@ def test_starts_survive_where_a_circle_is_claimed_near_a_shorter_forcing(distanc
             if result.status is Status.OK:
                 answered += 1
                 below = (result.value - result.error) * np.array(profile)
-                assert not survivors.eliminates(below, 500)  # with 1000 steps it misses survivors
+                assert not survivors.eliminates(below, 500)  # 1000 steps would miss survivors
     assert answered >= 6
 
 
@@ -127,7 +128,7 @@ def test_residues_give_a_value_on_a_forcing_of_shorter_period_but_not_next_to_it
 
 @pytest.mark.parametrize("angle", [20, 45, 70, 92.76, 117.43])
 def test_tori_break_where_longer_convergents_predict(angle):
-    # Consecutive convergents of one rotation vector, of the tribonacci constant.
+    # Consecutive convergents of one rotation vector, made from the tribonacci constant.
     results = [
         periodic.torus_scale(f"{p}/{q}", f"{r}/{q}", *ray(angle))
         for p, r, q in [(504, 778, 927), (1705, 2632, 3136), (3136, 4841, 5768)]
@@ -141,7 +142,7 @@ def test_tori_break_where_longer_convergents_predict(angle):
 @pytest.mark.parametrize(
     ("vector", "mean", "amplitude", "kicks", "p", "q"),
     [
-        (("89/144", "5/12"), 1.0, 0.0, (1.0,), 89, 144),  # Δκ = 0: whatever Ω, the standard map
+        (("89/144", "5/12"), 1.0, 0.0, (1.0,), 89, 144),  # Δκ = 0: the standard map, whatever Ω
         (("21/68", "1/2"), 0.9, 0.3, (1.2, 0.6), 21, 34),
     ],
 )

@@ -1,4 +1,4 @@
-"""Planes of forcings: their symmetries are those of breakups, and bad ones are refused."""
+"""Planes of forcings: breakups share their symmetries, and invalid planes are refused."""
 
 import json
 import re
@@ -34,7 +34,7 @@ IMAGES = [(planes.rotating("1/3", phase), n) for phase, n in (("1/12", 4), ("1/4
 @pytest.mark.parametrize(
     "case", thirds([(TWO, 8), (planes.rotating("1/2"), 8), (GENERIC, 2), *IMAGES])
 )
-def test_circles_break_at_the_same_scale_on_rays_that_are_images_by_symmetry(case):
+def test_circles_break_at_the_same_scale_on_rays_related_by_symmetry(case):
     plane, n_images = case
     assert len(plane.symmetries) == n_images
     angle, omega = 25.0, parse("[0;2,3,(1)]")
@@ -80,12 +80,12 @@ def test_pairs_half_a_period_apart_have_the_boundary_of_two_kicks():
     _, halves = planes.pairs("1/2").ray(30)
     assert (2 * halves == TWO.ray(30)[1]).all()
     (_, alone), (_, two_times) = planes.pairs("1/2").ray(0), planes.pairs("1/5").ray(0)
-    for profile in (alone, two_times):  # without the second series, the standard map
+    for profile in (alone, two_times):  # without the second series it is the standard map
         assert critical_scale(profile).value == pytest.approx(0.971635406, rel=1e-8)
 
 
 @pytest.mark.parametrize("delay", ["0", "1", "7/5", "1/65"])
-def test_a_delay_is_a_fraction_of_the_period(delay):
+def test_a_delay_must_be_a_fraction_of_the_period(delay):
     with pytest.raises(ValueError, match=rf"delay={delay} must be between 0 and 1, with a denom"):
         planes.pairs(delay)
 
@@ -94,7 +94,7 @@ def test_a_delay_is_a_fraction_of_the_period(delay):
     "plane",
     [planes.two_kicks(), planes.rotating("2/5"), planes.three_kicks(0.2), planes.pairs("2/7")],
 )
-def test_a_plane_is_read_from_its_name(plane):
+def test_a_plane_can_be_parsed_from_its_name(plane):
     assert planes.parse(plane.name) == plane
 
 

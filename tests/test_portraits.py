@@ -1,4 +1,4 @@
-"""Portraits as stored: Fig. 1 against the map's symmetries, Fig. 2 panel by panel."""
+"""Portraits as stored: Fig. 1 against the map, Fig. 2 against the map's symmetries."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def finished(tmp_path_factory):
 
 
 def distance(a, b):
-    """The largest distance mod 1."""
+    """Return the largest distance modulo 1 between coordinates a and b."""
     return np.abs((np.asarray(a) - np.asarray(b) + 0.5) % 1 - 0.5).max()
 
 
@@ -30,7 +30,7 @@ def test_the_stored_points_are_orbits_of_the_map_whose_first_kick_is_kappa_1(fin
         kappa = float(here.kappa1), float(here.kappa2)
         x, y = step(kappa, here.x[:-1].values, here.y[:-1].values)
         assert max(distance(x, here.x[1:]), distance(y, here.y[1:])) < 1e-13
-    # Odd kicks are orbits of the swapped map.
+    # The points after odd numbers of kicks are orbits of the map with the two kicks swapped.
     x, y = cube.kick_x.values, cube.kick_y.values
     first, second = portraits.FORCING
     assert distance((x[1], y[1]), kick(first, x[0], y[0])) < 1e-13

@@ -1,4 +1,4 @@
-"""The progress line, with a clock set by the tests: its text, and the predicted end of a run."""
+"""The text of the progress line and the predicted remaining time, on a clock set by the tests."""
 
 import io
 import re
@@ -35,7 +35,7 @@ def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
     line = Progress("run", None, {"one": sum(tiles), "two": later}, after, clock)
     line.begin_sweep("one", "one")
     line.add_work(sum(tiles), workers)
-    clock.now += 10  # kernels
+    clock.now += 10  # compiling kernels
     line.warmed_up()
     free, ends = [clock.now] * workers, []
     for tile in tiles:
@@ -51,8 +51,8 @@ def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
 @pytest.mark.parametrize("slowness", [1.0, 4.0])
 @pytest.mark.parametrize("error", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("later", [0.0, 60.0])
-def test_after_a_tenth_the_remaining_time_is_within_a_factor_of_1_5(slowness, error, later):
-    """Also on a machine four times slower, and with predictions off by a factor of three."""
+def test_after_a_tenth_of_the_work_remaining_time_is_within_a_factor_1_5(slowness, error, later):
+    """This holds even on a machine four times slower, and with predictions off by a factor of 3."""
     tiles = np.sort(np.random.default_rng(0).lognormal(0, 0.7, 100))[::-1]
     ratios = [
         line.remaining() / remains
@@ -75,7 +75,7 @@ def test_other_programs_slow_the_driver_down_but_workers_do_not():
     assert line.remaining() == 10.0
 
 
-def test_finished_driver_work_counts_in_the_bar_and_not_in_the_remaining_time():
+def test_finished_driver_work_counts_in_the_bar_but_not_as_remaining_time():
     clock = Clock()
     line = Progress("run", None, {"one": 10.0}, after=30.0, clock=clock)
     line.begin_sweep("one", "one")
@@ -136,7 +136,7 @@ def test_the_remaining_time_counts_down_while_no_tile_finishes():
 
 
 def test_the_bar_measures_cpu_seconds_and_never_decreases():
-    """Even if a refinement needs more work than predicted."""
+    """This holds even if a refinement needs more work than predicted."""
     line = Progress("run", None, {"one": 20.0, "two": 20.0}, clock=Clock())
     parts = []
     for sweep, tiles in (("one", [10.0, 5.0]), ("two", [20.0, 10.0])):
@@ -149,7 +149,7 @@ def test_the_bar_measures_cpu_seconds_and_never_decreases():
     assert parts == sorted(parts)
 
 
-def test_predicted_sweeps_count_until_they_have_ended():
+def test_the_predicted_work_of_a_sweep_counts_until_the_sweep_has_ended():
     clock = Clock()
     line = Progress("run", None, {"one": 10.0, "two": 30.0}, clock=clock)
     line.begin_sweep("one", "one")
@@ -158,7 +158,7 @@ def test_predicted_sweeps_count_until_they_have_ended():
     clock.now = 4.0
     line.advance(4.0, 4.0, 4.0)
     assert line.remaining() == pytest.approx(36.0)
-    line.begin_sweep("two", "two")  # six seconds less than predicted
+    line.begin_sweep("two", "two")  # `one` took six seconds less than predicted
     assert line.remaining() == pytest.approx(30.0)
 
 

@@ -19,7 +19,8 @@ from nasm.proofs.barrier import prove, proved_lower
 from nasm.symmetries import ray
 
 GAMMA = parse("gamma")
-# Breakups on rays, by `barriers.critical_scale`: where to look, and what must not be proved.
+# Breakups on rays, by `barriers.critical_scale`: below them circles are proved, above them nothing
+# may be proved.
 LAST = [
     ((1.0, 0.0), "[0;2,(1)]", 0.4858177030222401),
     (tuple(ray(20.0)), "[0;(1)]", 0.5770384095194057),
@@ -27,12 +28,12 @@ LAST = [
     (tuple(ray(120.0)), "[0;3,(1)]", 0.7001827090368696),
     ((1.0,), "[0;(1)]", 0.971635406),
 ]
-# (ω, kappa, n): with few points, many points, and an odd number of sites.
+# (ω, kappa, n): few points, many points, and an odd number of sites.
 CASES = [("gamma", (0.3, 0.2), 64), ("[0;(3)]", (-0.5,), 128), ("gamma", (0.15, 0.1, -0.05), 72)]
 
 
 def near(profile, omega, breakup, distance):
-    """(ω, kappa, deviations) of a circle in doubles at that distance from its breakup."""
+    """Return (ω, kappa, deviations) of a circle in doubles at a relative distance from breakup."""
     omega, profile = parse(omega), np.array(profile)
     scale, u = continuation.certified_circle(omega, profile, breakup, distance)
     return omega, scale * profile, u
@@ -40,7 +41,7 @@ def near(profile, omega, breakup, distance):
 
 @pytest.mark.parametrize("omega", ["gamma", "[0;(2)]", "[0;(8)]", "[0;(30)]", "[0;3,50,(1,2,7)]"])
 @pytest.mark.parametrize("delta", [1e-1, 3e-3, 1e-4])
-def test_the_bound_of_small_divisors_holds_and_is_sharp(omega, delta):
+def test_the_bound_on_small_divisors_holds_and_is_sharp(omega, delta):
     bound = float(proofs.barrier._russmann(parse(omega), arb(delta)))
     k = np.arange(1, 10**5)
     at = np.minimum(delta, 1 / (2 * np.pi * k))
@@ -86,7 +87,7 @@ def certificate(module, omega, kappa, n=None):
     return json.loads(json.dumps(proof.certificate())), proof.constants
 
 
-# κ, ρ, n_0, p_0 for which ratio, chi, room and moved are the first to fail as ε grows.
+# For each inequality, κ, ρ, n_0 and p_0 for which it is the first to fail as ε grows.
 FIRST_TO_FAIL = {
     "ratio": (0.4, 1e-5, 1.7, 1.1),
     "chi": (0.0, 0.01, 1.0, 0.01),
@@ -96,13 +97,13 @@ FIRST_TO_FAIL = {
 
 
 def theorem(data):
-    """Whether the second program's inequalities hold, and its constants."""
+    """Return whether the second program's inequalities hold, and its constants."""
     with ctx.workprec(checker.BITS):
         return checker.theorem(data)
 
 
 def audit(module):
-    """Check everything in which a wrong proof would show; raise an exception if it does."""
+    """Check everything that could reveal a wrong proof; raise an exception if a check fails."""
     for name, (kappa, rho, n, p) in FIRST_TO_FAIL.items():
         numbers = [[arb(n), arb(1.3)], [arb(p), arb(1.9)], [arb(1.5), arb(1.4)]]
         grid, seen = module.Grid(GAMMA, [kappa, -0.7 * kappa], 64), []
@@ -179,6 +180,7 @@ CHANGES = [
 ]
 
 
+@pytest.mark.alters_sources
 @pytest.mark.parametrize("change", thirds(CHANGES))
 def test_a_changed_line_is_noticed(change):
     changed = mutant(proofs.barrier, change)
@@ -186,7 +188,7 @@ def test_a_changed_line_is_noticed(change):
         audit(changed)
 
 
-def test_the_bound_of_small_divisors_holds_in_the_narrowest_strips():
+def test_the_bound_on_small_divisors_holds_in_the_narrowest_strips():
     for delta in (1e-9, 1e-12, 1e-15):
         least = 5**0.5 / (4 * np.pi**2 * np.e)
         assert least <= float(proofs.barrier._russmann(GAMMA, arb(delta))) <= 1.1 * least
@@ -216,7 +218,7 @@ def test_circles_below_the_breakup_are_proved(case):
         ("gamma", (1e-300, 0.0)),
     ],
 )
-def test_any_quadratic_rotation_number_and_any_number_of_kicks_will_do(omega, kappa):
+def test_circles_of_any_quadratic_omega_and_number_of_kicks_are_proved(omega, kappa):
     assert prove(parse(omega), kappa).proved
 
 
@@ -227,7 +229,7 @@ def test_more_points_than_are_needed_do_no_harm(case):
 
 
 def settled(omega, kappa, u):
-    """The Newton iterate with the smallest residual: beyond the breakup, the best there is."""
+    """Return the Newton iterate with the smallest residual: the best start beyond the breakup."""
     best, least = u, np.inf
     for _ in range(25):
         after, error = circles.newton_step(omega, kappa, u)
@@ -240,7 +242,10 @@ def settled(omega, kappa, u):
 
 
 def proofs_above(profile, omega, breakup, n, beyond):
-    """Whether a circle that does not exist is proved, from the best Newton iterate there."""
+    """Return, for each of two starts, whether a circle that does not exist is proved.
+
+    The starts are the best Newton iterate, and a certified circle 2% below the breakup.
+    """
     omega, profile = parse(omega), np.array(profile)
     path = [continuation.certified_circle(omega, profile, breakup, d) for d in (0.04, 0.02)]
     kappa = breakup * (1 + beyond) * profile
@@ -269,7 +274,7 @@ def test_above_the_breakup_nothing_is_proved_under_random_kicks(seed):
 
 
 def test_more_time_proves_a_circle_nearer_to_the_breakup(monkeypatch):
-    # The clock counts the predicted work, so that no other process can stop a proof.
+    # The clock counts predicted work, so that no other process can make a proof run out of time.
     refined, now = barrier.refined, [0.0]
 
     def timed(grid, start):
@@ -283,7 +288,7 @@ def test_more_time_proves_a_circle_nearer_to_the_breakup(monkeypatch):
     assert scales[0] < scales[1] < breakup
 
 
-def test_a_profile_that_rounds_to_equal_strengths_has_lower_scales():
+def test_a_lower_scale_is_proved_if_the_strengths_round_to_equal_ones():
     profile, values = np.array([0.7, np.nextafter(0.7, 1)]), (0.9, 0.92)
     first = [(1 - 0.05) * value * profile for value in values]
     assert {len(set(kappa)) for kappa in first} == {1, 2}
@@ -294,7 +299,7 @@ def test_a_profile_that_rounds_to_equal_strengths_has_lower_scales():
 
 
 def test_without_a_circle_there_is_no_lower_scale():
-    scale, proof = proved_lower(GAMMA, (1.0,), 3.0, 0.2)  # it breaks at 0.97
+    scale, proof = proved_lower(GAMMA, (1.0,), 3.0, 0.2)  # the circle breaks at 0.97
     assert np.isnan(scale)
     assert proof is None or not proof.proved
 
@@ -304,7 +309,7 @@ NO_CIRCLES += [np.random.default_rng(1).normal(0, s, (1, n)) for s, n in ((1, 64
 
 
 @pytest.mark.parametrize("start", NO_CIRCLES)
-def test_a_start_that_is_no_circle_proves_nothing_and_raises_nothing(start):
+def test_a_start_that_is_no_circle_proves_nothing_and_raises_no_error(start):
     assert not prove(GAMMA, (1.1,), start=start, n=128).proved
 
 
@@ -315,7 +320,7 @@ def test_a_start_that_is_no_circle_proves_nothing_and_raises_nothing(start):
         (GAMMA, (1.2,), {}, "no circle was found"),
         (GAMMA, (5.0, 1.0), {}, "no circle was found"),
         (RotationNumber((0, 1, 10**6), (1,)), (0.5,), {}, "no circle was found"),
-        (GAMMA, (0.96,), {"budget": 0.01}, "beyond the budget"),  # it is not tried
+        (GAMMA, (0.96,), {"budget": 0.01}, "beyond the budget"),  # no proof is tried
         (GAMMA, (0.9,), {"n": 64}, "ratio"),
     ],
 )
@@ -341,7 +346,7 @@ def test_a_bound_outside_its_strip_is_refused():
     pytest.param(0.9716, 7 * 2**19, marks=pytest.mark.release),  # 4 GB
 ])  # fmt: skip
 def test_the_golden_circle_is_proved_as_close_to_its_breakup_as_published(kappa, n):
-    """At 0.9716, 0.99996 of the breakup, by Figueras, Haro and Luque (2017)."""
+    """Figueras, Haro and Luque (2017) proved it at 0.9716, which is 0.99996 of the breakup."""
     omega, near_kappa, u = near((1.0,), "gamma", 0.971635406, 1 - kappa / 0.971635406)
     assert near_kappa == pytest.approx(kappa, abs=1e-9)
     assert prove(omega, (kappa,), start=u, n=n).proved

@@ -14,7 +14,7 @@ from nasm.proofs.transport_cells import prove_cell
 
 
 def cell_beyond(angle, widths, size):
-    """The grid cell of width `size` that lies `widths` widths beyond the breakup on the ray."""
+    """Return the grid cell of width `size` that lies `widths` cells beyond breakup on the ray."""
     place = beyond(angle, widths * size / BREAKUPS[angle])
     return np.floor(place / size) * size + size / 2, size / 2
 
@@ -30,7 +30,7 @@ CELLS = [cell_beyond(20, 4, 2.0**-6), cell_beyond(30, 8, 2.0**-7)]
         (np.array([-0.75, -0.59326171875]), 2.0**-9),
     ],
 )
-def test_an_independent_program_checks_the_certificate_of_a_cell(cell):
+def test_an_independent_program_accepts_the_certificate_of_a_cell(cell):
     kappa, half_width = cell
     for signs in ((1, 1), (-1, 1)):
         proof = prove_cell(signs * kappa[::-1], half_width)
@@ -54,7 +54,7 @@ BOX = {"y": 0.5, "δ": 2.0**-44, "k0": 1.0, "h0": 2.0**-38, "k1": 1.0, "h1": 2.0
         (0, {"δ": 2.0**-44 * (1 + TINY)}, False),
         (1, {"h0": 2.0**-38 * (1 + TINY)}, False),
         (2, {"h1": 2.0**-38 * (1 + TINY)}, False),
-        (1, {"k0": 0.0, "h0": 2.0**-38 * (1 + TINY)}, False),  # the start cannot move so little
+        (1, {"k0": 0.0, "h0": 2.0**-38 * (1 + TINY)}, False),  # ŷ cannot be shifted exactly
         (0, {"δ": math.nan}, False),
     ],
 )
@@ -67,7 +67,7 @@ def test_cells_with_a_circle_are_not_proved():
     for angle in (0, 20, 30):
         for widths in (-2, -0.5, 0):
             kappa, half_width = cell_beyond(angle, widths, 2.0**-7)
-            if (beyond(angle, 0) > kappa - half_width).all():  # some of it is below the breakup
+            if (beyond(angle, 0) > kappa - half_width).all():  # it reaches below the breakup
                 assert not prove_cell(kappa, half_width, 0.05).proved
 
 
@@ -77,7 +77,7 @@ def test_cells_outside_the_theorem_are_not_proved(kappa):
     assert prove_cell(kappa, 2.0**-7).outcome is Outcome.SCOPE
 
 
-NAMES = "t", "p", "q", "tt", "tp", "tq", "pp", "pq", "qq"  # of first and of second order
+NAMES = "t", "p", "q", "tt", "tp", "tq", "pp", "pq", "qq"  # terms of first and of second order
 KNOWN = [(name, f"z{name}", f"l{name}") for name in NAMES]
 KERNEL = audit.Kernel(
     functions=(
@@ -99,7 +99,7 @@ KERNEL = audit.Kernel(
 @pytest.mark.parametrize("a", [0, 0.5])
 @pytest.mark.parametrize("k0", [0.25, 0.0, -0.25])
 def test_half_the_strength_is_counted_at_the_symmetry_line_whatever_its_sign(a, k0):
-    """In a box of a wide cell the kick at the line may differ in sign from that in the middle."""
+    """In a box of a wide cell the kick at the line may differ in sign from that of the centre."""
     start = np.zeros((proofs.transport_cells._ROWS, 1))
     box = np.array([0.3, 2.0**-12, k0, 2.0**-8, 0.5, 2.0**-8, 0, 0, 0])
     proofs.transport_cells._start(start, 0, a - 0.25, box)
@@ -107,8 +107,8 @@ def test_half_the_strength_is_counted_at_the_symmetry_line_whatever_its_sign(a, 
     state, bad = proofs.transport_cells._kick(*box[2:6], 2.0**12, numbers)
     after, cosine = dict(zip(KERNEL.names, state, strict=True)), math.cos(2 * math.pi * a)
     assert bad == 0
-    assert after["lq"] == pytest.approx(2.0**-8 * cosine / 2)  # p and q are swapped
-    assert after["W"] == pytest.approx(k0 * cosine / 2 + 2.0**-8 / 2)  # with what is paid for it
+    assert after["lq"] == pytest.approx(2.0**-8 * cosine / 2)  # a kick swaps p and q
+    assert after["W"] == pytest.approx(k0 * cosine / 2 + 2.0**-8 / 2)  # with the payment for it
 
 
 def test_a_kick_of_cells_allows_for_what_it_has_to_and_no_more():
@@ -158,6 +158,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.alters_sources
 @pytest.mark.parametrize("change", thirds(CHANGES))
 def test_a_changed_line_is_noticed(change):
     assert max(audit.audit_of_kicks(KERNEL, change).values()) > 1

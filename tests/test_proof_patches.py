@@ -1,4 +1,4 @@
-"""Circles throughout a patch: constants that hold for every forcing, and the scales reached."""
+"""Proofs of circles throughout a patch: constants valid for every forcing, and scales reached."""
 
 import json
 from functools import cache
@@ -19,7 +19,7 @@ from nasm.proofs.certificate_checker import check
 from nasm.symmetries import ray
 
 GAMMA, N = parse("gamma"), 256
-TRIANGLE = (0.5, 0.25), (0.0625, -0.125)  # profile and tilt, for γ; wide: from 12.5° to 40.6°
+TRIANGLE = (0.5, 0.25), (0.0625, -0.125)  # profile and tilt, for γ: from 12.5° to 40.6°
 
 
 @pytest.mark.parametrize(
@@ -60,14 +60,14 @@ def breakup(profile, tilt):
     return min(periodic.critical_scale(GAMMA, kappa).value for kappa in across)
 
 
-def test_intervals_cover_up_to_the_first_gap():
+def test_intervals_cover_scales_up_to_the_first_gap():
     assert proofs.covered_up_to([(0.2, 0.3), (0.0, 0.2)]) == 0.3
     assert proofs.covered_up_to([(0.0, 0.2), (np.nextafter(0.2, 1), 0.3)]) == 0.2
     assert proofs.covered_up_to([(1e-300, 0.2)]) == proofs.covered_up_to([]) == 0
 
 
 @pytest.mark.parametrize("failure", range(1, 6))
-def test_an_interval_that_fails_is_retried_before_the_next(failure, monkeypatch):
+def test_a_failed_interval_is_shortened_and_retried_before_the_next(failure, monkeypatch):
     tried = []
 
     def proof_of(low, high, value, about):
@@ -86,7 +86,7 @@ def test_an_interval_that_fails_is_retried_before_the_next(failure, monkeypatch)
     assert 0.9 < below == scales[-1][1] == proofs.covered_up_to(scales)
 
 
-def test_the_scale_reached_ends_at_the_first_gap_between_proofs(monkeypatch):
+def test_the_proved_scale_ends_at_the_first_gap_between_proofs(monkeypatch):
     def with_a_gap(low, high, value, about):
         scales = (low + 0.1 * (low > 0.6), high)
         return barrier.BarrierProof(True, "", **about, scales=scales)
@@ -97,7 +97,7 @@ def test_the_scale_reached_ends_at_the_first_gap_between_proofs(monkeypatch):
 
 
 @pytest.mark.parametrize("profile", [(1e-300, 0.0), (1e-200, 1e-210, 0.0)])
-def test_kicks_too_weak_to_move_a_circle_are_proved_and_checked(profile):
+def test_proofs_for_kicks_too_weak_to_move_a_circle_pass_the_check(profile):
     below, patches = module.proved_below(GAMMA, profile, 0.9, 0.3)
     assert 0.4 < below < 0.9
     check(json.loads(json.dumps(patches[0].certificate())))
@@ -107,7 +107,7 @@ def test_kicks_too_weak_to_move_a_circle_are_proved_and_checked(profile):
 @pytest.mark.parametrize("profile", [(1.0,), (0.94, 0.34), (1.0, 0.5, 0.7)])
 def test_nothing_is_proved_across_the_breakup(profile, beyond):
     result = barriers.critical_scale(profile)
-    for low, value in ((0.9, 1.2), (0.97, 1.02 + beyond)):  # with `value` too large
+    for low, value in ((0.9, 1.2), (0.97, 1.02 + beyond)):  # `value` is too large
         scales = np.array([low, 1 + beyond, value + beyond]) * result.value
         assert not tried(result.omega, profile, np.zeros(len(profile)), scales).proved
     below, _ = proofs.proved_below(result.omega, profile, 1.2 * result.value, 0.3)
@@ -123,8 +123,8 @@ def tried(omega, profile, tilt, scales):
 
 @pytest.mark.parametrize("beyond", thirds([0.3, 0.02, 1e-3]))
 @pytest.mark.parametrize("end", [1, pytest.param(-1, marks=pytest.mark.slow)])
-def test_nothing_is_proved_across_the_breakup_at_one_side_of_a_patch(beyond, end):
-    # At t = 0 the far side is 10% below the breakup; at t = end it is beyond it.
+def test_nothing_is_proved_if_one_side_of_a_patch_crosses_the_breakup(beyond, end):
+    # At t = 0 the largest scale is 10% below the breakup; at t = end it is beyond the breakup.
     inner, outer = (barriers.critical_scale(k, 1e-4).value * k for k in (ray(20), ray(25)))
     inner, tilt = 0.9 * inner, end * ((1 + beyond) * outer - 0.9 * inner)
     assert not tried(GAMMA, inner, tilt, (0.8, 1.0, 1.1)).proved
@@ -145,7 +145,7 @@ def nodes(n):
 
 
 def circles_at_points(profile, tilt, high, shape):
-    """Circles at Q·R points: their residuals are small at the points, but not between them."""
+    """Return circles at Q·R points, with residuals small at the points but not between them."""
     result, kappa = patch(profile, tilt, 0.0, high, shape), np.array(profile)
     starts = [
         proofs.barrier.circles.invariant_circle(GAMMA, high / 2 * (1 + s) * (kappa + t * b)).u
@@ -156,7 +156,7 @@ def circles_at_points(profile, tilt, high, shape):
 
 
 def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.0)):
-    """Functions strength·sin 2πφ times polynomials in σ and t with these values at the points."""
+    """Return strength·sin 2πφ times polynomials in σ and t that have these values at the points."""
     shape = len(values), len(others)
     result = patch(profile, tilt, 0.0, 1.0, shape)
     with ctx.workprec(128):
@@ -167,7 +167,7 @@ def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.
 
 
 def complex_modes(tilt, shape):
-    """Random modes at three sites, whose functions are not odd."""
+    """Return random modes at three sites, of functions that are not odd."""
     rng = np.random.default_rng(5)
     moves = [
         [[[0, *rng.integers(-(2**20), 2**20, 3).tolist()] for _ in "ri"] for _ in range(3)]
@@ -180,11 +180,11 @@ NONE, STEEP = (0.0, 0.0), [0.8, 0.6, 0.0, -0.6, -0.8]
 CASES = {
     "between": lambda: circles_at_points((0.5, 0.3), NONE, 0.5, (4, 1)),
     "between in t": lambda: circles_at_points((0.05, 0.05), (0.3, 0.2), 0.9, (6, 3)),
-    # At σ = 1 interpolation magnifies them by nearly its Lebesgue constant.
+    # At σ = 1 interpolation magnifies these values by nearly its Lebesgue constant.
     "points": lambda: by_values(0.02, [1, -1, 1, -1]),
     "points in t": lambda: by_values(0.005, [1, -1, 1, -1], [1, -1, 1, -1], tilt=(1e-4, 0.0)),
     "steep": lambda: by_values(0.1, STEEP),
-    # Twice as steep at σ = 1 as at the points.
+    # This function is twice as steep at σ = 1 as at the points.
     "steep between points": lambda: by_values(0.035, [1, -1, 1, -1, 1, -1, 1, 0]),
     "steep in t": lambda: by_values(0.1, [1, 1], STEEP, tilt=(1e-4, 0.0)),
     "kicks": lambda: by_values(1e-9, [1] * 8, (1,), (0.5, 0.3)),
@@ -198,7 +198,7 @@ made_case = cache(lambda case: CASES[case]())
 
 
 def proved_constants(case, module=module):
-    """ρ and the constants of a proof."""
+    """Return ρ and the constants of a proof."""
     profile, tilt, high, shape, moves = made_case(case)
     result = patch(profile, tilt, 0.0, high, shape, module)
     with ctx.workprec(128):
@@ -207,7 +207,7 @@ def proved_constants(case, module=module):
 
 
 def checked_constants(case, checker=checker, rho=0.01):
-    """ρ and the constants that the checker finds."""
+    """Return ρ and the constants that the checker computes."""
     profile, tilt, high, (Q, R), moves = made_case(case)
     moves = [moves[first : first + R] for first in range(0, Q * R, R)]
     moves = {"unit": UNIT.get(case, -80), "numbers": json.loads(json.dumps(moves, default=int))}
@@ -235,7 +235,7 @@ def truth(case, rho):
     C[..., 1:] += C[..., :0:-1].conj()
     C *= 2.0 ** UNIT.get(case, -80)
 
-    def norm(f):  # of values on the grid
+    def norm(f):  # of a function with values f on the grid
         return np.abs(np.fft.fft(f)) / N @ weight
 
     angles = np.linspace(0, np.pi, 61 if R == 1 else 25), np.linspace(0, np.pi, 1 if R == 1 else 25)
@@ -262,7 +262,7 @@ def too_small(case, rho, bounds):
 
 
 def too_large(case, rho, bounds):
-    """Constants that are too large, or NaN. Bounds of interpolation errors may be larger."""
+    """List constants that are too large, or NaN; bounds on interpolation errors may be larger."""
     largest, of_circles = truth(case, rho), case in ("between", "between in t", "single")
     most = dict.fromkeys(largest, 2.5) | {"error": 60 if of_circles else 8}
     return [key for key in largest if not bounds[key] < most[key] * largest[key]]
@@ -277,7 +277,7 @@ def test_constants_bound_those_of_all_forcings_of_a_patch(program, case):
 
 @pytest.mark.parametrize("case", ["between", "between in t", "single"])
 def test_both_programs_allow_the_same_error_of_interpolation(case):
-    """The checker uses one more point than degrees; with zeros added, so does the other program."""
+    """The checker uses one point more than degrees; with zeros added, so does the other program."""
     profile, tilt, high, (Q, R), moves = made_case(case)
     across, nothing = R + (R > 1), [[[[], []]] * len(profile)]
     rows = [moves[i : i + R] + nothing * (across - R) for i in range(0, Q * R, R)]
@@ -310,6 +310,7 @@ WRONG = {  # a changed line: the case in which it makes a constant too small
 }
 
 
+@pytest.mark.alters_sources
 @pytest.mark.parametrize("changes", thirds([*WRONG]))
 def test_an_omission_in_a_constant_is_noticed(changes):
     case = WRONG[changes]
@@ -345,6 +346,7 @@ WRONG_CHECKS = {
 }
 
 
+@pytest.mark.alters_sources
 @pytest.mark.parametrize("changes", thirds([*WRONG_CHECKS]))
 def test_an_omission_in_the_check_of_a_patch_is_noticed(changes):
     case = WRONG_CHECKS[changes]
@@ -361,7 +363,7 @@ def test_an_omission_in_the_check_of_a_patch_is_noticed(changes):
         ((0.0, 0.1), 0, 1, (8, 1)),
     ],
 )
-def test_a_patch_without_forcings_is_refused(tilt, low, high, shape):
+def test_patches_of_invalid_scales_or_shapes_are_refused(tilt, low, high, shape):
     with pytest.raises(ValueError, match="out of range"):
         patch((1.0, 0.5), tilt, low, high, shape)
 
@@ -373,8 +375,8 @@ def test_modes_that_are_not_real_or_not_odd_are_refused(row):
 
 
 def test_the_interpolation_constant_is_above_the_lebesgue_constant():
-    # Σ ±ℓ_i(cos θ) is an even trigonometric polynomial of degree < n, whose slope is less than n
-    # times its maximum (Bernstein), which bounds how far the maximum exceeds that on a grid.
+    # Σ ±ℓ_i(cos θ) is an even trigonometric polynomial of degree < n. By Bernstein, its slope is
+    # less than n times its maximum. This bounds how far the maximum exceeds that on a grid.
     for n in range(2, module.MAX_NODES + 1):
         theta = np.linspace(0, np.pi / 2, 150 * n + 1)  # the rest follows by symmetry
         T = np.cos(np.arange(n)[:, None] * theta)
@@ -415,7 +417,7 @@ def test_the_interpolation_constants_of_the_checker_are_lebesgue_constants():
 
 
 def test_coefficients_as_small_as_rounding_are_omitted():
-    """Integers that decay with the sum of the degrees, plus rounding that does not."""
+    """Coefficients decay with the sum of the degrees; the rounding errors added to them do not."""
     rng, (Q, R) = np.random.default_rng(2), (12, 16)
     largest = [4.0 ** (20 - m - n) for m, n in product(range(Q), range(R))]
     moves = [[[[], [0, round(size) + rng.integers(-50, 50)]] for _ in range(2)] for size in largest]
@@ -425,8 +427,8 @@ def test_coefficients_as_small_as_rounding_are_omitted():
 
 
 def test_circles_at_all_points_have_the_same_phase():
-    # With phases rounded differently, coefficients of high degree would not decay, as the bounds
-    # require.
+    # If phases were rounded differently, coefficients of high degree would not decay, but the
+    # bounds require that they do.
     kappa, shape = np.array([0.3, 0.1, 0.2]), (3, 1)
     starts = [
         barrier.circles.invariant_circle(GAMMA, (1 + s) / 2 * kappa).u for s in nodes(shape[0])

@@ -21,7 +21,7 @@ from nasm.proofs import certificate_checker as checker
 from nasm.proofs.transport import Outcome, prove, proved_upper
 from nasm.symmetries import ray
 
-# Where the last circle breaks, by `barriers.critical_scale`; a reference that enters no proof.
+# Scales at which the last circle breaks, by `barriers.critical_scale`; no proof uses them.
 BREAKUPS = {0: 0.4858177030, 20: 0.5770384095, 30: 0.7001827090, 45: 1.3740999690}
 
 # A forcing without symmetry, 4% beyond CB_gt as found by residues.
@@ -33,7 +33,7 @@ def beyond(angle, excess):
 
 
 def of_rounding(coefficients, u):
-    """Error and value of Horner's rule with fma at v = u², which is rounded."""
+    """Return the error and the value of Horner's rule with fma at v = u², where v is rounded."""
     ulp, v = arb(2) ** -53, u * u
     value, error = coefficients[-1], arb(0)
     for c in coefficients[-2::-1]:
@@ -44,10 +44,10 @@ def of_rounding(coefficients, u):
 
 
 def worst_error(polynomial, series, is_odd, pieces=8192):
-    """Largest |computed - exact| of Σ c_k u²ᵏ (times u if it is odd) on 0 ≤ u ≤ 1/4.
+    """Bound |computed - exact| of Σ c_k u²ᵏ (times u if `is_odd`) on 0 ≤ u ≤ 1/4.
 
     The polynomial minus the series is a polynomial, bounded piece by piece by its mean-value form.
-    u = |r| - 1/4 is wrong by 2⁻⁵⁶ at most, and exact for |r| ≥ 1/8.
+    u = 1/4 - |r| is wrong by 2⁻⁵⁶ at most, and exact for |r| ≥ 1/8.
     """
     ulp, tail = arb(2) ** -53, arb(10) ** -40  # the series' next term is below 10⁻⁵⁰
     difference, worst = arb_poly(polynomial) - arb_poly(series), 0.0
@@ -71,7 +71,7 @@ def test_bounds_of_sine_and_cosine_hold_over_the_whole_range():
     h = [power / math.factorial(2 * k + 1) for k, power in enumerate(powers)]
     cosine = [power / math.factorial(2 * k) for k, power in enumerate(powers)]
     of_h, of_cosine = ([arb(c) for c in coefficients] for coefficients in (SINE, COSINE))
-    # 0.864·2⁻⁵³ and 2.02e-14
+    # The worst errors are 0.864·2⁻⁵³ and 2.02e-14.
     assert 0.8 * 2**-53 < worst_error(of_h, h, True) < 0.87 * 2**-53 < proofs.transport.ULP
     assert 1.9e-14 < worst_error(of_cosine, cosine, False) < 2.03e-14 < proofs.transport.COS
 
@@ -79,8 +79,8 @@ def test_bounds_of_sine_and_cosine_hold_over_the_whole_range():
 def error_of_accurate_sine(middle, radius, series):
     """Bound the error |h + h_low - sin 2πx/2π| of `_accurate` for u = 1/4 - |r| in a ball.
 
-    Where an operation is exact, its result is a float and a remainder of at most 2⁻⁵³ of it;
-    whatever is rounded or left out is added up.
+    An exact operation yields a float and a remainder of at most 2⁻⁵³ times the float. Everything
+    that is rounded or left out is added up.
     """
     ulp, u = arb(2) ** -53, arb(middle, radius)
     u_low = arb(2) ** -56
@@ -96,7 +96,7 @@ def error_of_accurate_sine(middle, radius, series):
     for k in (3, 2, 1, 0):
         high, low = map(arb, getattr(proofs.transport, f"_S{k}"))
         product = abs(s) * v * (1 + ulp)
-        assert abs(high) > product  # so that the sum of both is split exactly
+        assert abs(high) > product  # so that their sum is split exactly
         first = abs(s) * v_low + ulp * product
         second = s_low * v + first
         third = second * (1 + ulp) + abs(low)
@@ -107,7 +107,7 @@ def error_of_accurate_sine(middle, radius, series):
         s_low = fourth * (1 + ulp)
     low = ulp * u * abs(s) + u * s_low
     error = error * (u + u_low) + ulp * low + u_low * s_low + ulp * (low + u_low * abs(s))
-    # The next term of the series; cos, and the square of x_low, which is 2⁻⁵⁴ at most.
+    # Also the next term of the series, the error of cos, and the square of x_low (at most 2⁻⁵⁴).
     error += (2 * arb.pi() * u) ** 24 / math.factorial(25) * u
     return error + ulp * (low + 2 * ulp) + arb(proofs.transport.COS) * ulp + 4 * ulp**2
 
@@ -131,7 +131,7 @@ KERNEL = audit.Kernel(
     names=STATE,
     known=(("t", "z", "linear"), ("q", "p", "quadratic")),
     places=((-1.0,), (1.0,), (0.5,)),
-    rounding=(0.33 * 2.0**-66, 0.0),  # as proved above
+    rounding=(0.33 * 2.0**-66, 0.0),  # as bounded above
 )
 
 
@@ -143,14 +143,14 @@ LINE = np.array([[0.5, 0.0], [0.5, 0.5]])
 
 
 def start(points, s, delta, slope, way):
-    """The state of a box as the kernel starts it, and the inverse of its Wronskian."""
+    """Return the state with which the kernel starts a box, and the inverse of its Wronskian."""
     lanes = np.zeros((proofs.transport._ROWS, 1))
     proofs.transport._start(lanes, 0, points, s, delta, slope, way)
     *state, scale = lanes[:, 0].tolist()
     return state, scale
 
 
-def test_a_box_starts_on_its_edge_of_the_polygon_and_halves_share_its_site():
+def test_both_directions_of_a_box_start_at_its_place_on_the_polygon():
     random = np.random.default_rng(2)
     for _ in range(40):
         points = np.rint(random.uniform(-1, 1, (4, 2)) * 2.0**26) / 2.0**26
@@ -218,6 +218,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.alters_sources
 @pytest.mark.parametrize("change", thirds(CHANGES))
 def test_a_changed_line_is_noticed(change):
     assert max(audit.audit_of_kicks(KERNEL, change).values()) > 1
@@ -250,7 +251,8 @@ def test_lanes_and_floats_compute_what_the_source_says():
 
 
 def test_every_fma_is_one_and_nothing_else_is():
-    after_a_block(STATE.index("x"), 0.25)  # compiled, not loaded from the cache
+    # Compile `_replay` and `_advance` here, instead of loading them from the cache.
+    after_a_block(STATE.index("x"), 0.25)
     sources = {f.__name__: inspect.getsource(f.py_func) for f in KERNEL.functions}
     source = "".join(sources.values())
     written = source.count("fma(") + sum(
@@ -267,7 +269,7 @@ def test_every_fma_is_one_and_nothing_else_is():
         assert calls % written == 0
         flags = re.findall(rf"= f(?:add|sub|mul|div) (.*){kind}", code)
         assert len(flags) > 80
-        assert not any(flags)  # neither fast nor contract nor any other
+        assert not any(flags)  # neither fast nor contract nor any other flag
         fused = re.findall(r"\tvfn?m(?:add|sub)\w+([sp])d\t.*%([xyz])mm", assembly)
         if platform.machine() == "x86_64" and fused:
             widths = {"sx": 1, "px": 2, "py": 4, "pz": 8}
@@ -285,9 +287,9 @@ def test_arithmetic_that_is_not_ieee_proves_nothing(monkeypatch):
 
 
 def after_a_block(row, value, kappa=(1.5, 1.2)):
-    """Outcome of a box if a number of its state is changed, and whether the lanes see an event.
+    """Return the outcome of a box with one number changed, and whether the lanes see an event.
 
-    Unchanged, the box is eliminated within the block.
+    Without the change, the box is eliminated within the block.
     """
     lanes, events = np.zeros((proofs.transport._ROWS, 16)), np.empty((2, 16))
     for lane in range(16):
@@ -304,9 +306,9 @@ def test_overflow_and_nan_eliminate_nothing(row):
     assert after_a_block(STATE.index("x"), 0.25) == (proofs.transport._ELIMINATED, True)
     values = [math.nan]
     if STATE[row : row + 1] != ("paid",):
-        values.append(math.inf)  # which paid becomes only after V
+        values.append(math.inf)  # paid becomes infinite only after V
     if STATE[row : row + 1] == ("V",):
-        values.append(1e160)  # whose square is infinite
+        values.append(1e160)  # its square is infinite
     for value in values:
         assert after_a_block(row, value) == (proofs.transport._FAILED, True)
 
@@ -333,7 +335,7 @@ def test_mackay_percival_1985_and_jungreis_1991(kappa, budget, kicks):
     ("angle", "excess"),
     [(0, 0.1), (20, 0.1), (30, 0.03), (45, 0.03), pytest.param(45, 1e-3, marks=pytest.mark.slow)],
 )
-def test_an_independent_program_checks_the_certificate(angle, excess):
+def test_an_independent_program_accepts_the_certificate(angle, excess):
     for signs in ((1, 1), (-1, 1), (1, -1)):
         proof = prove(signs * beyond(angle, excess)[::-1])
         assert proof.proved
@@ -341,7 +343,7 @@ def test_an_independent_program_checks_the_certificate(angle, excess):
 
 
 def test_every_false_shorter_lifetime_is_refused():
-    """The box has a longest-lived start that is known to survive longer than that."""
+    """A start in the box is known to survive longer than the false lifetime."""
     proof = prove(beyond(30, 0.1))
     kappa = np.roll(proof.kappa, -proof.site)
     refused = 0
@@ -364,7 +366,7 @@ def test_boxes_tile_the_half_line():
         assert not proofs.transport._tiles(np.delete(proof.boxes, i, axis=0))
 
 
-def test_a_polygon_begins_and_ends_where_its_images_continue_it():
+def test_the_ends_of_a_polygon_are_their_own_images():
     corners = np.array([[0.5 + 2.0**-20, -(2.0**-21)], [0.3, 0.2], [0.51, 1.49]])
     points, pieces = proofs.transport._closed(corners)
     assert (2 * points[[0, -1]] == [[1, 0], [1, 3]]).all()
@@ -381,7 +383,7 @@ def test_lifetimes_beyond_the_allowance_for_rounding_prove_nothing(monkeypatch):
 @pytest.mark.parametrize(
     "kappa", [(2.0, 2.5), (-2.0, 5.0), (3, 1, 2, 1), (0.7, 0.5, 0.7, 0.7, 0.5)]
 )
-def test_forcings_outside_the_theorem_are_not_proved(kappa):
+def test_nothing_is_proved_for_forcings_outside_the_theorem(kappa):
     assert prove(kappa).outcome is Outcome.SCOPE
 
 
@@ -397,7 +399,8 @@ def test_where_a_circle_plainly_exists_no_proof_is_tried(kappa, monkeypatch):
 
 
 def test_the_search_for_a_polygon_ends_with_the_budget(monkeypatch):
-    # The clock ticks whenever it is read, and a circle exists: without a limit it takes minutes.
+    # The clock advances whenever it is read. A circle exists, so that the search would take minutes
+    # without a limit.
     clock = SimpleNamespace(thread_time=partial(next, count(0, 0.1)))
     searches, bend = proofs.transport.transversal, proofs.transport.transversal.Transversal.bend
     bends = []
@@ -439,7 +442,7 @@ def test_below_the_breakup_of_random_rays_nothing_is_proved():
             assert not prove(kappa, 0.1).proved, kappa
 
 
-def test_proved_upper_is_near_the_breakup_and_above_it_from_any_value():
+def test_proved_upper_is_above_the_breakup_and_near_it_for_any_estimate():
     proved_upper(ray(20), BREAKUPS[20], 0.01)  # to compile it
     scale, proof = proved_upper(ray(20), BREAKUPS[20], 0.5)
     assert proof.proved
@@ -452,14 +455,18 @@ def test_proved_upper_is_near_the_breakup_and_above_it_from_any_value():
 
 
 def tried(profile, excess, checks):
-    """Try a proof beyond the breakup by `barriers`, and below on its polygon; return the former."""
+    """Try a proof beyond the breakup found by `barriers`, and proofs below it; return the former.
+
+    Below the breakup nothing may be proved, neither on the polygon of the former proof nor
+    on another one.
+    """
     result = barriers.critical_scale(profile, 1e-3)
     proof = prove((1 + excess) * result.upper * np.array(profile))
     for scale in (0.9 * result.lower, result.lower) if proof.proved else ():
         kappa = 2 * (tuple((scale * np.array(profile)).tolist()),)
         below, _ = proofs.transport._covered(*kappa, proof.site, proof.points, 0.2)
         assert not below.proved
-        assert below.lifetimes.size > 0  # no circle meets most of the polygon
+        assert below.lifetimes.size > 0  # no circle meets most of its edges
     assert not prove(0.9 * result.lower * np.array(profile), 0.2).proved
     if checks and proof.proved:
         checker.check(json.loads(json.dumps(proof.certificate())))
@@ -467,7 +474,7 @@ def tried(profile, excess, checks):
 
 
 @pytest.mark.parametrize("profile", thirds([(1, 0.7, 0.3), (0.4, 1, 0.4), (1, 1, -1, -1)]))
-def test_several_kicks_are_proved_beyond_their_breakup_and_not_below_it(profile):
+def test_transport_under_several_kicks_is_proved_only_beyond_the_breakup(profile):
     assert tried(profile, 0.05, True).proved
 
 
@@ -480,7 +487,11 @@ RANDOM += np.array([0.838, 0.654, 0.771]), np.array([-0.064, -0.015, -0.444, -0.
     pytest.param(RANDOM[::-2], id="every second", marks=pytest.mark.slow),
     pytest.param(RANDOM[-2::-2], id="the others", marks=pytest.mark.release),
 ])  # fmt: skip
-def test_random_kicks_are_proved_beyond_their_breakup_and_not_below_it(profiles):
-    """1% beyond it; near (0, 0, 1, 1) the polygon nearly follows the longest-lived starts."""
+def test_transport_under_random_kicks_is_proved_only_beyond_the_breakup(profiles):
+    """Proofs are tried 1% beyond the breakup.
+
+    For the profile close to a multiple of (0, 0, 1, 1), the polygon nearly follows the
+    longest-lived starts.
+    """
     results = [tried(profile, 0.01, profile.size < 5) for profile in profiles]
     assert all(proof.proved and len(proof.boxes) < 5000 for proof in results)

@@ -1,4 +1,4 @@
-"""The boundary between two proofs: brackets on rays, and the map of cells."""
+"""The boundary enclosed by two proofs: brackets on rays, and maps of cells and triangles."""
 
 import json
 import lzma
@@ -22,12 +22,12 @@ from pipeline.cubes.proved import proved_barrier, proved_map, proved_triangles, 
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _compiled():  # the limit of a proof is CPU time, compiling included
+def _compiled():  # compiling counts in the CPU time allowed for a proof
     proofs.critical_scale((1, 0), 0.1)
 
 
 @pytest.mark.parametrize("angle", thirds([30.0, 0.0]))
-def test_the_last_barrier_breaks_between_two_proofs(angle):
+def test_the_last_barrier_breaks_between_two_proved_bounds(angle):
     bracket = proofs.critical_scale(ray(angle), 0.3)
     residues = barriers.critical_scale(ray(angle))
     assert 0.9 * residues.value < bracket.lower < residues.value < bracket.upper
@@ -59,7 +59,7 @@ BREAKUPS = [(angle, 0.4858 / np.cos(np.deg2rad(angle))) for angle in (0.0, 45.0)
 
 
 def map_of_two_tiles():
-    """Return a job of the map, and the indices and coordinates of two tiles."""
+    """Return the job of a map, and the indices and coordinates of two of its tiles."""
     job = proved_map(BREAKUPS, 32, 0.1)
     axes = {name: job.cube.template[name].values for name in ("kappa2", "kappa1")}
     tiles = {}
@@ -70,19 +70,19 @@ def map_of_two_tiles():
 
 
 def one_triangle():
-    """Return a job of triangles, and the index and coordinates of the first."""
+    """Return a job of triangles, and the index and coordinates of its first triangle."""
     job = proved_triangles([(10.0, 0.5), (20.0, 0.55)], ["[0;(1)]"] * 2, 0.4)
     return job, {(0,): {"triangle": np.array([0])}}
 
 
 def rays_of_one_tile():
-    """Return a job of proved rays, and the indices and coordinates of a ray."""
+    """Return a job of proved rays, and the index and coordinates of one ray."""
     job = proved_barrier(two_kicks(), [20.0], 0.1)
     return job, {(0,): {"angle": np.array([20.0])}}
 
 
 def easy_bracket(profile, seconds):
-    """Return proofs far from the breakup, which are quick to check."""
+    """Return a bracket with proofs far from the breakup, which are quick to check."""
     circle, result = parse("gamma"), barriers.critical_scale(profile, 1e-2)
     lower, upper = 0.3 * result.value, 1.2 * result.value
     proved = proofs.barrier.prove(circle, lower * profile), proofs.transport.prove(upper * profile)
@@ -94,7 +94,7 @@ def easy_bracket(profile, seconds):
 @pytest.mark.parametrize(
     ("job", "n"), [(map_of_two_tiles, 2), (one_triangle, 2), (rays_of_one_tile, 3)]
 )
-def test_certificates_in_a_store_are_kept_compared_and_checked(job, n, tmp_path, monkeypatch):
+def test_stored_certificates_are_compared_with_tiles_and_checked(job, n, tmp_path, monkeypatch):
     monkeypatch.setattr(proofs, "critical_scale", easy_bracket)
     (job, tiles), place = job(), store.place_of(tmp_path)
     with store.driver_lock(place):
@@ -119,12 +119,12 @@ def test_certificates_in_a_store_are_kept_compared_and_checked(job, n, tmp_path,
     }
     for data, reason in wrong.items():
         path.write_bytes(data)
-        longest = "60" if "seal" in reason else "0"  # the others are detected unchecked
+        longest = "60" if "seal" in reason else "0"  # others are found without checking proofs
         result = invoke("verify", tmp_path, "--proofs", "--max-cpu-seconds", longest)
         assert result.exit_code == 1, reason
         assert reason in result.output.split("wrong: 1 tile\n")[1]
-        assert "1 tile damaged" in result.output  # also by the checksum in its record
-    for file, data in (("zarr.json", b"{}"), ("digests.json", b"")):  # these allow no repair
+        assert "1 tile damaged" in result.output  # its checksum also detects the change
+    for file, data in (("zarr.json", b"{}"), ("digests.json", b"")):  # damage here prevents repair
         file = tmp_path / f"{job.cube.name}.zarr/{file}"
         whole = file.read_bytes()
         file.write_bytes(data)
@@ -139,12 +139,12 @@ def test_certificates_in_a_store_are_kept_compared_and_checked(job, n, tmp_path,
 
 
 def test_transport_is_proved_only_beyond_the_boundary():
-    angles, low, size = np.linspace(0, 45, 7), (0.5, 0.125), 1 / 8  # CB_gt runs through it
+    angles, low, size = np.linspace(0, 45, 7), (0.5, 0.125), 1 / 8  # CB_gt crosses this square
     scales = np.array([barriers.critical_scale(ray(angle), 1e-2).value for angle in angles])
     proved, result = proofs.proved_cells(low, size, 3, [*zip(angles, scales, strict=True)], 0.05)
     assert len(result) <= (proved == 2).sum()
     assert set(proved.ravel().tolist()) == {1, 2}
-    # The nearest corner of the cell nearest to the boundary lies beyond it.
+    # Even the inner corner of the cell nearest to the boundary lies beyond the boundary.
     kappa = np.argwhere(proved == 2)[:, ::-1] * size / 8 + low
     assert barriers.critical_scale(kappa[kappa.sum(axis=1).argmin()], 1e-2).value < 1
 
@@ -152,7 +152,7 @@ def test_transport_is_proved_only_beyond_the_boundary():
 @pytest.mark.parametrize("sagitta", [1e-6, 0.01, 0.1])
 def test_triangles_fill_the_region_and_end_near_the_boundary(sagitta):
     angles = np.linspace(0, 45, 46)
-    scales = 0.5 + 0.3 * (angles / 45) ** 4  # convex in places only, with a change of circles
+    scales = 0.5 + 0.3 * (angles / 45) ** 4  # only partly convex; the circle changes at 30°
     circles = ["a" if angle < 30 else "b" for angle in angles]
     result = proofs.triangles(angles, scales, circles, sagitta)
     assert result[0][0][1] == 0

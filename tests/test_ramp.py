@@ -1,4 +1,4 @@
-"""Lifetimes of graphs under ramps, and the laws that the command judges."""
+"""Lifetimes of graphs under ramps, and the command's findings about the laws that they obey."""
 
 import numpy as np
 import pytest
@@ -18,13 +18,13 @@ def test_graphs_are_excluded_as_renormalisation_predicts_except_in_slow_ramps(ra
 
 @pytest.mark.parametrize("rate", [1e-3, 1e-5])
 def test_the_first_orbit_crosses_after_part_of_the_cell_has_leaked(rate):
-    """The flux ~ (κ - κ_G)^3.01 adds up to its final value times kicks/4.01."""
+    """The flux, ~ (κ - κ_G)^3.01, sums to its final value times kicks/4.01."""
     kicks = study._escape(KAPPA_G + rate * np.arange(int(6 * rate**-study.ESCAPES)))
     end = flux.flux(parse("gamma"), (KAPPA_G + rate * kicks,)).value
     assert 0.1 < end * kicks / 4.01 < 0.5
 
 
-def test_shapes_are_what_their_names_say():
+def test_the_shapes_have_the_properties_that_their_names_promise():
     shapes = study._shapes(np.arange(1000))
     assert list(shapes["Thue-Morse"][:8]) == [1, -1, -1, 1, -1, 1, 1, -1]
     letters = "".join(np.where(shapes["Fibonacci"] > 0, "a", "b"))

@@ -16,7 +16,7 @@ from workflows.figures.rotating import where_above
 from workflows.rotating import VECTORS
 
 
-def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
+def test_circle_boundaries_agree_with_those_of_single_rays(tmp_path, workers):
     rays = ["--n-rays", "5", "--n-cusp-rays", "1", "--tol", "0.1"]
     options = [*rays, "--omega", "gamma", "--omega", "2gamma"]
     succeed("circle_boundaries", tmp_path / "out", *options, *workers)
@@ -36,7 +36,7 @@ def test_circle_boundaries_are_those_of_each_ray(tmp_path, workers):
             assert meanings[int(here.status)] == expected.status.name.lower()
     assert len(table(tmp_path / "out/circle_boundaries.csv")) == 2 * 9
     rows = table(tmp_path / "out/circle_boundaries_residue.csv")
-    # In the order of the cube: the golden mean and 2γ on nine rays each.
+    # Rows are in the order of the cube: the golden mean and 2γ on nine rays each.
     assert [r["status"] for r in rows] == [meanings[int(i)] for i in cube.status.values.ravel()]
     assert {r["status"] for r in rows[:9]} == {"ok"}
     assert (tmp_path / "out/circle_boundaries.png").exists()
@@ -54,7 +54,7 @@ def test_rotating_maps_are_compared_with_the_standard_map(tmp_path, workers):
     # κ̄ alone is the standard map; Δκ alone with Ω = 1/2 is (κ, -κ).
     direct = escape.critical_scale((1.0, 1.0), 1000, 64).upper
     assert float(xr.open_zarr(out / "transport.zarr").upper.sel(angle=0)) == direct
-    # At 45° the second kick is off, and CB_gt is where the standard map breaks at 2·κ1 = κ_G.
+    # At 45° the second kick is 0, and CB_gt is reached at 2·κ1 = κ_G, as in the standard map.
     (row,) = table(out / "rotating_tori.csv", angle="45", vector=VECTORS[2])
     two = KAPPA_G / 2 / 2**0.5
     assert float(row["ratio"]) == pytest.approx(float(row["critical_scale"]) / two, rel=1e-6)

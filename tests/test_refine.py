@@ -37,7 +37,7 @@ def test_a_fifth_of_the_finest_cells_suffices_for_a_smooth_boundary():
     assert level.min() == 0
 
 
-def test_a_cell_holds_the_finest_value_that_any_ensemble_has():
+def test_a_cell_is_from_the_finest_level_computed_for_any_ensemble():
     coarse = np.array([[[1.0, 2.0]], [[3.0, 4.0]]])
     fine = np.full((2, 2, 4), np.nan)
     fine[0, 0, 1] = 5.0
@@ -48,7 +48,7 @@ def test_a_cell_holds_the_finest_value_that_any_ensemble_has():
     assert level.tolist() == [[0, 1, 0, 0], [0, 0, 0, 1]]
 
 
-def test_diagonal_neighbours_count():
+def test_diagonal_neighbours_make_boundary_cells():
     answers = np.zeros((1, 3, 3), dtype=bool)
     assert not refine.boundary_cells(answers).any()
     answers[0, 0, 0] = True

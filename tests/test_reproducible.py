@@ -1,4 +1,4 @@
-"""The same numbers on different processors, for which NumPy and BLAS choose different loops."""
+"""Results are the same on processors for which NumPy and BLAS choose different loops."""
 
 import hashlib
 import json
@@ -48,7 +48,7 @@ def values(name):
 
 
 def tell(*names):
-    """Print digests of what the jobs compute, and of what NumPy itself does, as JSON."""
+    """Print, as JSON, digests of the results of jobs, and of results of NumPy itself."""
     x = np.linspace(0.1, 3, 1001)
     rays = direct_iteration.bias_job(two_kicks(), {45.0: 1.0}, [64], 100)
     output = {"numpy": digest(np.exp(x), np.dot(x, x))}
@@ -73,7 +73,7 @@ def test_cubes_hold_the_same_bits_where_numpy_and_blas_use_other_loops(names):
     assert output[0] == output[1]
 
 
-def test_a_geometric_sequence_and_powers_are_those_of_numpy_up_to_rounding():
+def test_geometric_sequences_and_powers_agree_with_numpy_up_to_rounding():
     for first, last, n in ((0.01, 1, 121), (0.5, 1e-6, 20), (2.0, 0.02, 2), (3.0, 4.0, 1)):
         result = geometric(first, last, n)
         assert result == pytest.approx(np.geomspace(first, last, n), rel=1e-14)

@@ -1,4 +1,4 @@
-"""The results of methods can be compared, whether or not they hold arrays and NaN."""
+"""Results of methods can be compared, even if they hold arrays or NaN, and print readably."""
 
 import copy
 import pickle
@@ -32,7 +32,7 @@ MADE = {
 
 
 @pytest.mark.parametrize("name", MADE)
-def test_results_are_equal_if_all_that_they_hold_is_equal(name):
+def test_results_are_equal_if_all_their_fields_are_equal(name):
     make, number, another = MADE[name]
     one = make(number)
     for other in (make(number), copy.copy(one), pickle.loads(pickle.dumps(one))):
@@ -65,7 +65,7 @@ def test_a_critical_scale_prints_with_the_digits_of_its_error():
     assert repr(result) == str(result) == expected
 
 
-def test_a_critical_scale_without_a_value_prints_the_reason_and_the_cure():
+def test_a_critical_scale_without_a_value_prints_the_reason_and_a_remedy():
     text = repr(no_answer(None, Status.NO_CIRCLE))
     assert text == f"CriticalScale(no value, NO_CIRCLE: {Status.NO_CIRCLE.value})"
     one_end = CriticalScale(np.nan, np.nan, np.nan, 1.25, None, Status.NOT_CONVERGED)
@@ -117,7 +117,7 @@ def test_a_result_prints_on_a_line_and_as_a_table(found, line, cell):
 
 
 @pytest.mark.parametrize("status", [one for one in Status if one is not Status.OK])
-def test_a_status_says_what_to_do(status):
+def test_a_status_names_the_reason_and_a_remedy(status):
     reason, cure = status.value.split("; ")
     assert reason
     assert cure

@@ -1,4 +1,4 @@
-"""Runs of commands: what exists is not computed again, and what takes long requires --yes."""
+"""Runs of commands: existing results are not computed again, and long runs require --yes."""
 
 import re
 import shlex
@@ -62,7 +62,7 @@ def test_a_study_is_computed_once_and_then_read(tmp_path, study):
     xr.testing.assert_identical(xr.open_zarr(tmp_path / "toy.zarr").load(), result)
 
 
-def test_a_study_of_other_settings_is_refused_before_it_is_computed(tmp_path, study):
+def test_a_study_with_other_settings_is_refused_before_it_is_computed(tmp_path, study):
     with driven(tmp_path) as one:
         one.kept(untiled("toy", n=9), study)
     before = snapshot(tmp_path)
@@ -72,7 +72,7 @@ def test_a_study_of_other_settings_is_refused_before_it_is_computed(tmp_path, st
 
 
 @pytest.mark.parametrize("by", ["computed_by", "studied_by"])
-def test_a_study_is_computed_again_by_other_code(tmp_path, study, monkeypatch, by):
+def test_a_study_is_computed_again_if_its_code_has_changed(tmp_path, study, monkeypatch, by):
     with driven(tmp_path) as one:
         one.kept(untiled("toy"), study)
     monkeypatch.setitem(run._CODE, by, "other code")
@@ -92,7 +92,7 @@ def test_a_study_of_a_swept_cube_records_its_own_code_and_time(tmp_path, study):
     assert result.attrs["created"] != "earlier"
 
 
-def test_a_study_records_the_command_that_first_made_it(tmp_path):
+def test_a_study_records_the_command_that_first_computed_it(tmp_path):
     options = ["--primary", "-4:4:10", "--secondary", "0:8:10"]
     for more in ([], ["--quiet"]):
         succeed("period_one", tmp_path, *options, *more)
@@ -127,7 +127,7 @@ def test_a_study_is_computed_again_while_its_sweep_lacks_tiles(here, tmp_path, s
     assert study.count == 2
 
 
-def test_a_study_that_is_kept_adds_nothing_to_the_predicted_time(tmp_path, study):
+def test_a_stored_study_adds_nothing_to_the_predicted_time(tmp_path, study):
     with driven(tmp_path) as one:
         one.kept(untiled("toy"), study)
     with started(tmp_path, shorter="").driving((untiled("toy"), 2 * run.LONGEST)):
@@ -162,7 +162,7 @@ def test_a_run_that_takes_too_long_exits_with_code_2_unless_allowed(tmp_path, wo
     assert (result.exit_code, out.exists()) == (2, False)
     assert " on 2 cores (" in result.output
     assert "reduce --first or --second or --n-max" in result.output
-    monkeypatch.setattr(run, "LONGEST", 0.6 * seconds)  # half of them on each of two cores
+    monkeypatch.setattr(run, "LONGEST", 0.6 * seconds)  # enough for two cores, not for one
     assert invoke("escape_plane", out, *options, "--workers", "1").exit_code == 2
     monkeypatch.setattr(run, "LONGEST", 0.0)
     assert dry(out, options)
@@ -182,7 +182,7 @@ def test_yes_lets_a_run_take_as_long_as_it_needs(tmp_path, monkeypatch):
     succeed("period_one", tmp_path / "out", *small, "--yes")
 
 
-def test_each_command_names_options_that_shorten_it():
+def test_each_command_names_options_that_shorten_a_run():
     names = set()
     for name in WRITING:
         context = main_of(name).make_context(name, [])

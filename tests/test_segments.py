@@ -17,7 +17,7 @@ SEGMENTS = [((0.1, 0.5), (1.0, -0.3)), ((0.2, -0.1), (0.0, 1.0))]
 
 
 @pytest.mark.parametrize("segment", thirds([*SEGMENTS, ((0.0, 0.0, 0.2), (0.9, 0.4, 0.0))]))
-def test_the_breakup_on_a_segment_is_that_on_the_ray_through_it(segment):
+def test_the_ray_through_the_breakup_on_a_segment_has_its_breakup_there(segment):
     start, profile = segment
     result = barriers.critical_scale(profile, 1e-3, start)
     assert result.status is Status.OK
@@ -30,9 +30,9 @@ def test_the_breakup_on_a_segment_is_that_on_the_ray_through_it(segment):
 
 @settings(max_examples=12)
 @given(st.floats(5, 40), st.floats(-0.25, 0.3), st.floats(-0.2, 0.25))
-@example(None, 0.1, -0.1)  # of three kicks
+@example(None, 0.1, -0.1)  # a segment with three kicks
 def test_segments_from_inside_end_on_the_boundary_of_their_circle(angle, kappa1, kappa2):
-    # Not only from below: some of them cross κ1 = κ2, where the minimax orbit changes its centre.
+    # Not all come from below: some cross κ1 = κ2, where the minimax orbit changes its centre.
     omega, profile = ("gamma", ray(angle)) if angle else ("[1;3,(1)]", ASYMMETRIC)
     along_ray = periodic.critical_scale(omega, profile, 1000 if angle else 300)
     end, start = along_ray.value * profile, np.array([kappa1, kappa2, 0.2][: profile.size])
@@ -48,7 +48,7 @@ def test_segments_from_inside_end_on_the_boundary_of_their_circle(angle, kappa1,
         ("gamma", (1.5, 1.5), (1, 1)),
         ("gamma", (0.5, 0), (0, 1)),
         ("gamma", (AXIS * (1 + 1e-4), 0), (1, 0)),
-        ("[1;(4)]", (0.558, -0.118), (-0.28, 0.96)),  # so far that residues overflow
+        ("[1;(4)]", (0.558, -0.118), (-0.28, 0.96)),  # so far outside that residues overflow
         ("[1;3,(1)]", 1.9 * ASYMMETRIC, (0, 0, 1)),
         (None, (1.2, 1.0), (-1.0, 0.0)),
     ],

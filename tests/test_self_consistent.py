@@ -32,7 +32,7 @@ def test_escapes_are_counted_in_kicks():
     assert np.array_equal(result, expected)
 
 
-def test_a_forcing_that_repeats_eliminates_starts_as_its_period_does():
+def test_a_repeated_forcing_eliminates_starts_as_the_periodic_map_does():
     kappa, site, omega = (0.3, 0.2, 0.25), 301, 0.271
     expected, _ = transversal.elimination(np.roll(kappa, -(site % 3)), X, Y, 300)
     assert 10 < np.isinf(expected).sum() < 650
@@ -40,21 +40,21 @@ def test_a_forcing_that_repeats_eliminates_starts_as_its_period_does():
     assert np.array_equal(aperiodic.elimination_time(repeated, 0.0, site, X, Y), expected)
     theta = (np.arange(602) - site) * omega + 0.2
     moved = aperiodic.elimination_time(repeated, theta, site, X + 0.2, Y + omega)
-    assert np.mean(moved == expected) > 0.99  # some are marginal
+    assert np.mean(moved == expected) > 0.99  # a few starts are marginal
     assert aperiodic.longest_lived(0.9 * np.ones(602), theta, site)[2] == np.inf
     x, y, time = aperiodic.longest_lived(1.1 * np.ones(602), theta, site)
     assert time == aperiodic.elimination_time(1.1 * np.ones(602), theta, site, x, y) < 100
 
 
 def asymptotic_circle(kappa, omega=0.618, n=4096):
-    """The curve that tends to y = omega as the kicks fade, and dx/dangle on it."""
+    """Return the curve that tends to y = omega as the kicks fade, and dx/dangle along it."""
     angle = np.arange(n) / n
     x, y = aperiodic.asymptotic(kappa, 0.0, 0.0, angle, np.full(n, omega))
     return x, y, 1 + fourier.derivative(x - angle)
 
 
 def ramp(rate, n_kicks):
-    """κ_G + rate·n, n counted from the middle."""
+    """Return the strengths κ_G + rate·n, with n counted from the middle."""
     return KAPPA_G + rate * np.arange(-n_kicks, n_kicks + 1)
 
 
@@ -69,7 +69,7 @@ def test_the_search_finds_the_lifetimes_of_a_dense_scan_under_changing_kicks():
     assert aperiodic.longest_lived(kappa, 0.0, 600, 8)[2] > 0.9 * longest
 
 
-def test_a_lifetime_beyond_the_horizon_in_a_ramp_is_not_called_an_exclusion():
+def test_a_lifetime_beyond_the_horizon_in_a_ramp_is_reported_as_undecided():
     short, long = (
         aperiodic.longest_lived(ramp(rate, 2000), 0.0, 2000, 8)[2] for rate in (1e-2, 1e-3)
     )
@@ -82,7 +82,7 @@ def test_asymptotic_circles_converge_as_the_kicks_fade_and_keep_their_area():
     kappa = 0.5 * np.exp(-np.arange(200) / 5)
     _, y, dx = asymptotic_circle(kappa)
     assert np.mean(y * dx) == pytest.approx(0.618, abs=1e-12)
-    n = np.arange(10, 101, 10)  # what is left out grows n-fold on the way back
+    n = np.arange(10, 101, 10)  # the truncation error grows n-fold on the way back
     errors = [np.abs(asymptotic_circle(kappa[:k])[1] - y).max() for k in n]
     assert np.polyfit(n, np.log(errors / n), 1)[0] == pytest.approx(-1 / 5, rel=0.05)
 
@@ -167,7 +167,7 @@ def test_momentum_is_conserved_and_graphs_persist_only_in_weak_fields():
     assert "excludes every family of graphs in the recorded field from Γ = 1.3 on" in caption
 
 
-def test_a_job_of_one_core_of_many_runs_one_thread(monkeypatch):
+def test_a_study_runs_one_thread_for_each_core_that_the_job_may_use(monkeypatch):
     """A container or a batch job may use fewer cores than the machine has."""
     threads = []
 

@@ -30,7 +30,7 @@ def test_error_is_below_4e_16_even_far_from_zero(ours, exact):
     assert error <= 4e-16
 
 
-def test_whole_turns_are_exact_however_many():
+def test_any_number_of_whole_turns_is_reduced_exactly():
     turns = np.array([0.0, 1.0, -7.0, 1e6, 2.0**53, -1e300])
     assert (sin2pi(turns) == 0).all()
     np.testing.assert_allclose(cos2pi(turns), 1, rtol=0, atol=4e-16)
@@ -59,9 +59,10 @@ def test_kernels_and_plain_python_agree_to_the_last_bit():
 
 @pytest.mark.parametrize(("ours", "least"), [(SINE, 1.10e-16), (SINGLE_SINE, 4.62e-9)])
 def test_no_polynomial_of_the_same_degree_is_closer_to_the_sine(ours, least):
-    """Errors of the best polynomial have equal extrema of alternating sign (Chebyshev).
+    """The error of the best polynomial has equal extrema of alternating sign (Chebyshev).
 
-    There is one extremum more than free coefficients. Our coefficients are rounded.
+    It has one more extremum than there are free coefficients. Our coefficients are rounded, so
+    that the extrema are only nearly equal.
     """
     with mpmath.workdps(40):
         errors = []

@@ -94,7 +94,7 @@ def watched_sweep(client, place, plan, events=()):
 
 @contextmanager
 def workers_here():
-    """Yield what `connect` yields, for a Client of this process, whose one worker has two threads."""
+    """Yield what `connect` yields, for a Client whose worker has two threads of this process."""
     how = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "protocol": "tcp"}
     how |= {"processes": False, "n_workers": 1, "threads_per_worker": 2}
     # The preload of `connect` is meant for worker processes.
