@@ -70,7 +70,7 @@ def residue(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> FloatArray:
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     x, y : array_like
-        Fixed points of one period, mod 1, in turns; whether they are fixed is not checked.
+        Fixed points of T, mod 1, in turns; it is not checked that T leaves them fixed.
 
     Returns
     -------

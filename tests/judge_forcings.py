@@ -1,19 +1,21 @@
 """Judge rows of `judged_forcings.csv`: `python tests/judge_forcings.py ROW ROW ...`.
 
-For each row that is neither an image of another row nor from the literature, the script shows, by
-methods independent of the search for the last barrier,
+For each row that is neither an image of another row nor from the literature, the script checks the
+following, by methods independent of the search for the last barrier:
 
-1. a circle at `lower`: Newton's method in Fourier space converges on a finer grid (`nasm.circles`),
-   starting from circles continued along the ray or from the sites of a long periodic orbit;
-2. no circle at `upper`, and none at some scales up to 1% above: converse KAM eliminates all starts
-   on a transversal within 10⁵ periods (`nasm.converse_kam`), and in rows of "proof" interval
-   arithmetic proves transport (`nasm.proofs.transport`);
-3. in rows of "residues" and "proof", where the circle `omega` breaks: Greene's residues of the
-   minimax orbits of its convergents, which this module computes with its own code, starting from
-   the circle below. The scales at which the residues of two convergents agree converge to `value`
-   (by Aitken's extrapolation; `error` is three times the larger of its last two changes).
+1. a circle exists at `lower`: Newton's method in Fourier space converges on a finer grid
+   (`nasm.circles`), starting from circles continued along the ray or from the sites of a long
+   periodic orbit;
+2. no circle exists at `upper`, nor at some scales up to 1% above: converse KAM eliminates all
+   starts on a transversal within 10⁵ periods (`nasm.converse_kam`), and in rows with the method
+   "proof", interval arithmetic proves transport (`nasm.proofs.transport`);
+3. in rows with the method "residues" or "proof", the circle `omega` breaks at `value`: Greene's
+   residues of the minimax orbits of its convergents, which this module computes with its own code,
+   starting from the circle below. The scales at which the residues of two convergents agree
+   converge to `value` (by Aitken's extrapolation; `error` is three times the larger of its last
+   two changes).
 
-New rows are judged by the options
+Two options judge new rows:
 
     --new CLASS PROFILE OMEGA NEAR [START]            OMEGA breaks near the scale NEAR, by residues
     --bracket CLASS PROFILE OMEGA LOWER UPPER [START] OMEGA exists at LOWER, no circle at UPPER
@@ -50,7 +52,7 @@ def eliminated(kappa, steps=STEPS):
 
 
 def circle_below(omega, start, profile, breakup, distance):
-    """Return (scale, u) of a certified circle up to breakup·(1 - distance), or (nan, None)."""
+    """Return (scale, u) of a certified circle, scale ≤ breakup·(1 - distance), or (nan, None)."""
     return continuation.certified_circle(omega, profile, breakup, distance, start)
 
 
@@ -138,8 +140,8 @@ def hold(kappa, p, q, u):
 class MinimaxOrbits:
     """Minimax orbits of the convergents of a circle, on κ = start + s·profile.
 
-    u : deviations (P, n) of the circle at a scale just below its breakup. An orbit is searched for
-    where the circle is stretched most: its site there is moved across a gap. The orbit is then
+    u : deviations (P, n) of the circle at a scale just below its breakup. The search for
+    an orbit moves one site, where the circle is stretched most, across a gap. The orbit is then
     continued to other scales.
     """
 
@@ -261,7 +263,7 @@ class MinimaxOrbits:
 
 
 def breakup(omega, start, profile, near, tolerance=1e-5):
-    """Locate by residues the breakup of a circle near a scale, from a certified circle below it.
+    """Locate the breakup of a circle near a scale, by residues, from a certified circle below it.
 
     Returns value, error and the scale of that circle; NaN if the residues do not converge.
     """

@@ -1,4 +1,4 @@
-"""Plans of cubes, and their tiles compared with the results of the methods."""
+"""Plans of cubes, and tiles compared with results computed directly by `nasm`."""
 
 import dataclasses
 from fractions import Fraction
@@ -123,7 +123,7 @@ def test_flags_have_the_type_of_their_variable_in_a_cube_and_in_netcdf(tmp_path)
         ("forcings", "critical_scale", "error lower upper status"),
     ],
 )
-def test_a_value_names_its_error_and_its_status(name, main, names):
+def test_the_main_variable_refers_to_its_error_and_its_status(name, main, names):
     template = JOBS[name].cube.template
     links = {key: variable.attrs.get("ancillary_variables") for key, variable in template.items()}
     linked = {key: link for key, link in links.items() if link}
@@ -147,7 +147,7 @@ def test_the_hash_depends_only_on_settings_that_affect_the_results():
     hashes = {plan(**{name: value}).config_hash for name, value in changes.items()}
     assert len({plan().config_hash, *hashes}) == 6
     assert plan(name="other").config_hash == plan().config_hash
-    # 2⁴⁰ cells and more are not held in memory.
+    # A template of 2⁴⁰ or more cells is not held in memory.
     values = plan(axes=[Axis(-1, 1, 2**20)] * 2).template.escape_time
     assert values.chunks is not None
     retitled = plan().template.assign_attrs(title="another")
@@ -162,7 +162,7 @@ def test_the_hash_depends_only_on_settings_that_affect_the_results():
         barrier.last_barrier(TWO, np.arange(361) / 8, 1e-4),
     ],
 )
-def test_tiles_of_rays_take_seconds_which_limits_the_number_of_files(job):
+def test_a_tile_of_rays_takes_seconds_to_compute_so_that_there_are_few_files(job):
     axes = {dim: job.cube.template[dim].values[:n] for dim, n in job.cube.tile.items()}
     assert 1 < job.predict(axes, job.cube.settings) <= 3
 
@@ -202,12 +202,12 @@ def test_a_cell_is_certified_only_by_a_certificate_that_covers_all_of_it(halves)
     tile = xr.Dataset({"proved": cell}, {"kappa1": [1.0], "kappa2": [0.5]}, {"cells": 32})
     certificate = {"kappa": [(1.0).hex(), (0.5).hex()], "half_width": [h.hex() for h in halves]}
     message = proved.uncertified_cells(tile, [certificate])
-    assert message.startswith("1 cells are called proved" if min(halves) < 1 / 64 else "")
+    assert message == ("proved cells that no certificate covers: 1" if min(halves) < 1 / 64 else "")
     assert bool(message) == (min(halves) < 1 / 64)
 
 
 @pytest.mark.parametrize("painted", [(0, 1), (1, 0), (0, 0)])
-def test_a_cell_beyond_the_diagonal_is_certified_by_its_image_alone(painted):
+def test_a_certificate_covers_a_cell_and_its_mirror_image_but_no_other_cell(painted):
     states = np.full((2, 2), proofs.cells.OPEN)
     states[painted] = proofs.cells.TRANSPORT
     centres = (np.arange(2) + 24.5) / 32
@@ -215,7 +215,7 @@ def test_a_cell_beyond_the_diagonal_is_certified_by_its_image_alone(painted):
     tile = xr.Dataset({"proved": cells}, {"kappa1": centres, "kappa2": centres}, {"cells": 32})
     certificate = {"kappa": [x.hex() for x in centres[::-1]], "half_width": [(1 / 64).hex()] * 2}
     message = proved.uncertified_cells(tile, [certificate])
-    assert message.startswith("1 cells are called proved" if painted == (0, 0) else "")
+    assert message == ("proved cells that no certificate covers: 1" if painted == (0, 0) else "")
     assert bool(message) == (painted == (0, 0))
     assert proved.uncertified_cells(tile, [])
 

@@ -69,7 +69,7 @@ NEAR = View((0.96995, 0.97005), (0.09995, 0.10005), (54, 54))
 
 
 @pytest.mark.parametrize("view", [VIEW, NEAR])
-def test_pixels_that_escape_or_lie_at_the_boundary_have_their_own_escape_time(view):
+def test_pixels_that_escape_or_lie_at_the_boundary_are_computed_individually(view):
     result, n_forcings = pictures(view, 300)
     times, block = result[-1]
     assert block == 1
@@ -140,7 +140,7 @@ def test_known_pixels_are_not_computed_again():
     assert n_forcings > 1000
 
 
-def test_the_page_paints_nothing_of_a_refused_store_and_says_why(store, tmp_path):
+def test_the_page_shows_nothing_from_a_refused_store_and_says_why(store, tmp_path):
     shutil.copytree(store / "escape.zarr", tmp_path / "escape.zarr")
     path = tmp_path / "escape.zarr" / "zarr.json"
     metadata = path.read_text()
@@ -185,7 +185,7 @@ def test_the_distance_to_the_boundary_is_measured_along_the_ray():
 
 
 @pytest.mark.parametrize("plane", [two_kicks(), rotating("1/3"), three_kicks(0.2)])
-def test_a_view_needs_a_limited_number_of_rays_and_no_more_the_second_time(plane):
+def test_a_view_needs_a_limited_number_of_rays_and_none_the_second_time(plane):
     known, ray = Rays(plane), Breakup(1.0, 0.0, "[0;(1)]", 0.618)
     for view in (View((-1, 1), (-1, 1), (54, 54)), View((0.97, 0.9701), (0.96, 0.9601), (54, 54))):
         angles = known.missing(view)
@@ -213,8 +213,8 @@ def test_a_zoomed_view_has_few_rays_except_where_the_last_circle_changes(change,
     ("start", "expected"),
     [
         ((0.5, 0.3), "a circle"),
-        ((0.5, 0.0), "periodic with 0: residue 0.4, elliptic"),
-        ((0.5, 1e-3), "on the islands of 0"),
+        ((0.5, 0.0), "periodic with ω = 0: residue 0.4, elliptic"),
+        ((0.5, 1e-3), "in an island of the orbits with ω = 0"),
         ((1e-3, 1e-3), "chaotic (averages"),
     ],
 )
@@ -318,8 +318,11 @@ def test_a_closed_tab_ends_its_generators():
         ("pq=3/1001", "'3/1001' must be a fraction like 3/8"),
         ("orbits=0.5", "'0.5' must be two numbers, like"),
         ("orbits=0,inf", "'0,inf' must be two numbers, like"),
-        ("orbits=" + "0.5,0.3;" * 51, "51 orbits are too many; take 50 or fewer"),
-        ("show=boundary,all", "must be some of boundary,kicks,symmetry,cycles,manifolds"),
+        ("orbits=" + "0.5,0.3;" * 51, "orbits: 51 are too many; at most 50 are allowed"),
+        (
+            "show=boundary,all",
+            "must be a list of names from boundary,kicks,symmetry,cycles,manifolds",
+        ),
     ],
 )
 def test_invalid_state_in_an_address_is_explained_and_changes_nothing(query, words):
@@ -356,8 +359,16 @@ def test_the_boundary_on_a_ray_is_known_if_rays_begin_at_zero_forcing():
         (None, np.inf, ""),
         (Answer.BARRIER, 1 - 1e-9, "on the boundary, or very close to it"),
         (Answer.TRANSPORT, 1 + 1e-9, "on the boundary, or very close to it"),
-        (Answer.UNDECIDED, 1 - 1e-9, "undecided on which side of the boundary, which is at 1"),
-        (Answer.UNDECIDED, 1 + 1e-9, "undecided on which side of the boundary, which is at 1"),
+        (
+            Answer.UNDECIDED,
+            1 - 1e-9,
+            "undecided: too close to the boundary, which is at 1",
+        ),
+        (
+            Answer.UNDECIDED,
+            1 + 1e-9,
+            "undecided: too close to the boundary, which is at 1",
+        ),
         (Answer.UNDECIDED, np.nan, ""),
     ],
 )
@@ -643,7 +654,7 @@ def test_a_page_that_is_requested_but_not_shown_computes_nothing(path, headers, 
     monkeypatch.setattr("workflows.explore.work.Thread", lambda **how: threads.append(how))
     (answer,), computed = answers([(path, headers)])
     assert answer.code == code
-    time.sleep(0.2)  # computing a verdict would begin a little later
+    time.sleep(0.2)  # a verdict would be computed only after a short delay
     assert (computed, threads) == ([], [])
 
 

@@ -287,7 +287,7 @@ def test_a_click_beyond_the_boundary_shows_the_longest_lived_start(opened):
     assert message_with(tab, re.compile("computing the verdict|UNDECIDED"))
     words = message_with(tab, "UNDECIDED at")
     assert "neither a barrier nor transport could be shown" in words
-    tab.get_by_text("undecided on which side of the boundary, which is at 1 times").wait_for()
+    tab.get_by_text("undecided: too close to the boundary, which is at 1 times").wait_for()
     assert not re.search("(inside|beyond) the boundary", tab.locator("body").inner_text())
     words = browser.click(tab, PLANE, (0.93, 0.3), partial(message_with, tab, "TRANSPORT at"))
     point = re.search(r"\(kappa1, kappa2\) = \(([^,]*), ([^)]*)\)", words).groups()

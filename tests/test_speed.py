@@ -40,7 +40,10 @@ def per_unit(unit, timed, counts):
         function()
     times = median_times(*timed.values()) * 1e9 / np.array(counts)
     for name, ns in zip(timed, times, strict=True):
-        print(f"\n{name:13} {ns:6.3f} ns a {unit}, {times[0] / ns:5.1f} x plain", end="")
+        print(
+            f"\n{name:13} {ns:6.3f} ns per {unit}, {times[0] / ns:5.1f} times faster than plain Numba",
+            end="",
+        )
     return times
 
 
@@ -55,15 +58,15 @@ def test_the_speed_of_the_kernels_relative_to_plain_numba():
         "escape_time": lambda: escape.escape_time(KAPPA, x, y, n),
         "first_escape": lambda: escape.first_escape([KAPPA], x, y, [n_orbits], n),
         "diffusion": lambda: diffusion._iterate(kicks, x - 0.25, y.copy(), n),
-        "cones": lambda: symmetry_line.elimination_time((0.01, 0.01), line, n),
+        "converse KAM": lambda: symmetry_line.elimination_time((0.01, 0.01), line, n),
     }
     assert all(np.isinf(timed[name]()).all() for name in timed if name != "diffusion")
     counts = [64 * short, *[n_orbits * n] * 3, line.size * n]
-    plain, lanes, ensemble, spread, cones = per_unit("step", timed, counts)
+    plain, lanes, ensemble, spread, converse_kam = per_unit("step", timed, counts)
     assert plain / lanes > 25
     assert plain / ensemble > 25
     assert spread < 1.1 * lanes
-    assert cones < 3 * lanes
+    assert converse_kam < 3 * lanes
 
 
 def test_a_newton_step_of_a_circle_costs_n_log_n():
@@ -75,7 +78,7 @@ def test_a_newton_step_of_a_circle_costs_n_log_n():
     for function in chain:
         function()
     times = median_times(*chain, *frame, repeats=15).reshape(2, -1) * 1e6
-    print("\n    n  chain form  Algorithm 1, µs a step")
+    print("\n    n  chain form  Algorithm 1, µs per step")
     for n, ours, paper in zip(modes, *times, strict=True):
         print(f"{n:6} {ours:10.0f} {paper:10.0f}")
     large = modes >= 1024
@@ -87,7 +90,7 @@ def test_a_newton_step_of_a_circle_costs_n_log_n():
 
 
 def test_fill_adds_less_than_a_millisecond_per_tile_to_the_sweep(here, tmp_path):
-    """Both store their results; both times include the CPU time of the workers (threads)."""
+    """The sweep alone and `fill` both store results; the workers (threads) count in both times."""
     side, places = 20, (tmp_path / str(n) for n in range(100))
 
     def swept():
@@ -99,5 +102,5 @@ def test_fill_adds_less_than_a_millisecond_per_tile_to_the_sweep(here, tmp_path)
 
     swept()
     sweep, more = median_times(swept, filled, repeats=3) * 1e3 / side**2
-    print(f"\n{sweep:.2f} ms of the sweep's CPU time a tile, {more:.2f} ms of fill's", end="")
+    print(f"\n{sweep:.2f} ms of the sweep's CPU time per tile, {more:.2f} ms of fill's", end="")
     assert more < sweep + 1

@@ -13,10 +13,10 @@ points. The residual obeys
 
     ‖E_j‖ ≤ Λ_Q Λ_R max ‖E_j‖ at the points + interpolation error,    Λ_Q = 1 + (2/π) log Q.
 
-Patches that begin at s = 0 therefore show that the circle exists for all weaker kicks too: it does
-not break and reappear on the way. See proofs/README.md, "A patch". A proof relies on `_Patch` and
-the functions of `nasm.proofs.barrier` that it calls; C may come from any source. Certificates call
-a patch a fan.
+Adjoining patches from s = 0 upwards therefore show that the circle exists for all weaker kicks too:
+it does not break and reappear on the way. See proofs/README.md, "A patch". A proof relies on
+`_Patch` and the functions of `nasm.proofs.barrier` that it calls; C may come from any source.
+Certificates call a patch a fan.
 """
 
 import time
@@ -283,9 +283,10 @@ def _above_rounding(coefficients: list[Any], Q: int, R: int) -> list[Any]:
 
 
 class _Patch:
-    """The forcings s(profile + t·tilt), low ≤ s ≤ high, |t| ≤ 1, at Q·R Chebyshev points, in balls.
+    """The forcings of a patch at Q·R Chebyshev points, in ball arithmetic.
 
-    Lists run over all points, or all pairs of degrees; the index for t varies fastest.
+    The patch consists of the forcings s(profile + t·tilt), low ≤ s ≤ high, |t| ≤ 1. Lists run
+    over all points, or all pairs of degrees; the index for t varies fastest.
     """
 
     def __init__(
@@ -322,7 +323,7 @@ class _Patch:
         """Return the modes of circles at the points, as exact balls, from values on grids.
 
         If long doubles are not accurate enough for epsilon, take a step of Newton's method in
-        balls. Return None if Newton's method diverges.
+        ball arithmetic. Return None if Newton's method diverges.
         """
         all_modes = []
         for grid, start in zip(self.grids, starts, strict=True):
@@ -339,7 +340,10 @@ class _Patch:
         return all_modes
 
     def _product(self, A: list[list[list[Ball]]], tables: list[Any]) -> list[Any]:
-        """Return Σ A_mi A'_li' tables[i, i'] for A, A' = A and tables of P rows of equal length."""
+        """Return Σ A_mi A'_li' tables[i, i'], where the argument A is the pair (A, A').
+
+        Each table consists of P rows of equal length.
+        """
         matrix, tables = arb_mat if self.odd else acb_mat, np.array(tables, object)
         x = tables.reshape(*self.shape, -1)
         for B in A:  # along the first axis, which then becomes the second

@@ -188,7 +188,7 @@ def uncertified_cells(tile: xr.Dataset, certificates: Iterable[Certificate]) -> 
             certified |= (np.abs(first - k1) + half <= h1) & (np.abs(second - k2) + half <= h2)
     proved = (tile.proved == proofs.cells.TRANSPORT).values
     n = np.count_nonzero(proved & ~certified)
-    return f"{n} cells are called proved, and no certificate claims it" if n else ""
+    return f"proved cells that no certificate covers: {n}" if n else ""
 
 
 def _predict_cells(coords: Coords, settings: Settings) -> float:

@@ -214,7 +214,7 @@ def side_text(answer, scale, place):
     if not isfinite(scale):
         return ""
     if answer is Answer.UNDECIDED:
-        return f"undecided on which side of the boundary, which is at {place}"
+        return f"undecided: too close to the boundary, which is at {place}"
     if answer is not None and (answer is Answer.BARRIER) != (scale > 1):  # within its error
         return _ON_BOUNDARY
     return f"{'inside' if scale > 1 else 'beyond'} the boundary, which is at {place}"

@@ -153,7 +153,7 @@ def orbits_of(text):
     """Parse initial conditions ((x, y), …). A ValueError explains what is wrong."""
     pairs, orbits = [*filter(None, map(str.strip, text.split(";")))], []
     if len(pairs) > _MAX_ORBITS:
-        raise ValueError(f"{len(pairs)} orbits are too many; take {_MAX_ORBITS} or fewer")
+        raise ValueError(f"orbits: {len(pairs)} are too many; at most {_MAX_ORBITS} are allowed")
     for pair in pairs:
         numbers = pair.replace(",", " ").split()
         start = [parse_float(text) for text in numbers] if len(numbers) == 2 else [np.nan]
@@ -193,7 +193,9 @@ def _allow(ends, sizes):
 def _names(text):
     names = frozenset(filter(None, text.split(",")))
     if not names <= {*LINES, *ORBITS}:
-        raise ValueError(f"show={short_repr(text)} must be some of {','.join([*LINES, *ORBITS])}")
+        raise ValueError(
+            f"show={short_repr(text)} must be a list of names from {','.join([*LINES, *ORBITS])}"
+        )
     return names
 
 

@@ -20,7 +20,7 @@ from pipeline.sweep import refine
 from pipeline.sweep.grid import Axis, join_tiles
 from workflows.shared.run import Run
 
-_PREVIEW_SIZE = 4000  # cells, and steps, of the coarse preview that predicts the refinement
+_PREVIEW_SIZE = 4000  # limit on cells and on steps of the preview that predicts the refinement
 
 Wanted = set[tuple[int, ...]] | None
 """Indices of tiles; None for all."""
@@ -98,17 +98,17 @@ def grid_of(
 
 
 def field_cube(grid: Grid) -> Cube:
-    """Return the plan of the cube `escape`: all cells, or composed of levels."""
+    """Return the plan of the cube `escape`, composed of its levels if there are several."""
     cube = _level_job(grid, "escape", grid.levels - 1).cube
     return escape.composed(cube, grid.levels, grid.follow) if grid.levels > 1 else cube
 
 
 def estimate_tiles(run: Run, grid: Grid) -> Iterator[tuple[Job, Wanted]]:
-    """Yield (job, wanted tiles, or None for all) for each sweep of `escape_plane`.
+    """Yield (job, wanted tiles) for each sweep of `escape_plane`; None stands for all tiles.
 
-    No tiles are wanted if the run's place holds the field already. Otherwise a coarse preview of
-    the plane predicts where the levels will be refined. If the place holds a field with other
-    settings, the program ends with a usage error.
+    With one level all tiles are wanted. With several, none are wanted if the run's place holds the
+    field already; otherwise a coarse preview of the plane predicts where levels are refined. If
+    the place holds a field with other settings, the program ends with a usage error.
     """
     if grid.levels == 1:
         job = _level_job(grid, "escape", 0)
@@ -186,7 +186,7 @@ def boundary_table(dataset: xr.Dataset, angles: FloatArray, steps: Sequence[int]
     dataset : xarray.Dataset
         The cube `escape`.
     angles : array
-        Of the rays, in degrees.
+        Angles of the rays, in degrees.
     steps : sequence of int
         The step numbers N.
 
