@@ -1,4 +1,4 @@
-"""The result of every method that looks for a breakup: the scale at which a circle breaks.
+"""The result of methods that look for a breakup: the scale at which a circle breaks.
 
 On the ray κ = s·profile, s ≥ 0, the circle of rotation number ω exists for small s and breaks at
 the critical scale. The critical points of ω form the boundary CB_ω, and those of the last circle
@@ -132,7 +132,7 @@ class CriticalScale(Result):
         Estimated absolute error of the value.
     lower, upper : float
         Bracket that the method *shows*: it finds a circle at lower, and excludes all at upper, in
-        floating point unless `method` is a proof. A bound that it does not show is NaN.
+        floating point except by `nasm.proofs`. A bound that it does not show is NaN.
     omega : RotationNumber or None
         Rotation number of the circle per period; None if the method does not identify the circle.
     status : Status

@@ -336,7 +336,7 @@ def test_above_a_survivor_the_scale_is_raised_until_no_circle_exists():
     exact, scale = critical_scale(GENERIC, 1e-2).value, tree.lowest_excluded(1.75)
     assert exact < scale < 1.02 * exact
     assert tree.lowest_excluded(1.75) == scale
-    assert not tree.exists(scale)
+    assert tree.ask(scale)[0] is None
 
 
 def test_a_circle_that_breaks_just_after_the_last_excluded_one_is_found():

@@ -332,8 +332,8 @@ WRONG_CHECKS = {
     ("n = [1 + sum(column) for column", "n = [1 + column[0] for column"): "steep",
     ("(two_pi * (rho + real_norm(f, r))).exp() for", "(two_pi * rho).exp() for"): "steep",
     (
-        "errors = [old.max(new) for old, new in zip(errors, found, strict=True)] # Between",
-        "errors = found # Between",
+        "errors = [old.max(new) for old, new in zip(errors, found, strict=True)] # An angle",
+        "errors = found # An angle",
     ): "kicks",
     ("p[j] = p[j].max(neumann(", "p[j] = (neumann("): "between",
     ("[s * (a + t * b) for", "[0 * s for"): "kicks",

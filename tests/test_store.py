@@ -1,7 +1,7 @@
 """Guarantees of the store, for both kinds of place: a directory and an S3-compatible object store.
 
-Here tiles are committed one by one; `test_sweep` and `test_campaign` test sweeps that fail or are
-interrupted.
+Here tiles are committed one by one; `test_sweep` and `test_random_faults` test sweeps that fail or
+are interrupted.
 """
 
 import dataclasses

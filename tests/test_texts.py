@@ -61,7 +61,7 @@ STORED = '{"name": "plane", "axes": {}, "origin": [%s, 0], "first": [1, 0], "sec
         (partial(asked, "omega"), DIGITS + ".5", "must be below 1e+06; write one like 0.618"),
         (partial(asked, "n"), DIGITS, "must be a whole number from 100 to 1000000"),
         (partial(asked, "k1"), "x" * 60_000, "is not a number; write one like 0.3"),
-        (partial(asked, "orbits"), "0,0;" * 15_000, "15000 orbits are too many"),
+        (partial(asked, "orbits"), "0,0;" * 15_000, "orbits: 15000 are too many"),
         (partial(asked, "show"), DIGITS, "must be a list of names from boundary"),
         (partial(asked, "a"), DIGITS, "must be a range, like 0.1:0.3"),
         (partial(asked, "plane"), DIGITS, "start one with --plane 9999"),

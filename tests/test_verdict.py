@@ -175,7 +175,7 @@ def test_a_failed_proof_changes_nothing_but_its_reason_is_reported(kappa, eviden
     [
         (
             ("-0.69", "0.525"),
-            ["TRANSPORT", "ω = [0;4,(1)] = [0;4,1,1,1,…]", "excludes", "so close to"],
+            ["TRANSPORT", "ω = [0;4,(1)] = [0;4,1,1,1,…]", "excludes", "this close to"],
         ),
         (("0.526", "0.69"), ["BARRIER", "ω = [0;1,3,(1)]", "certified"]),
         (("1.5", "-1.5"), ["TRANSPORT", "Direct iteration: the orbit from"]),
