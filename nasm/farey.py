@@ -7,10 +7,10 @@ a noble circle they stay near 0.25 (Greene). Below and above the breakup, the va
 of two neighbours add up, approximately, to that of their mediant. So no circle exists between
 neighbours with large residues, and beyond the last breakup a hundred mediants exclude all ω.
 
-The orbit of a mediant is joined from those of its neighbours (`nasm.action`). The search
-does not decide everything: a circle within a relative distance δ of its breakup is resolved only by periods of order
-1/δ. But the tree has no gaps, whereas converse KAM samples starts, and its survivors may be
-confined to intervals of width 10⁻⁶ for three kicks or more.
+The orbit of a mediant is joined from those of its neighbours (`nasm.action`). The search does not
+decide everything: a circle within a relative distance δ of its breakup is resolved only by periods
+of order 1/δ. But the tree has no gaps, whereas converse KAM samples starts, and its survivors may
+be confined to intervals of width 10⁻⁶ for three kicks or more.
 """
 
 from collections.abc import Sequence
