@@ -43,6 +43,7 @@ SMALLEST = {
     "stability": "--quick",
     "three_kicks": "--n-rays 2 --n-cusp-rays 0 --tol 0.1 --phase 0",
     "tolerance": "--quick --n-forcings 10 --n-climbs 2",
+    "two_series": "--max-denominator 2 --delay 1/2 --delay 1/3 --n-rays 3 --tol 0.1",
     "tori": "--quick --vector 0.6180339887498949 0.2700907567377265 --n-rays 2",
     "status": "",
     "verify": "",

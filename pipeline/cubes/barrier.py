@@ -60,7 +60,8 @@ def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barri
     """
     is_short = len(plane.origin) <= 2  # with longer periods, some rays repeat after 1 or 2 kicks
     warm_up = partial(load_search, sum(plane.ray(30.0))) if is_short else load_searches
-    seconds = 0.1 + 1.8e-5 / tol if is_short else 0.6 + 3e-4 / tol
+    seconds = 0.1 + 1.8e-5 / tol if is_short else 0.6 + 3e-4 / tol  # for P = 3 if not short
+    seconds *= (min(max(len(plane.origin), 3), 16) / 3) ** 2
     return job_of_barriers(name, plane, angles, seconds, {"tol": tol}, _compute, warm_up)
 
 

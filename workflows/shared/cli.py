@@ -497,6 +497,7 @@ _SMALLER = (
         "--phase",
         "--frequency",
         "--angle",
+        "--delay",
     ),
     *("--omega", "--vector", "--coupling", "--method", "--ray"),
 )

@@ -1,0 +1,122 @@
+"""Thresholds of two series of kicks against their delay, and their boundaries in the plane."""
+
+from fractions import Fraction
+from math import ceil
+
+import numpy as np
+
+from nasm.planes import plane_of
+from workflows.figures import planes, style
+
+_MARKERS = {1.0: ("o", "K"), 0.5: ("^", "K/2"), -1.0: ("s", "-K")}  # K_α/K: marker, K_α
+
+
+def draw_thresholds(table):
+    """Draw K_c against τ, the fractions of small q named above, and against the weakest resonance.
+
+    Bars are brackets; an arrow points away from the only end of a bracket.
+    """
+    figure, against_delay, against_strength = _canvas()
+    for i, (ratio, (marker, name)) in enumerate(_MARKERS.items()):
+        part = table.sel(ratio=ratio)
+        look = {"color": style.colour_of(i), "marker": marker, "ms": 4, "mew": 1}
+        look |= {"ms": 7, "mfc": "none", "zorder": 1.5} if ratio < 0 else {}
+        label = rf"$K_\alpha = {name}$"
+        against_delay.plot(part.tau, part.critical_scale, lw=0.6, label=label, **look)
+        against_strength.plot(part.weakest, part.critical_scale, ls="", **look)
+        for axes, x in ((against_delay, part.tau), (against_strength, part.weakest)):
+            _draw_brackets(axes, x.values, part, look["color"])
+    _name_fractions(against_delay, table)
+    against_delay.set(xlabel=r"delay $\tau$ (periods)", ylabel=r"$K_c$", xlim=(0, 0.52))
+    against_delay.set_title("Threshold against the delay")
+    against_strength.set(xlabel=r"$\min_k\,|1 + r\,e^{2\pi i k\tau}|$, $r = K_\alpha/K$")
+    against_strength.set(ylabel=r"$K_c$", title="Against the weakest resonance")
+    against_strength.margins(x=0.08)
+    for axes in (against_delay, against_strength):
+        axes.margins(y=0.08)
+        axes.set_ylim(0, None)
+        axes.grid(lw=0.3, axis="y")
+    style.outer_legend(figure, 3, 3)
+    return figure
+
+
+def _canvas():
+    """Return a figure and two axes, the first one twice as wide, or both below each other."""
+    if style.in_column():
+        figure = style.canvas(0, 0, 1.5)
+        return figure, *figure.subplots(2)
+    figure = style.canvas(12, 5, 0)
+    return figure, *figure.subplots(1, 2, width_ratios=[2, 1])
+
+
+def _draw_brackets(axes, x, part, colour):
+    """Draw brackets as bars, and the ends of half-open ones as arrows."""
+    lower, upper = part.lower.values, part.upper.values
+    axes.vlines(x, lower, upper, color=colour, lw=1.5)
+    for end, other, marker in ((upper, lower, "v"), (lower, upper, "^")):
+        alone = np.isfinite(end) & ~np.isfinite(other)
+        axes.plot(x[alone], end[alone], ls="", marker=marker, color=colour, mfc="none", ms=6)
+
+
+def _name_fractions(axes, table):
+    """Name fractions above the axes, those of the least q first, and no two too close to read."""
+    gap, named = 0.04 if style.in_column() else 0.017, {}
+    for exact in sorted(table.delay.values, key=lambda exact: Fraction(exact).denominator):
+        tau = float(Fraction(exact))
+        if all(abs(tau - other) >= gap for other in named):
+            named[tau] = exact
+    above = axes.secondary_xaxis("top")
+    above.set_xticks([*named], [*named.values()], fontsize="small")
+    axes.vlines(
+        [*named], 0, 1, color="0.85", lw=0.5, zorder=0, transform=axes.get_xaxis_transform()
+    )
+
+
+def draw_planes(*curves):
+    """Draw CB_gt in the (K, K_α) plane of each delay, in the colours of the last circles."""
+    wide = min(3, len(curves))
+    rows = ceil(len(curves) / wide)
+    figure, panels = style.panels(rows, wide, 4.2 * wide, 2.7 * rows)
+    classes = [_classes(curve) for curve in curves]
+    styles = style.circle_styles(np.concatenate(classes))
+    for axes, curve, names in zip(panels, curves, classes, strict=False):
+        planes.fill_inside(axes, curve)
+        axes.plot(*planes.in_plane(curve), color="0.4", lw=0.8, zorder=2)
+        style.draw_points(axes, *planes.in_plane(curve), names, styles, 4, zorder=3)
+        planes.label_plane(axes, curve)
+        axes.set_title(rf"$\tau = {_delay(curve)}$")
+    for axes in panels[len(curves) :]:
+        axes.set_axis_off()
+    style.name_circles(panels[0], styles)
+    handles, labels = panels[0].get_legend_handles_labels()
+    style.outer_legend(figure, 6, 2, handles=handles, labels=labels)
+    return figure
+
+
+def _delay(curve):
+    """Return the exact delay of a plane `pairs:a/q`."""
+    return plane_of(curve.attrs).name.partition(":")[2]
+
+
+def _classes(curve):
+    """Return for each ray the larger of ω and its image, where the plane has one."""
+    whole = planes.whole_of(curve)
+    return np.array([style.circle_class(text, whole) for text in curve.circle.values])
+
+
+def planes_caption(curves):
+    parts = []
+    for curve in curves:
+        known = curve.critical_scale.notnull()
+        width = 100 * ((curve.upper - curve.lower) / curve.critical_scale).dropna("angle")
+        wide = f", brackets at most {float(width.max()):.2g}% wide" if width.size else ""
+        circles = style.longest_arcs(curve.angle.values, _classes(curve))[:2]
+        last = f"; most often last: {', '.join(circles)}" if circles else ""
+        rays = f"{int(known.sum())} of {known.size} rays have a value"
+        parts.append(f"τ = {_delay(curve)}: {rays}{wide}{last}.")
+    return (
+        "CB_gt in the plane of the strengths K of the kicks at whole times and K_α of those a time "
+        "τ later, in units of the period; inside (grey) there are barriers. It is even in "
+        "(K, K_α) → (-K, -K_α). Colours show the last circle, whose ω per period is its mean p; if "
+        f"q is even, that or q/2 - ω. {' '.join(parts)}"
+    )
