@@ -10,8 +10,8 @@ from commands import invoke
 from figure_faults import faults
 
 from nasm import barriers, numbers, periodic
-from nasm.critical import CriticalScale, Status, no_answer
 from nasm.planes import pairs
+from nasm.results import CriticalScale, Status, no_answer
 from nasm.symmetries import equivalent_forcings
 from pipeline.cubes.barrier import circle_arrays, last_barrier, unfolded
 from pipeline.cubes.breakdown import scale_fields

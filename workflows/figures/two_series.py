@@ -74,9 +74,10 @@ def _name_fractions(axes, table):
 
 def draw_planes(*curves):
     """Draw CB_gt in the (K, K_α) plane of each delay, in the colours of the last circles."""
-    wide = min(3, len(curves))
+    wide = 1 if style.in_column() else min(3, len(curves))
     rows = ceil(len(curves) / wide)
-    figure, panels = style.panels(rows, wide, 4.2 * wide, 2.7 * rows)
+    height = 2.3 * rows if style.in_column() else 2.6 * rows + 0.9  # with the legend
+    figure, panels = style.panels(rows, wide, 4.2 * wide, height)
     classes = [_classes(curve) for curve in curves]
     styles = style.circle_styles(np.concatenate(classes))
     for axes, curve, names in zip(panels, curves, classes, strict=False):
@@ -84,7 +85,7 @@ def draw_planes(*curves):
         axes.plot(*planes.in_plane(curve), color="0.4", lw=0.8, zorder=2)
         style.draw_points(axes, *planes.in_plane(curve), names, styles, 4, zorder=3)
         planes.label_plane(axes, curve)
-        axes.set_title(rf"$\tau = {_delay(curve)}$")
+        axes.text(0.5, 0.15, rf"$\tau = {_delay(curve)}$", transform=axes.transAxes, ha="center")
     for axes in panels[len(curves) :]:
         axes.set_axis_off()
     style.name_circles(panels[0], styles)

@@ -13,7 +13,7 @@ break first at the delay whose weakest resonance is strongest.
 The delays τ and 1 - τ are equivalent, by time reversal; so are (K, K_α), (K_α, K) and (-K, -K_α),
 and (K, -K_α) if q is even.
 
-Cubes, two tables and two figures in OUT. The defaults take about 12 CPU minutes.
+Cubes, two tables and two figures in OUT. The defaults take about four CPU minutes.
 """
 
 from workflows.shared.cli import command, preset, real, several, sweeps, whole

@@ -143,8 +143,7 @@ def _order(table):
         f"{sum(lowest)} of {len(lowest)} cases; where a resonance vanishes, as at all τ for "
         f"K_α = -K, {bound}. Of {decided} pairs of delays with different "
         f"strengths and disjoint brackets {follows} have the lower K_c where the strength is "
-        "larger; the rest shows what first order leaves out, the neighbours of the weakest "
-        "resonance and small τ"
+        "larger; this one strength does not explain the others"
     )
     literal = all(lowest) and follows == decided
     return finding(claim, text, literal, all(lowest), known=decided > 0)
