@@ -119,7 +119,7 @@ def test_findings_are_judged_by_the_brackets():
     assert "Not decided" in study.findings(table_of(falling, max_denominator=2))
 
 
-@pytest.mark.parametrize("column", [False, True])
+@pytest.mark.parametrize("column", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_thresholds_and_panels_can_be_read(column):
     def scale(tau, ratio):
         return nan if tau == Fraction(2, 7) else by_strength(-1)(tau, ratio)
