@@ -189,7 +189,7 @@ class Verdict(Result):
             "method": boundary.method,
             "a circle is found at": f"{lower} times the forcing" * bool(lower),
             "no circle is found at": f"{upper} times the forcing" * bool(upper),
-            "status": boundary.status.value,
+            "status": "OK" if boundary.status is Status.OK else boundary.status.value,
         }
         if self.evidence is Evidence.INTEGRABLE:
             rows = {"evidence": self.evidence.value, "forcing": rows["forcing"]}
