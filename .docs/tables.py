@@ -3,6 +3,7 @@
 import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
 from importlib import import_module
 from pathlib import Path
 from pkgutil import walk_packages
@@ -57,6 +58,7 @@ def jobs() -> list[Job]:
         forcings.last_barriers("patterns", random, "parameter", 1e-3),
         frequency_map.frequency_map((0.3, 0.2), axes, 1000, 8),
         rotating_maps.breakups([(0.618, 0.414)], angles, 1e-2),
+        rotating_maps.ripples([Fraction(1, 3)], [0.1], 1e-2),
     ]
 
 

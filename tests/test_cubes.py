@@ -41,6 +41,7 @@ JOBS = {
     "tori": rotating_maps.residues(["5/8,1/3"], [30.0]),
     "irrational tori": rotating_maps.breakups([(0.22, 0.618)], [30.0], 0.1),
     "frequencies": rotating_maps.last_barriers([Fraction(1, 2)], 2, [0.382], [45.0]),
+    "ripples": rotating_maps.ripples([Fraction(1, 2)], [0.1], 0.1),
     "forcings": forcings.last_barriers(
         "patterns", [("signs", 3, (1, 1, -1)), ("", 0.5, (1, 1))], "P", 0.1
     ),

@@ -14,17 +14,20 @@ from typing import TypeAlias
 import numpy as np
 import xarray as xr
 
-from nasm import barriers, periodic, tori
-from nasm.maps import rotating_forcing
+from nasm import barriers, escape, periodic, tori
+from nasm.converse_kam import aperiodic
+from nasm.maps import MAX_PERIOD, rotating_forcing
 from nasm.planes import ROTATING_AXES
 from nasm.results import CriticalScale
 from nasm.symmetries import ray
 from nasm.tori import last_torus
 from nasm.types import FloatArray
-from pipeline.cubes.breakdown import job_on_rays, scale_arrays
+from pipeline.cubes.breakdown import blank_scales, job_on_rays, scale_arrays, scale_fields
 from pipeline.cubes.cube import (
+    STATUS_SETTING,
     Arrays,
     Coords,
+    Cube,
     Job,
     Settings,
     angles_of_rays,
@@ -98,6 +101,42 @@ def last_barriers(
         more={"omega": blank(on_ray, "turns per kick of the circle or torus")},
     )
     return replace(job, predict=_predict)
+
+
+def ripples(fractions: Sequence[Fraction], depths: Sequence[float], tol: float) -> Job:
+    """Return the Job of the cube `ripple_spectrum`: last barriers of κ_n = κ(1 + d cos 2πnΩ).
+
+    The scale is κ. Above 64 kicks a period only `upper` is known. A tile is one (Ω, d).
+
+    Parameters
+    ----------
+    fractions : sequence of Fraction
+        Frequencies Ω = p/q, in increasing order.
+    depths : sequence of float
+        Depths d of the modulation.
+    tol : float
+        Relative width of the brackets, up to 64 kicks a period.
+
+    Examples
+    --------
+    >>> from fractions import Fraction
+    >>> from pipeline.cubes.rotating_maps import ripples
+    >>> job = ripples([Fraction(1, 200), Fraction(1, 3)], [0.1], tol=1e-2)
+    >>> dict(job.cube.template.critical_scale.sizes)
+    {'frequency': 2, 'depth': 1}
+    """
+    known = {
+        "frequency": coordinate("frequency", list(map(float, fractions)), "frequency Ω"),
+        "depth": coordinate("depth", depths, "depth d of the modulation"),
+    }
+    turns = {"omega": blank(known, "turns per kick of the last circle")}
+    names = {"fraction": text("frequency", map(str, fractions), "exact Ω")}
+    attrs = {"title": "Last barriers under a ripple of frequency Ω and depth d"}
+    template = xr.Dataset(blank_scales(known) | turns, known | names, attrs)
+    settings = {"tol": tol} | STATUS_SETTING
+    cube = Cube("ripple_spectrum", template, {"frequency": 1, "depth": 1}, settings)
+    is_long = any(Ω.denominator > MAX_PERIOD for Ω in fractions)
+    return Job(cube, _ripples, _predict_ripples, partial(_load_ripples, is_long))
 
 
 def breakups(vectors: Sequence[RotationVector], angles: Sequence[float], tol: float) -> Job:
@@ -243,15 +282,56 @@ def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
                 float(frequency), mean, amplitude, settings["kicks"]
             )
         forcing = rotating_forcing(mean, amplitude, frequency, float(Fraction(phase)))
-        bracket = barriers.critical_scale(forcing, settings["tol"])
-        turns = np.nan if bracket.omega is None else float(bracket.omega) / forcing.size
-        return bracket, abs(turns - np.rint(turns))
+        return _last_circle(forcing, settings["tol"])
 
     profiles = ray(coords["angle"])
     rows = [[last(name, profile) for profile in profiles] for name in coords["forcing"]]
-    brackets = [[bracket for bracket, _ in row] for row in rows]
-    omega = np.array([[turns for _, turns in row] for row in rows])
+    brackets, omega = _brackets_and_turns(rows)
     return scale_arrays(brackets, ROTATING_AXES, coords["angle"]) | {"omega": omega}
+
+
+def _last_circle(profile: FloatArray, tol: float) -> tuple[CriticalScale, float]:
+    """Compute the last circle of a periodic forcing, and its turns per kick, up to symmetry."""
+    bracket = barriers.critical_scale(profile, tol)
+    turns = np.nan if bracket.omega is None else float(bracket.omega) / profile.size
+    return bracket, abs(turns - np.rint(turns))
+
+
+def _brackets_and_turns(
+    rows: Sequence[Sequence[tuple[CriticalScale, float]]],
+) -> tuple[list[list[CriticalScale]], FloatArray]:
+    """Separate the brackets and the turns per kick of nested lists of pairs."""
+    brackets = [[bracket for bracket, _ in row] for row in rows]
+    return brackets, np.array([[turns for _, turns in row] for row in rows])
+
+
+def _ripples(coords: Coords, settings: Settings) -> Arrays:
+    """Compute the last barriers of a tile of ripples."""
+
+    def last(fraction: str, depth: float) -> tuple[CriticalScale, float]:
+        return _last_circle(rotating_forcing(1.0, depth, fraction), settings["tol"])
+
+    rows = [[last(Ω, depth) for depth in coords["depth"]] for Ω in coords["fraction"]]
+    brackets, omega = _brackets_and_turns(rows)
+    return scale_fields(brackets) | {"omega": omega}
+
+
+def _predict_ripples(coords: Coords, settings: Settings) -> float:
+    """Predict CPU seconds from the period q.
+
+    Measured at a tol of 10⁻²: 1 for q = 3, 2 to 10 for q = 8, 81 for q = 18, and 8 for q = 200.
+    """
+    q = Fraction(coords["fraction"][0]).denominator
+    return min(0.014 * q**3, 5 * q) if q <= MAX_PERIOD else 8
+
+
+def _load_ripples(is_long: bool) -> None:
+    """Compile the kernels of last barriers, and those of `upper` above 64 kicks if needed."""
+    load_searches()
+    if is_long:
+        profile = np.ones(MAX_PERIOD)
+        aperiodic.critical_scale(profile, 0.1)
+        escape.onset_scale(profile, 1, n_orbits=1)
 
 
 def _predict(coords: Coords, settings: Settings) -> float:

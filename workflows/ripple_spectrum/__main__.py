@@ -1,0 +1,68 @@
+"""Which frequencies of a ripple cost most of the threshold? Its spectrum, from fast to slow.
+
+κ_n = κ(1 + d cos 2πnΩ): by what fraction is the strength κ_c at the last breakup below κ_G, that of
+constant kicks? To first order in d small divisors predict it (see `small_divisors`): losses peak
+where Ω is near mω mod 1. A slow ripple keeps strengths near κ(1 + d) for many kicks, so that κ_c
+tends to κ_G/(1 + d) or less.
+
+For Ω = p/q the last barrier is searched up to q = 64. For longer periods, as of power supplies of
+accelerators, only an upper bound on κ_c is known: by converse KAM, or where an orbit escapes.
+
+Two cubes, a table and a figure in OUT. The defaults take about three CPU minutes, --quick half a
+minute.
+"""
+
+from workflows.shared.cli import command, preset, real, several, sweeps, whole
+
+SLOW = "1/200", "1/120", "1/80"
+DEPTHS = "0.1", "0.3"
+MANY = "0.03", "0.1", "0.3", "0.6"
+
+
+def parse_frequency(text):
+    """Return the Fraction of a text, Ω = p/q from 1/1000 to 1/2 with q up to 1000."""
+    from nasm.checks import fraction
+    from nasm.texts import short_repr
+
+    number = fraction("frequency", text)
+    if not 0 < number <= 0.5 or number.denominator > 1000:
+        raise ValueError(
+            f"{short_repr(text)} must be a frequency p/q from 1/1000 to 1/2, q up to 1000"
+        )
+    return number
+
+
+def parse_depth(text):
+    """Return the depth d of a modulation, from 10⁻³ to 1."""
+    from nasm import checks
+    from nasm.texts import parse_float
+
+    return checks.real("depth", parse_float(text), 1e-3, 1)
+
+
+@command()
+@whole("--max-denominator", 8, 2, 64, "Largest q of the fractions p/q up to 1/2.")
+@several("--frequency", SLOW, parse_frequency, "FRACTION", "Further Ω, turns per kick.")
+@several("--depth", DEPTHS, parse_depth, "DEPTH", "Depth d of the modulation, 0.001 to 1.")
+@real("--tol", 1e-2, 1e-4, 0.1, "Relative width of the brackets, up to 64 kicks a period.")
+@whole("--n-predicted", 150, 2, 10**4, "Further Ω, twice as many, at which losses are predicted.")
+@preset("--quick", "A preview", max_denominator=4, frequency=("1/200",), depth=("0.3",))
+@preset("--full", "In full, about two CPU hours", max_denominator=14, depth=MANY)
+@sweeps
+def main(run, max_denominator, frequency, depth, tol, n_predicted):
+    from pipeline.cubes.cube import untiled
+    from pipeline.cubes.rotating_maps import ripples
+    from workflows.figures.ripple_spectrum import draw_ripple_spectrum, ripple_spectrum_caption
+    from workflows.ripple_spectrum import study
+
+    fractions, depths = study.fractions(max_denominator, frequency.values()), [*depth.values()]
+    job = ripples(fractions, depths, tol)
+    names = [*map(str, fractions)]
+    options = {"fractions": names, "depths": depths, "n_predicted": n_predicted}
+    prediction = untiled("ripple_spectrum_predicted", **options)
+    with run.sweeping(job, studies=[(prediction, 2 + 0.1 * n_predicted)]):
+        cube = study.with_loss(run.sweep(job).load())
+        theory = run.kept(prediction, lambda: study.prediction(fractions, depths, n_predicted))
+        run.table("ripple_spectrum", study.side_by_side(cube, theory))
+        caption = ripple_spectrum_caption(cube, study.findings(cube, theory))
+        run.figure("ripple_spectrum", draw_ripple_spectrum, cube, theory, caption=caption)

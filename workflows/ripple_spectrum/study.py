@@ -1,0 +1,143 @@
+"""The frequencies of `ripple_spectrum`, what is predicted for them, and the findings."""
+
+from fractions import Fraction
+
+import numpy as np
+from scipy.stats import binom
+
+from nasm import periodic
+from nasm.numbers import parse
+from nasm.survivors import LONGEST_LIFETIME
+from workflows.ripple_spectrum import small_divisors
+from workflows.shared.judgement import finding, span
+from workflows.shared.tables import columns, dataset
+
+_N_MODES = 8  # whose resonances are marked
+
+
+def golden():
+    """Return κ_G, at which the golden circle of constant kicks breaks, by residues."""
+    return periodic.critical_scale("gamma", (1.0,)).value
+
+
+def fractions(max_denominator, further):
+    """List Ω = p/q up to 1/2 with q up to a maximum, and further fractions, in increasing order."""
+    simple = {Fraction(p, q) for q in range(2, max_denominator + 1) for p in range(1, q // 2 + 1)}
+    return sorted(simple.union(further))
+
+
+def with_loss(cube):
+    """Add the losses of the scale, and of its bounds, and κ_G as an attribute."""
+    last = golden()
+    labels = {
+        "loss": ("critical_scale", "loss of the threshold, 1 - κ_c/κ_G"),
+        "least_loss": ("upper", "loss at the upper bound"),
+        "most_loss": ("lower", "loss at the lower bound"),
+    }
+    values = [1 - cube[name].values / last for name, _ in labels.values()]
+    names = {name: label for name, (_, label) in labels.items()}
+    dims = cube.critical_scale.dims
+    added = dataset("", {}, columns(dims, names, values))
+    return cube.assign(added.data_vars).assign_attrs(golden=last)
+
+
+def adiabatic_bound(frequency, depth):
+    """Estimate an upper bound on κ_c(1 + d)/κ_G from the kicks around the largest one.
+
+    At a relative distance ε beyond the breakup converse KAM eliminates all starts within N = C/ε
+    kicks in either direction (C: `LONGEST_LIFETIME`). Within N kicks of the largest one, strengths
+    are at least κ(1 + d)(1 - d/(1 + d)·(1 - cos 2πNΩ)): if that is κ_G(1 + ε), none survives. The
+    bound is the smallest over ε; it tends to 1 as Ω → 0.
+    """
+    excess = np.geomspace(1e-4, 10, 2000)
+    turns = np.minimum(np.multiply.outer(frequency, LONGEST_LIFETIME / excess), 0.5)
+    weakest = 1 - depth / (1 + depth) * (1 - np.cos(2 * np.pi * turns))
+    return 1 / (weakest / (1 + excess)).max(axis=-1)
+
+
+def prediction(fractions, depths, n):
+    """Predict κ_c by small divisors, and its bound for slow ripples, at these Ω and in between.
+
+    n : further Ω, evenly spaced, and again as many in equal ratios.
+    """
+    given, least = np.array(fractions, float), float(min(fractions))
+    spread = [np.geomspace(least, 0.5, n), np.linspace(least, 0.5, n)]
+    frequencies, depths = np.unique(np.concatenate([given, *spread])), np.array(depths)
+    kappa, omega = small_divisors.predicted(frequencies, depths)
+    bound = np.transpose([adiabatic_bound(frequencies, d) / (1 + d) for d in depths])
+    labels = {
+        "predicted_loss": "loss of the threshold, 1 - κ_c/κ_G, by small divisors",
+        "predicted_omega": "turns per kick of the circle that breaks last, by small divisors",
+        "adiabatic_loss": "least loss that the kicks around the largest one leave",
+    }
+    values = 1 - kappa / golden(), omega, 1 - bound
+    modes = np.arange(1, _N_MODES + 1)
+    turns = modes * float(parse("gamma"))
+    variables = columns(["frequency", "depth"], labels, values)
+    variables["resonance"] = "mode", abs(turns - np.rint(turns)), "Ω = ±mγ mod 1"
+    coords = {"frequency": (frequencies, "frequency Ω"), "depth": (depths, "depth d")}
+    coords["mode"] = modes, "mode m along the golden circle"
+    return dataset("Predicted spectrum of a ripple", coords, variables)
+
+
+def side_by_side(cube, theory):
+    """Return the cube with the predictions at its frequencies."""
+    there = theory.drop_dims("mode").sel(frequency=cube.frequency)
+    return cube.assign(there.data_vars)
+
+
+def findings(cube, theory):
+    """Describe what small divisors and the largest kick explain of the spectrum, with verdicts."""
+    table = side_by_side(cube, theory)
+    known = int(cube.loss.notnull().sum())
+    only = cube.fraction.values[(cube.loss.isnull() & cube.upper.notnull()).any("depth")]
+    limits = (
+        f"Of {cube.loss.size} ripples {known} have a value; some or all of those of Ω = "
+        f"{', '.join(only) or 'none'} have only an upper bound. Not tried: other phases of the "
+        "ripple than a maximum at n = 0, irrational Ω; the prediction is of first order in d"
+    )
+    return " ".join([_small_divisors(table), _slow(table), f"{limits}."])
+
+
+def steps(table):
+    """Compare neighbouring frequencies: does the loss rise (1) or fall (-1), and what is predicted?
+
+    0 where the brackets of neighbours overlap, or one is missing: these decide nothing.
+    """
+    least, most = table.least_loss.values, table.most_loss.values
+    found = (least[1:] > most[:-1]).astype(int) - (most[1:] < least[:-1])
+    return found, np.sign(np.diff(table.predicted_loss.values, axis=0))
+
+
+def _small_divisors(table):
+    found, expected = steps(table)
+    decided = found != 0
+    n, agree = int(decided.sum()), int((found == expected)[decided].sum())
+    chance = binom.sf(agree - 1, n, 0.5)
+    ratio = (table.loss / table.predicted_loss).values
+    known = ratio[np.isfinite(ratio)]
+    low, middle, high = np.quantile(known, [0.1, 0.5, 0.9]) if known.size else 3 * [np.nan]
+    text = (
+        f"the loss goes the way predicted in {agree} of {n} steps between neighbouring Ω whose "
+        f"brackets differ (by chance: {chance:.1g}), and is {middle:.2g} times that predicted in "
+        f"the median, {low:.2g} to {high:.2g} times in 80% of the ripples"
+    )
+    claim = "losses rise and fall with Ω as small divisors of circles of constant kicks predict"
+    return finding(claim, text, agree == n, chance < 0.01, n > 0)
+
+
+def _slow(table):
+    """Judge κ_c = κ_G/(1 + d) where the kicks around the largest one cause a loss by themselves."""
+    slow = table.where(table.adiabatic_loss > 0)
+    by = (1 + table.depth) / table.attrs["golden"]
+    upper, lower = (by * slow.upper).values, (by * slow.lower).values
+    bound = (by * (1 - slow.adiabatic_loss) * table.attrs["golden"]).values
+    n, below = int(np.isfinite(upper).sum()), int((upper < 1).sum())
+    contradicted = int((lower > bound).sum())
+    text = (
+        f"of {n} ripples so slow that the kicks around the largest one cause a loss by themselves, "
+        f"{below} have no barrier at κ_G/(1 + d) already, and {contradicted} have one beyond the "
+        f"bound by these kicks; there κ_c(1 + d)/κ_G is at most {span(upper)}"
+    )
+    claim = "a slow ripple costs what its largest kick costs, κ_c = κ_G/(1 + d), and no more"
+    return finding(claim, text, below == 0 and contradicted == 0, known=n > 0)
