@@ -83,7 +83,7 @@ def results(loss, upper, predicted=(0.2, 0.25, 0.1, 0.3, 0.2)):
     theory["adiabatic_loss"] = [0.2, 0.1, -1, -1, -1]
     rows = {name: (dims, np.array(row)[:, None]) for name, row in theory.items()}
     rows["resonance"] = "mode", [0.382, 0.236]
-    return study.with_loss(cube), xr.Dataset(rows, coords | {"mode": [1, 2]})
+    return study.with_loss(cube, KAPPA_G), xr.Dataset(rows, coords | {"mode": [1, 2]})
 
 
 @pytest.mark.parametrize(

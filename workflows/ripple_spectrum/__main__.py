@@ -47,7 +47,7 @@ def parse_depth(text):
 @real("--tol", 1e-2, 1e-4, 0.1, "Relative width of the brackets, up to 64 kicks a period.")
 @whole("--n-predicted", 150, 2, 10**4, "Further Ω, twice as many, at which losses are predicted.")
 @preset("--quick", "A preview", max_denominator=4, frequency=("1/200",), depth=("0.3",))
-@preset("--full", "In full, about two CPU hours", max_denominator=14, depth=MANY)
+@preset("--full", "In full, most of a CPU hour", max_denominator=14, depth=MANY)
 @sweeps
 def main(run, max_denominator, frequency, depth, tol, n_predicted):
     from pipeline.cubes.cube import untiled
@@ -61,8 +61,9 @@ def main(run, max_denominator, frequency, depth, tol, n_predicted):
     options = {"fractions": names, "depths": depths, "n_predicted": n_predicted}
     prediction = untiled("ripple_spectrum_predicted", **options)
     with run.sweeping(job, studies=[(prediction, 2 + 0.1 * n_predicted)]):
-        cube = study.with_loss(run.sweep(job).load())
+        swept = run.sweep(job).load()
         theory = run.kept(prediction, lambda: study.prediction(fractions, depths, n_predicted))
+        cube = study.with_loss(swept, theory.attrs["golden"])
         run.table("ripple_spectrum", study.side_by_side(cube, theory))
         caption = ripple_spectrum_caption(cube, study.findings(cube, theory))
         run.figure("ripple_spectrum", draw_ripple_spectrum, cube, theory, caption=caption)

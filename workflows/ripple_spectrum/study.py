@@ -15,30 +15,24 @@ from workflows.shared.tables import columns, dataset
 _N_MODES = 8  # whose resonances are marked
 
 
-def golden():
-    """Return κ_G, at which the golden circle of constant kicks breaks, by residues."""
-    return periodic.critical_scale("gamma", (1.0,)).value
-
-
 def fractions(max_denominator, further):
     """List Ω = p/q up to 1/2 with q up to a maximum, and further fractions, in increasing order."""
     simple = {Fraction(p, q) for q in range(2, max_denominator + 1) for p in range(1, q // 2 + 1)}
     return sorted(simple.union(further))
 
 
-def with_loss(cube):
-    """Add the losses of the scale, and of its bounds, and κ_G as an attribute."""
-    last = golden()
+def with_loss(cube, golden):
+    """Add the losses of the scale, and of its bounds, relative to κ_G."""
     labels = {
         "loss": ("critical_scale", "loss of the threshold, 1 - κ_c/κ_G"),
         "least_loss": ("upper", "loss at the upper bound"),
         "most_loss": ("lower", "loss at the lower bound"),
     }
-    values = [1 - cube[name].values / last for name, _ in labels.values()]
+    values = [1 - cube[name].values / golden for name, _ in labels.values()]
     names = {name: label for name, (_, label) in labels.items()}
     dims = cube.critical_scale.dims
     added = dataset("", {}, columns(dims, names, values))
-    return cube.assign(added.data_vars).assign_attrs(golden=last)
+    return cube.assign(added.data_vars).assign_attrs(golden=golden)
 
 
 def adiabatic_bound(frequency, depth):
@@ -58,6 +52,7 @@ def adiabatic_bound(frequency, depth):
 def prediction(fractions, depths, n):
     """Predict κ_c by small divisors, and its bound for slow ripples, at these Ω and in between.
 
+    The attribute `golden` is κ_G, at which the golden circle of constant kicks breaks, by residues.
     n : further Ω, evenly spaced, and again as many in equal ratios.
     """
     given, least = np.array(fractions, float), float(min(fractions))
@@ -70,14 +65,16 @@ def prediction(fractions, depths, n):
         "predicted_omega": "turns per kick of the circle that breaks last, by small divisors",
         "adiabatic_loss": "least loss that the kicks around the largest one leave",
     }
-    values = 1 - kappa / golden(), omega, 1 - bound
+    golden = periodic.critical_scale("gamma", (1.0,)).value
+    values = 1 - kappa / golden, omega, 1 - bound
     modes = np.arange(1, _N_MODES + 1)
     turns = modes * float(parse("gamma"))
     variables = columns(["frequency", "depth"], labels, values)
     variables["resonance"] = "mode", abs(turns - np.rint(turns)), "Ω = ±mγ mod 1"
     coords = {"frequency": (frequencies, "frequency Ω"), "depth": (depths, "depth d")}
     coords["mode"] = modes, "mode m along the golden circle"
-    return dataset("Predicted spectrum of a ripple", coords, variables)
+    title = "Predicted spectrum of a ripple"
+    return dataset(title, coords, variables, {"golden": golden})
 
 
 def side_by_side(cube, theory):
