@@ -118,7 +118,8 @@ def _small_divisors(table):
     text = (
         f"the loss goes the way predicted in {agree} of {n} steps between neighbouring Ω whose "
         f"brackets differ (as many agree by chance with probability {chance:.1g}), and is "
-        f"{middle:.2g} times that predicted in the median, {low:.2g} to {high:.2g} times in 80% of the ripples"
+        f"{middle:.2g} times that predicted in the median, {low:.2g} to {high:.2g} times in 80% of "
+        "the ripples"
     )
     claim = "losses rise and fall with Ω as small divisors of circles of constant kicks predict"
     # Fewer steps than that could not refute chance even if all agreed.
