@@ -255,7 +255,7 @@ def read(path: Path) -> list[dict[str, str]]:
 
 def write(path: Path, head: Iterable[str], rows: Iterable[Mapping[str, str]]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, head)
+        writer = csv.DictWriter(file, head, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
 

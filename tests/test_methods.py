@@ -193,7 +193,7 @@ def test_convergents_before_a_large_quotient_do_not_decide_the_breakup(omega):
 PROFILE = np.array([1.0, 0.4])
 METHODS = {
     "barriers": lambda profile, size: barriers.critical_scale(profile, 1e-1),
-    "cones": lambda profile, size: symmetry_line.critical_scale(profile, 300),
+    "converse KAM": lambda profile, size: symmetry_line.critical_scale(profile, 300),
     "continuation": lambda profile, size: continuation.critical_scale(GAMMA, profile, 1e-4 / size),
     "escape": lambda profile, size: escape.critical_scale(profile, 3000, 100),
     "periodic": lambda profile, size: periodic.critical_scale(GAMMA, profile, 300),
