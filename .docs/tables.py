@@ -1,5 +1,6 @@
 """The parts of the site that the program writes: tables, modules, the gallery."""
 
+import json
 import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,10 +27,12 @@ from pipeline.cubes import (
 from pipeline.cubes.cube import Job, status_code
 from pipeline.sweep.grid import Axis
 from workflows.gallery.exhibits import command_of, listed
+from workflows.reference.writing import HEADER, sections
 from workflows.shared.cli import commands
 
 ROOT = Path(__file__).parents[1]
 GALLERY = ROOT / "out" / "gallery"
+VALUES = Path(__file__).parent / "reference" / "values.json"
 
 
 def markdown(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -127,6 +130,27 @@ def claims() -> str:
     return markdown(shown, [*lines, total]) + "\n" + measured(rows)
 
 
+def values() -> str:
+    """Return the reference values of `reference/values.json`, kind by kind."""
+    document = json.loads(VALUES.read_text(encoding="utf-8"))
+    parts = [f"{document['conventions']}\n\n"]
+    for section in sections(document["values"]):
+        parts.append(
+            f"## {section['title']}\n\n{section['definition']}. Unit: {section['unit']}.\n\n"
+        )
+        parts.append(
+            f"*First method*: {section['method']}. *Second*: {section['second_method']}.\n\n"
+        )
+        parts.append(markdown(HEADER, [row for row, _ in section["rows"]]) + "\n")
+        parts.append(f"The first of them: `{section['command']}`\n\n")
+        if section["check"]:
+            parts.append(
+                f"Plain Python that checks it, to {section['accuracy']:g} of the value:\n\n"
+            )
+            parts.append(f"```{{code-block}} python\n{section['check']}\n```\n\n")
+    return "".join(parts)
+
+
 def sample() -> str:
     """Return how many judged forcings there are of each class, and how they were judged."""
     sys.path.insert(0, str(ROOT / "tests"))
@@ -197,5 +221,5 @@ def write(folder: Path) -> None:
     """Write all tables into a folder, as files that pages include."""
     folder.mkdir(exist_ok=True)
     (folder / "modules.md").write_text(write_modules(folder / "api"), encoding="utf-8")
-    for table in command_options, cubes, statuses, trust, claims, sample, gallery:
+    for table in command_options, cubes, statuses, trust, claims, values, sample, gallery:
         (folder / f"{table.__name__}.md").write_text(table(), encoding="utf-8")

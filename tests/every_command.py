@@ -38,6 +38,7 @@ SMALLEST = {
     "period_one": "--primary -4:4:20 --secondary 0:8:10",
     "portraits": "--n-orbits 2 --n-max 10",
     "ramp": "--quick",
+    "reference": "--quick",
     "ripple_spectrum": "--max-denominator 2 --frequency 1/3 --depth 0.3 --tol 0.1 --n-predicted 4",
     "rotating": "--n-rays 2 --n-cusp-rays 0 --n-max 64 --n-orbits 4",
     "self_consistent": "--coupling 0.5 --n-particles 256 --n-max 4096",

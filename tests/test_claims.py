@@ -17,7 +17,7 @@ from workflows.claims.page import write
 from workflows.claims.rules import Erratum
 from workflows.claims.study import judgement, recorded
 from workflows.shared.cli import main_of
-from workflows.shared.judgement import Verdict, grade
+from workflows.shared.judgement import Verdict, agrees, grade
 from workflows.shared.page import formula
 from workflows.shared.run import Run, place_of
 
@@ -30,10 +30,11 @@ TESTS = Path(__file__).parent
         (rules.identity(1e-15, 1e-14), Verdict.HOLDS),
         (rules.identity(1e-13, 1e-14), Verdict.FAILS),
         (rules.identity(np.nan, 1e-14), Verdict.UNDECIDED),
-        (rules.agrees(0.97163540605, 1e-11, *rules.printed("0.971635406")), Verdict.HOLDS),
-        (rules.agrees(0.97163540705, 1e-11, *rules.printed("0.971635406")), Verdict.FAILS),
-        (rules.agrees(np.nan, 1e-11, 0.971635406), Verdict.UNDECIDED),
-        (rules.agrees(0.97, np.nan, 0.971635406), Verdict.UNDECIDED),
+        (agrees(0.97163540605, 1e-11, *rules.printed("0.971635406")), Verdict.HOLDS),
+        (agrees(0.97163540705, 1e-11, *rules.printed("0.971635406")), Verdict.FAILS),
+        (agrees(np.nan, 1e-11, 0.971635406), Verdict.UNDECIDED),
+        (agrees(0.97, np.nan, 0.971635406), Verdict.UNDECIDED),
+        (agrees(0.97, 1.0, 0.97, np.nan), Verdict.UNDECIDED),
         (grade("", True), Verdict.HOLDS),
         (grade("", False, True), Verdict.CAVEAT),
         (grade("", False, False), Verdict.FAILS),

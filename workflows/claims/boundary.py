@@ -10,9 +10,9 @@ from nasm.verdicts import verdict
 from pipeline.cubes.cube import field_arrays
 from workflows.claims.circles import largest_amplitude
 from workflows.claims.map import apart, both_kicks
-from workflows.claims.rules import agrees, identity, printed, rounding
+from workflows.claims.rules import identity, printed, rounding
 from workflows.shared.direct_iteration import INSETS, exponent
-from workflows.shared.judgement import grade
+from workflows.shared.judgement import agrees, grade
 from workflows.shared.rays import with_degenerate
 
 KAPPA_G = printed("0.971635406")

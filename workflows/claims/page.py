@@ -7,10 +7,8 @@ from pandas import DataFrame
 from pipeline.sweep.progress import plural
 from workflows.claims.envelope import HEADER, cells
 from workflows.figures import files
-from workflows.shared.judgement import Verdict
+from workflows.shared.judgement import WORST_FIRST, Verdict
 from workflows.shared.page import render
-
-_ORDER = [Verdict.FAILS, Verdict.CAVEAT, Verdict.UNDECIDED, Verdict.HOLDS]  # of the page
 
 
 def write(run, claims, errata, rows, sentences, command):
@@ -32,7 +30,7 @@ def write(run, claims, errata, rows, sentences, command):
     render(
         "claims/page.html",
         run.path("pages", "claims.html"),
-        claims=sorted(claims, key=lambda claim: _ORDER.index(claim.verdict)),
+        claims=sorted(claims, key=lambda claim: WORST_FIRST.index(claim.verdict)),
         errata=errata,
         rows=map(cells, rows),
         sentences=sentences,

@@ -6,7 +6,7 @@ written by hand. Each rule returns the value, as text or numbers, and the Verdic
     identity   the two sides of an equation differ by no more than rounding
     agrees     a value and a printed number differ by no more than the errors of both
     grade      the claim holds; or only in the weaker sense of the note; or not at all
-               (in `workflows.shared.judgement`)
+               (both in `workflows.shared.judgement`)
 
 NaN is UNDECIDED.
 """
@@ -92,10 +92,3 @@ def identity(deviation, bound, label="largest deviation"):
 def printed(text):
     """Return a number as printed, and half a unit of its last digit."""
     return float(text), 0.5 * 10.0 ** -len(text.partition(".")[2])
-
-
-def agrees(value, error, expected, uncertainty=0.0):
-    """Judge a value by a printed number, or one derived from it, within its rounding error."""
-    holds, known = abs(value - expected) <= error + uncertainty, isfinite(value + error)
-    text = f"{value:.12g} ± {error:.1g}, compared with {expected:.12g}"
-    return grade(text, holds, known=known)

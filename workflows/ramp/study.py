@@ -4,20 +4,13 @@ import numpy as np
 
 from nasm import escape
 from nasm.barriers import critical_scale
-from nasm.circles.continuation import UNSTABLE_EIGENVALUES
 from nasm.converse_kam import aperiodic
 from nasm.numbers import parse
 from pipeline.cubes.cube import text
 from workflows.shared import power_law
 from workflows.shared.judgement import finding, span
+from workflows.shared.ramps import EXPONENT, lost
 from workflows.shared.tables import dataset
-
-_GOLDEN = float(parse("gamma"))
-EXPONENT = np.log(_GOLDEN) / (np.log(_GOLDEN) - np.log(UNSTABLE_EIGENVALUES[1,]))
-"""Predicted exponent 0.497: graphs are excluded after ~ r^-0.497 kicks.
-
-As κ - κ_G shrinks by a factor δ, times grow by 1/γ, and r shrinks by δ/γ.
-"""
 
 ESCAPES = power_law.FLUX / (1 + power_law.FLUX)
 """Predicted exponent 0.751: the first orbit has crossed after ~ r^-0.751 kicks.
@@ -25,9 +18,7 @@ ESCAPES = power_law.FLUX / (1 + power_law.FLUX)
 It follows from the flux ~ (rn)^3.01, summed over the kicks.
 """
 
-_PLACES = np.array(
-    [0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3]
-)  # positions of the lines of starts, in units of r^-0.497 kicks
+_GOLDEN = float(parse("gamma"))
 JUMPS = "square", "Fibonacci", "Thue-Morse", "random"
 SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
 
@@ -48,17 +39,6 @@ def ramps(rates):
         },
         {"critical_scale": critical, "exponents": [EXPONENT, ESCAPES]},
     )
-
-
-def lost(critical, rate):
-    """Return the kicks after κ_G until all graphs are excluded, on the line with the fewest."""
-    unit = rate**-EXPONENT
-    n = np.arange(-int(5 * unit), int(5 * unit) + 1)
-
-    def lifetime(site):
-        return aperiodic.longest_lived(critical + rate * (n + site), 0.0, n.size // 2)[2]
-
-    return min(site + lifetime(site) for site in np.unique(np.rint(_PLACES * unit).astype(int)))
 
 
 def _escape(kappa):

@@ -1,6 +1,7 @@
 """Verdicts on what a command claims, derived from measured values by a rule, never by hand."""
 
 from enum import Enum
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,10 @@ class Verdict(Enum):
     CAVEAT = "holds with a caveat"
     FAILS = "does not hold"
     UNDECIDED = "not decided"
+
+
+WORST_FIRST = [Verdict.FAILS, Verdict.CAVEAT, Verdict.UNDECIDED, Verdict.HOLDS]
+"""The order of verdicts on a page."""
 
 
 def grade(
@@ -39,6 +44,18 @@ def grade(
     if literal:
         return measured, Verdict.HOLDS
     return measured, Verdict.CAVEAT if weaker else Verdict.FAILS
+
+
+def agrees(
+    value: float, error: float, expected: float, uncertainty: float = 0.0
+) -> tuple[str, Verdict]:
+    """Judge a value by another number: they agree if they differ by no more than both errors.
+
+    NaN is UNDECIDED.
+    """
+    holds, known = abs(value - expected) <= error + uncertainty, isfinite(value + error)
+    text = f"{value:.12g} ± {error:.1g}, compared with {expected:.12g}"
+    return grade(text, holds, known=known and isfinite(expected + uncertainty))
 
 
 def finding(

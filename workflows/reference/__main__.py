@@ -1,0 +1,28 @@
+"""Exact answers for those who test codes that trace field lines, iterate maps or track particles.
+
+The critical strength κ_G, last barriers of two and three kicks, residues of thirty p/q, rotation
+numbers to twelve digits, fluxes and turnstiles, diffusion coefficients, escape times and their law,
+and lifetimes of ramps: each by two independent methods of this program, both named. A value whose
+methods differ by more than the sum of their errors is contradicted, and printed. Where a few lines
+of plain Python can check a value, they stand beside it. `claims` judges statements of the paper;
+here the values are for other codes, and only this program is judged.
+
+A cube, a page and reference.json in OUT. The defaults take about 80 CPU seconds, --quick
+ten.
+"""
+
+from workflows.shared.cli import command, flag, writes
+
+
+@command()
+@flag("--quick", "A preview: fewer barriers, turnstiles and ramps, smaller ensembles.")
+@writes
+def main(run, quick):
+    from pipeline.cubes.cube import untiled
+    from workflows.reference import study
+    from workflows.reference.writing import write
+
+    cube = untiled("reference", quick=quick)
+    with run.driving((cube, 10 if quick else 80), drawing=1):
+        cube = run.kept(cube, lambda: study.measured(quick))
+        write(run, study.entries(cube, quick), cube.attrs)

@@ -1,0 +1,68 @@
+"""When does the last start on a line lose its second variation? The second method for ramps.
+
+A start before the kick of a site is on no invariant graph through n kicks on either side if the
+second variation of the action at its sites |k| < n,
+
+    a_k on the diagonal, a_k = 2 + κ_k cos 2πx_k,    and -1 beside it,
+
+is not positive definite. `nasm.converse_kam.aperiodic` tests this by a tangent vector that starts
+at the site. Here the matrix is eliminated from both ends to the middle,
+
+    d_k = a_k - 1/d_{k+1},    d_{-k} = a_{-k} - 1/d_{-k-1},    a_0 - 1/d_1 - 1/d_{-1} > 0,
+
+anew for each n. The starts are those of a dense grid, whose best cells are refined; `nasm` has a
+beam search on two coarser grids.
+"""
+
+import numpy as np
+
+_CHILDREN = 32  # new starts in each of the best cells
+
+
+def lifetimes(kappa, site, x, y):
+    """Return the least n at which the second variation of each start (x, y) is not positive."""
+    times, alive = np.full(y.size, np.inf), np.arange(y.size)
+    ahead, p, behind, q = np.full(y.size, x), y.copy(), np.full(y.size, x), y.copy()
+    later, earlier = [], []  # a_1, a_2, … and a_{-1}, a_{-2}, …
+    middle = 2 + kappa[site] * np.cos(2 * np.pi * ahead)
+    for n in range(1, min(site, kappa.size - 1 - site) + 1):
+        positive = _is_positive(middle, later, earlier)
+        times[alive[~positive]] = n
+        alive, middle = alive[positive], middle[positive]
+        later, earlier = ([a[positive] for a in side] for side in (later, earlier))
+        ahead, p, behind, q = (z[positive] for z in (ahead, p, behind, q))
+        if not alive.size:
+            break
+        p = p + kappa[site + n - 1] / (2 * np.pi) * np.sin(2 * np.pi * ahead)
+        ahead = ahead + p
+        later.append(2 + kappa[site + n] * np.cos(2 * np.pi * ahead))
+        behind = behind - q
+        q = q - kappa[site - n] / (2 * np.pi) * np.sin(2 * np.pi * behind)
+        earlier.append(2 + kappa[site - n] * np.cos(2 * np.pi * behind))
+    return times
+
+
+def _is_positive(middle, later, earlier):
+    positive = np.ones(middle.size, bool)
+    for side in (later, earlier):
+        d = np.full(middle.size, np.inf)
+        for a in reversed(side):
+            d = a - 1 / np.where(positive, d, np.inf)
+            positive &= d > 0
+        middle = middle - 1 / np.where(positive, d, np.inf)
+    return positive & (middle > 0)
+
+
+def longest_lifetime(kappa, site, n_starts, n_best):
+    """Return the longest lifetime on the line x = 1/2 before the kick of a site, 0 ≤ y ≤ 1."""
+    width = 1 / n_starts
+    centres = (np.arange(n_starts) + 0.5) * width
+    longest = 0.0
+    while width > np.finfo(float).eps:
+        times = lifetimes(kappa, site, 0.5, centres)
+        longest = max(longest, times.max())
+        best = centres[np.argsort(-times, kind="stable")[:n_best]]
+        width /= _CHILDREN
+        offsets = (np.arange(_CHILDREN) + 0.5 - _CHILDREN / 2) * width
+        centres = (best[:, None] + offsets).ravel()
+    return longest

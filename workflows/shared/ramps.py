@@ -1,0 +1,51 @@
+"""Ramps κ_n = κ_G + r·n through the breakup of the golden circle: lines, and lifetimes on them."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from nasm.circles.continuation import UNSTABLE_EIGENVALUES
+from nasm.converse_kam import aperiodic
+from nasm.numbers import parse
+from nasm.types import FloatArray
+
+_GOLDEN = float(parse("gamma"))
+EXPONENT = np.log(_GOLDEN) / (np.log(_GOLDEN) - np.log(UNSTABLE_EIGENVALUES[1,]))
+"""Predicted exponent 0.497: graphs are excluded after ~ r^-0.497 kicks.
+
+As κ - κ_G shrinks by a factor δ, times grow by 1/γ, and r shrinks by δ/γ.
+"""
+
+_PLACES = np.array(
+    [0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3]
+)  # of the lines, in units of r^-0.497 kicks
+
+Lifetime = Callable[[FloatArray, int], float]
+"""(kappa, site) → kicks until all starts on the line before that kick are eliminated."""
+
+
+def lines(rate: float) -> list[int]:
+    """Return the kicks after κ_G before which the lines lie."""
+    return np.unique(np.rint(_PLACES * rate**-EXPONENT).astype(int)).tolist()
+
+
+def longest_lived(kappa: FloatArray, site: int, effort: int = 1) -> float:
+    """Return the lifetime on a line by the search of `nasm.converse_kam.aperiodic`."""
+    return aperiodic.longest_lived(kappa, 0.0, site, effort)[2]
+
+
+def lost(critical: float, rate: float, lifetime: Lifetime = longest_lived) -> float:
+    """Return the kicks after κ_G until all graphs are excluded, on the line with the fewest.
+
+    Parameters
+    ----------
+    critical : float
+        κ_G, the strength of kick 0.
+    rate : float
+        Growth of κ per kick.
+    lifetime : callable
+        How the lifetime on a line is found.
+    """
+    reach = int(5 * rate**-EXPONENT)
+    n = np.arange(-reach, reach + 1)
+    return min(site + lifetime(critical + rate * (n + site), reach) for site in lines(rate))
