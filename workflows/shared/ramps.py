@@ -47,5 +47,5 @@ def lost(critical: float, rate: float, lifetime: Lifetime = longest_lived) -> fl
         How the lifetime on a line is found.
     """
     reach = int(5 * rate**-EXPONENT)
-    n = np.arange(-reach, reach + 1)
+    n = np.arange(-reach, reach + 1, dtype=np.float64)
     return min(site + lifetime(critical + rate * (n + site), reach) for site in lines(rate))
