@@ -1,10 +1,10 @@
-"""Jobs for `pipeline.fill`: one cube each, and the functions that compute its tiles.
+"""Jobs for `pipeline.fill`: each consists of one cube and the functions that compute its tiles.
 
-Arguments are checked here. A cube has the same name and settings as the one that the command
+Arguments are checked here. A cube has the same name and settings as the one that a command
 computes, so that `fill` resumes what `python -m workflows.NAME` has begun, and vice versa.
 
-A plane is a Plane or a string as for --plane, like "rotating:1/3" (`nasm.planes.parse`). Angles are
-directions of rays in the plane, in degrees.
+A plane is a Plane, or a string as for --plane, like "rotating:1/3" (`nasm.planes.parse`). Angles
+are directions of rays in the plane, in degrees.
 """
 
 import functools
@@ -80,10 +80,10 @@ def escape(
     first, second : Axis or str
         Cells along the two axes of the plane, "LO:HI:N".
     n_max : int
-        Maximum number of steps (periods of the forcing), 1 to 10¹²; orbits inside the window up to
-        then count as not escaping.
+        Maximum number of steps (periods of the forcing), 1 to 10¹²; orbits that stay inside the
+        window for all of them count as not escaping.
     n_orbits : int or sequence of int
-        Orbits per forcing, 1 to 10⁸; several increasing numbers are nested ensembles.
+        Orbits per forcing, 1 to 10⁸; several increasing numbers define nested ensembles.
     precision : {"double", "single"}
         Floating-point precision; `single` is 2.5 times faster and allowed up to 10⁶ steps.
     tile : int
@@ -108,7 +108,9 @@ def escape(
     if precision not in SECONDS_PER_KICK:
         raise ValueError(f"precision={precision!r} must be 'double' or 'single'")
     if precision == "single" and n_max > MAX_SINGLE_STEPS:
-        raise ValueError(f"n_max={n_max} needs precision='double'; single has {MAX_SINGLE_STEPS}")
+        raise ValueError(
+            f"n_max={n_max} needs precision='double'; single allows {MAX_SINGLE_STEPS}"
+        )
     settings = n_max, count("tile", tile, 1, 4096), precision
     return join_tiles(escapes.over_plane("escape", plane, axes, sizes, *settings))
 
@@ -123,7 +125,7 @@ def over_plane(
     seconds: float = 1e-3,
     tile: int = 8,
 ) -> Job:
-    """Return the Job of your own function over a plane of forcings; the cube is named after it.
+    """Return the Job of your own function over a plane of forcings, in a cube of the same name.
 
     Parameters
     ----------
@@ -141,7 +143,7 @@ def over_plane(
         Name and description of each variable; by default there is a single one, with the name of
         the function and the first line of its docstring.
     seconds : float
-        Expected CPU seconds per forcing; if they are few, many forcings share a tile.
+        Expected CPU seconds per forcing; if the time is short, many forcings share a tile.
     tile : int
         Minimum number of cells along each side of a tile. If a worker dies, the work on one tile
         is lost.
@@ -276,9 +278,9 @@ def breakdown(
     angles : array_like
         Directions of rays, in degrees.
     tol : float or None
-        Target error of the scale, 10⁻⁷ to 0.1. Circles are continued, and where that does not reach
-        the target, residues are tried; the cube is `breakdown`. If None, only residues are used;
-        the cube is `breakdown_residue`.
+        Target error of the scale, 10⁻⁷ to 0.1. Circles are continued, and residues are tried where
+        continuation does not reach the target; the cube is `breakdown`. If None, only residues are
+        used; the cube is `breakdown_residue`.
     q_max : int
         Longest period of the orbits whose residues are used, 10 to 10⁶.
     plane : Plane or str
@@ -382,7 +384,7 @@ def diffusion(
     """
     plane, scales, _ = _breakups(barrier)
     if plane != two_kicks():
-        raise ValueError(f"barrier is of the plane {plane.name}; diffusion needs two-kicks")
+        raise ValueError(f"barrier is in the plane {plane.name}; diffusion needs two-kicks")
     n_orbits, n_max = count("n_orbits", n_orbits, 64, 10**6), count("n_max", n_max, 2**13, 10**12)
     return beyond.diffusion(scales, _excesses(excesses), n_orbits, n_max)
 
@@ -479,7 +481,7 @@ def _excesses(excesses: ArrayLike) -> list[float]:
     """Return the distinct positive excesses in increasing order."""
     values = np.unique(np.atleast_1d(floats("excesses", excesses)))
     if not (values.size and values[0] > 0 and np.isfinite(values).all()):
-        reason = "must be finite and positive: scales over that of the breakup, minus 1"
+        reason = "must be finite and positive: scales relative to the breakup, minus 1"
         raise ValueError(f"excesses={values.tolist()} {reason}")
     return values.tolist()
 

@@ -31,7 +31,7 @@ def changed(source, changes):
         source, n_changes = re.subn(pattern, lambda _, wrong=wrong: wrong, source)
         if n_changes != 1:
             raise LookupError(
-                f"{right!r} fits at {n_changes} places: a table of changes is out of date"
+                f"{right!r} matches in {n_changes} places: a table of changes is out of date"
             )
     return source
 
@@ -45,7 +45,7 @@ def mutant(module, *changes):
     return other
 
 
-ULP, COS_ERROR = 2.0**-53, 2.03e-14  # error bounds: of rounding, and of cos 2πx as tests prove
+ULP, COS_ERROR = 2.0**-53, 2.03e-14  # error bounds of rounding and, as tests prove, of cos 2πx
 LONGEST = 1e11  # maximum lifetime of a box, in kicks
 
 
@@ -153,8 +153,9 @@ def used(value, bound):
 def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     """Compare the state after one kick with what it must be, in multiprecision arithmetic.
 
-    strengths : k, and in cells also h, and k and h of the next kick. Returns by name the share of
-    each bound that is used; it exceeds 1 where a bound is too small. A bad box has no such shares.
+    strengths : k, and in cells also h, and k and h of the next kick. Returns, by name, the share
+    of each bound that is used; it exceeds 1 if the bound is too small. For a bad box, these shares
+    are not computed.
 
     1. Any orbit of the box satisfies the chain up to a defect; A and B grow by its components.
     2. `rest` grows by all that may increase Q beyond the sums; the payments cover both.
@@ -237,7 +238,7 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     record = b["paid"] - a["paid"]
     if kernel.cells:
         shares["records"] = used(b["paid"], paid)
-    elif record > 1e-9 * a["paid"]:  # smaller ones are lost in the rounding of their sum
+    elif record > 1e-9 * a["paid"]:  # smaller records are lost in the rounding of their sum
         shares["records"] = used(record * (1 + LONGEST * ULP), payment + of_V)
     return shares
 
@@ -254,7 +255,7 @@ def audit_of_kicks(kernel, *changes):
 
 
 def row_of_the_cube(kernel):
-    """Return a row with a defect that is mainly cubic, and the smallest Wronskian allowed."""
+    """Return a row whose defect is mainly cubic and whose Wronskian is the smallest allowed."""
     row = dict.fromkeys(kernel.names, 0.0)
     row |= {"x": -0.25, "y": 0.3, "v": 1.0, "V": 1.0, "t": 1e-4, kernel.known[0][1]: 1e-4}
     strengths = (1.9, 1e-10, 1.0, 0.0) if kernel.cells else (1.9,)
@@ -265,8 +266,8 @@ def row_of_the_cube(kernel):
 def rows(kernel, count=400):
     """Return rows (strengths, scale, numbers) for kicks that test all parts of the bounds.
 
-    Each part dominates in some of the rows. In some, nearly all that is due was paid before the
-    kick.
+    Each part dominates in some of the rows. In some rows, nearly all that is due was paid
+    before the kick.
     """
     rng, kick = np.random.default_rng(1), in_python(kernel.functions)
     results = [row_of_the_cube(kernel)]

@@ -1,4 +1,4 @@
-"""The explorer in headless Chromium: a server, started as by a user, and its pages."""
+"""The explorer in headless Chromium: a server, started as a user would start it, and its pages."""
 
 import json
 import re
@@ -34,7 +34,7 @@ def served(store):
             _, printed = process.communicate(timeout=60)
             ended = process.returncode, printed, psutil.wait_procs(family, 60)[1]
             if ended != (0, "", []):
-                raise AssertionError(f"Ctrl-C left exit code, words and processes {ended}")
+                raise AssertionError(f"exit code, output and processes left after Ctrl-C: {ended}")
         finally:
             process.kill()
 
@@ -78,7 +78,7 @@ def chromium():
 def pages(chromium, url):
     """Yield a function that opens the explorer in a tab, with a query and a width.
 
-    At the end close the tabs, and check that no script has failed.
+    At the end, close the tabs and check that no script has failed.
     """
     failures = []
 
@@ -165,7 +165,7 @@ def spots(tab, label, *parts):
 
 def columns(tab, name):
     """Return the columns of a data source of the page, as lists; arrays in them are flattened."""
-    # Passed as text, which is faster than Playwright's own conversion of lists of numbers.
+    # Columns are passed as text: Playwright's own conversion of lists of numbers is slower.
     return json.loads(tab.evaluate("""(name) => {
         const data = Bokeh.documents[0].get_model_by_name(name)?.data ?? {}
         const text = (x) => typeof x == "string" ? JSON.stringify(x)

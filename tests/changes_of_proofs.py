@@ -1,12 +1,12 @@
 """Draw one-token changes of the proof programs, and check whether the tests notice them.
 
     python tests/changes_of_proofs.py draw 53 100   # list the first 100 changes drawn with seed 53
-    python tests/changes_of_proofs.py table         # run the tests on each unsound change in it
-    python tests/changes_of_proofs.py table 5 17    # only on these, by number
+    python tests/changes_of_proofs.py table         # test each unsound change in the table
+    python tests/changes_of_proofs.py table 5 17    # test only the changes with these numbers
 
 Changes are drawn from the code on which proofs rest, `PROVING`. Code that only chooses where to
-search, or reports results, is left out. A constant is replaced by another one; a comparison, a sign
-or an operation, by its opposite; a `demand` or a `raise`, by nothing. A human judges whether a
+search, or reports results, is left out. A constant is replaced by another one, and a comparison, a
+sign or an operation by its opposite; a `demand` or a `raise` is removed. A human judges whether a
 change is unsound, that is, whether something false could then be called proved.
 changes_of_proofs.toml records these judgements for the changes drawn with seed 53, in the order
 drawn, up to the fortieth unsound one. Once the sources have changed, a seed draws different
@@ -106,7 +106,7 @@ def of_row(row):
     lines = source(row["module"]).splitlines()
     results = [i for i, line in enumerate(lines) if line.strip() == row["right"]]
     if len(results) < row.get("occurrence", 1):
-        raise LookupError(f"{row['right']!r} is no line: the table is out of date")
+        raise LookupError(f"{row['right']!r} is not a line of the module: the table is out of date")
     i = results[row.get("occurrence", 1) - 1]
     column = len(lines[i]) - len(lines[i].lstrip())
     return Change(row["module"], i + 1, column, row["right"], row["wrong"])
@@ -215,7 +215,7 @@ class _First:
 
 
 class _Loader(SourceFileLoader):
-    """Load a module without using kernels cached on disk; apply the change if it is in this one."""
+    """Load a module without kernels cached on disk; apply the change if it is in this module."""
 
     def __init__(self, name, path, change):
         super().__init__(name, path)
@@ -226,7 +226,7 @@ class _Loader(SourceFileLoader):
         return compile(self.text, self.path, "exec", dont_inherit=True)
 
     def exec_module(self, module):
-        # Audits that read the source must see the changed one.
+        # Audits that read the source must read the changed text.
         lines = self.text.splitlines(keepends=True)
         linecache.cache[self.path] = len(self.text), None, lines, self.path
         kernels = import_module("nasm.arithmetic.kernels")

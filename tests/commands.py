@@ -38,7 +38,7 @@ def snapshot(out):
 
 
 def follow(recipe, out):
-    """Run a recipe of the gallery, which must draw, in a directory; return what it prints."""
+    """Run a recipe of the gallery in a directory; check that it draws, and return its output."""
     figures, output = [], StringIO()
     with pytest.MonkeyPatch.context() as patch, chdir(out), redirect_stdout(output):
         patch.setattr(plt, "show", lambda: figures.extend(map(plt.figure, plt.get_fignums())))

@@ -37,7 +37,7 @@ def drawn_as_sketches():
 
 @pytest.fixture(scope="session")
 def here():
-    """Yield what `connect` yields, with a worker in this process that has two threads."""
+    """Yield what `connect` yields, for one worker with two threads in this process."""
     with toy.workers_here() as client:
         yield client
 

@@ -1,11 +1,11 @@
-"""Run commands as small as possible: `every_command.py OUT COMMAND,COMMAND,… RUNS [HIDDEN ...]`.
+"""Run commands with small settings: `every_command.py OUT COMMAND,COMMAND,… RUNS [HIDDEN ...]`.
 
 RUNS is the number of times each command runs, in the same folder; after the first run, functions
 that compute raise an error. HIDDEN lists packages that cannot be imported, as if an extra were not
 installed. The script prints a JSON object {command: [exit code, what it printed, whether it looked
-for python-flint, faults of its figures on screen and in a column]}, for the last run of a command
-or the one that failed. All sweeps share two workers, which are threads of this process. Unless
-Bokeh is hidden, the explorer runs until it is stopped.
+for python-flint, faults of its figures on screen and in a column]}, for the last run of each
+command, or for the run that failed. All sweeps share two workers, which are threads of this
+process. Unless Bokeh is hidden, the explorer runs until it is stopped.
 """
 
 import json
@@ -50,14 +50,14 @@ SMALLEST = {
     "status": "",
     "verify": "",
     "explore": "--no-browser",
-    # Those that can make proofs come last: the others must succeed before python-flint is imported.
+    # Commands that make proofs come last: the others must succeed before python-flint is imported.
     "ask": "0.3 0.2 --prove",
     "proved_boundary": "--n-rays 2 --cpu-seconds 0.1",
     "proved_map": "--cells 32 --cpu-seconds 0.001 --distance 0.5",
     "work_precision": "--method barriers --method barrier-proof --ray 45",
 }
 AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # these two keep no cubes
-LOOKING = "claims", "convergence", "proved_map"  # compute some rays, in a second or two, for plans
+LOOKING = "claims", "convergence", "proved_map"  # to plan, compute some rays for a second or two
 COMPUTING = {
     "pipeline.store": ["replace"],
     "pipeline.sweep.sweep": ["_Run"],

@@ -13,7 +13,7 @@ from matplotlib.text import Text
 
 from workflows.figures import style
 
-_SMALL = 3.0  # points: what is drawn smaller may be cut by an axis
+_SMALL = 3.0  # in points; smaller markers may be cut by an axis
 
 
 def faults(figure):

@@ -1,8 +1,8 @@
 """List the kernels that tiles load after the warm-up of a job: `first_calls.py FILE`.
 
 FILE holds a pickled Job. The script prints, as a JSON list, the kernels that some tiles of the job
-still have to load or compile. It needs a process of its own: one that has planned the job may have
-loaded some of the kernels already.
+still have to load or compile. It needs its own process: a process that has planned the job may
+have loaded some of the kernels already.
 """
 
 import gc

@@ -1,7 +1,7 @@
 """Check an installed copy: run `python tests/installed.py` with its Python, in another folder.
 
-Every file that the packages need must be installed, identical to the checkout, and a command must
-answer.
+Every file that the packages need must be installed and be identical to the file in the checkout;
+the command `ask` must give an answer.
 """
 
 import subprocess

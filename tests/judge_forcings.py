@@ -9,11 +9,11 @@ following, by methods independent of the search for the last barrier:
 2. no circle exists at `upper`, nor at some scales up to 1% above: converse KAM eliminates all
    starts on a transversal within 10⁵ periods (`nasm.converse_kam`), and in rows with the method
    "proof", interval arithmetic proves transport (`nasm.proofs.transport`);
-3. in rows with the method "residues" or "proof", the circle `omega` breaks at `value`: Greene's
-   residues of the minimax orbits of its convergents, which this module computes with its own code,
-   starting from the circle below. The scales at which the residues of two convergents agree
-   converge to `value` (by Aitken's extrapolation; `error` is three times the larger of its last
-   two changes).
+3. in rows with the method "residues" or "proof", the circle `omega` breaks at `value`, as shown
+   by Greene's residues of the minimax orbits of its convergents. This module computes them with its
+   own code, starting from the circle below. The scales at which the residues of two convergents
+   agree converge to `value` (by Aitken's extrapolation; `error` is three times the larger of its
+   last two changes).
 
 Two options judge new rows:
 
@@ -38,7 +38,7 @@ from nasm.numbers import convergents, distinct_convergents, parse
 from nasm.proofs import transport
 
 STEPS = 100_000  # limit of converse KAM, in periods of the forcing
-ABOVE = (0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)  # relative distances above upper; no circle there either
+ABOVE = (0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)  # relative distances above `upper` where no circle exists
 NEAREST = (1e-4, 3e-4, 1e-3)  # distances below a breakup at which circles are certified
 SHORTEST, SITES = 20, 6000  # compared orbits: minimum q, and maximum length in kicks
 HULL = 60_000  # maximum number of sites of the orbit from which Newton's method starts
@@ -63,7 +63,7 @@ def is_circle(omega, kappa):
 
 
 def hull(omega, kappa):
-    """Return deviations (P, n) of a long periodic orbit, one site held; None if it is lost."""
+    """Return deviations (P, n) of a long periodic orbit with one site held; None if it is lost."""
     n_kicks, strongest = kappa.size, int(np.abs(kappa).argmax())
     kappa, chains = np.roll(kappa, -strongest), []
     for fraction in distinct_convergents(omega, HULL // n_kicks):
@@ -82,7 +82,7 @@ def hull(omega, kappa):
         chains.append((p, u))
     u = u.reshape(q, n_kicks).T
     phases = np.arange(q) * p % q
-    # Sorted by phase, with ⟨u_0⟩ = 0, and beginning with the first kick of the period.
+    # Sort by phase, shift so that ⟨u_0⟩ = 0, and begin with the first kick of the period.
     size, mean = 16_384, u[-strongest % n_kicks].mean()
     modes = np.fft.rfft((u - mean)[:, np.argsort(phases)])[:, : size // 3] / u.shape[1]
     shift = np.full(n_kicks, float(omega) * strongest / n_kicks - mean)
@@ -241,7 +241,7 @@ class MinimaxOrbits:
     def agreement(self, i, later, near):
         """Return the scale at which convergents i and i + later have equal residues, or NaN.
 
-        It is found by the secant method.
+        The secant method finds this scale.
         """
         q = self.fractions[i + later].denominator
 
@@ -329,9 +329,9 @@ def doubts(row):
 
 
 def new_row(kind, profile, omega, near, start=None):
-    """Return the Row of a ray whose last circle, `omega`, is said to break near a scale.
+    """Return the Row of a ray whose last circle, `omega`, is claimed to break near a scale.
 
-    Return None if the methods do not agree on it.
+    Return None if the methods do not confirm the claim.
     """
     profile, omega = np.array(profile, float), parse(omega)
     first = np.zeros(profile.size) if start is None else np.array(start, float)
@@ -348,7 +348,7 @@ def new_row(kind, profile, omega, near, start=None):
 def new_bracket(kind, profile, omega, lower, upper, start=None):
     """Return the Row of a ray for a stated bracket; None if the methods do not agree.
 
-    The circle `omega` is said to exist at `lower`, and no circle at `upper`.
+    It is claimed that the circle `omega` exists at `lower` and that no circle exists at `upper`.
     """
     numbers = (lower + upper) / 2, (upper - lower) / 2, lower, upper
     row = Row(0, kind, tuple(profile), start, *numbers, omega, "bracket")

@@ -124,7 +124,7 @@ def _residue_along(kappa, x, y, p):
 
 
 def residue(kappa, p, q):
-    """Return R of the ordered minimax orbit of p/q; NaN where `action` finds none.
+    """Return R of the ordered minimax orbit of p/q; NaN if `action` does not find it.
 
     The orbit found is only a witness. All that matters is checked here: it closes, its points are
     in the order of the rotation, and R > 0 up to rounding, unlike for any minimizing orbit.

@@ -7,7 +7,7 @@
 A search is a function of (profile, tol, start=None) that returns a CriticalScale. For each class
 the script prints
 
-    cases, answered  rows searched, and those with a value (status OK or WIDE);
+    cases, answered  number of rows searched, and of those with a value (status OK or WIDE);
     value            false values: farther from the table's value than both errors together;
     lower            false lower ends: above a scale beyond which no circle exists;
     upper            false upper ends: below a scale at which a circle exists;
@@ -31,12 +31,12 @@ from judged import table
 
 from nasm.results import Status
 
-WARM = (1.0, 0.3), (0.3, 0.2, 0.25)  # kernels compile before the clock starts
+WARM = (1.0, 0.3), (0.3, 0.2, 0.25)  # compile the kernels before the clock starts
 
 
 @dataclass(frozen=True)
 class Score:
-    """The result of one row. false : names of the fields of `found` that the row contradicts."""
+    """The result for one row. false : names of the fields of `found` that the row contradicts."""
 
     row: object
     found: object
@@ -69,7 +69,7 @@ def score(search, row, tol):
     start = {} if row.start is None else {"start": row.start}
     try:
         result = search(row.profile, tol, **start)
-    except Exception as error:  # to fail on a row is also a result
+    except Exception as error:  # a failure on a row is also a result
         print(f"row {row.number}: {type(error).__name__}: {error}", file=sys.stderr)
         return Score(row, None, time.process_time() - begun, ())
     return Score(row, result, time.process_time() - begun, contradictions(row, result))
@@ -118,9 +118,9 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--tol", type=float, default=1e-3)
     parser.add_argument("--search", default="nasm.barriers:critical_scale", metavar="MODULE:NAME")
-    parser.add_argument("--classes", help="only these, separated by commas")
-    parser.add_argument("--images", type=int, help="only so many exact images of each judged row")
-    parser.add_argument("--minutes", type=float, default=10.0, help="CPU time to stop after")
+    parser.add_argument("--classes", help="score only these classes, separated by commas")
+    parser.add_argument("--images", type=int, help="at most this many images of each judged row")
+    parser.add_argument("--minutes", type=float, default=10.0, help="stop after this much CPU time")
     options = parser.parse_args(arguments)
     module, _, name = options.search.partition(":")
     search = getattr(import_module(module), name)

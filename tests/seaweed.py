@@ -17,7 +17,7 @@ from pipeline.store import place as places
 
 SECRET = "not-to-be-found-anywhere"
 _WEED = shutil.which("weed") or shutil.which("weed", path=Path(os.sys.executable).parent)
-_SERVERS = "master", "volume", "filer", "s3"  # each has a port, and another for gRPC
+_SERVERS = "master", "volume", "filer", "s3"  # each has two ports, one of them for gRPC
 
 
 @contextmanager

@@ -176,7 +176,7 @@ def misses(orbit, kappa, p, q, kind):
     if np.abs(force).max() > 1e-12:
         return f"a force of {np.abs(force).max()}"
     if not is_ordered(x, len(kappa), p, q):
-        return "no order"
+        return "not ordered"
     if np.abs(curvatures).min() > 1e-9 and (curvatures < 0).sum() != kind:
         return f"curvatures {curvatures[:3]}"
     return ""

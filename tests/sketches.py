@@ -10,7 +10,7 @@ SAVE = Figure.savefig
 
 @contextmanager
 def sketches():
-    """Draw figures once, at low resolution; leave PDFs, which would take as long again, empty."""
+    """Draw figures at low resolution; leave PDFs empty, as they would take as long again."""
 
     def save(figure, file, **how):
         if how["format"] != "pdf":

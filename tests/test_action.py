@@ -1,4 +1,4 @@
-"""Ordered orbits found by the action, against high precision, brute force and continuation."""
+"""Ordered orbits by the action, compared with high precision, brute force and continuation."""
 
 import mpmath
 import numpy as np
@@ -40,8 +40,9 @@ def test_residues_without_a_symmetry_agree_with_a_fifty_digit_computation(family
 
 
 def test_a_breakup_beyond_a_near_miss_is_found_by_residues_not_by_norms():
-    # The ray passes 4e-4 below another sheet of the boundary, at 0.5195. Circles below it seem
-    # about to break there; the residues of long orbits fall beyond it and rise only at the breakup.
+    # The ray passes 4e-4 below another sheet of the boundary, at 0.5195. Circles below that scale
+    # seem about to break there. The residues of long orbits fall beyond it, and rise only at the
+    # breakup.
     omega, profile = parse("[0;1,2,1,3,1,2,(1)]"), rotating_forcing(*ray(160), "1/3", 0)
     by_norms = continuation.critical_scale(omega, profile, 1e-3)
     assert by_norms.status is Status.UNDECIDED
@@ -56,8 +57,8 @@ def test_a_breakup_beyond_a_near_miss_is_found_by_residues_not_by_norms():
 
 
 def test_far_beyond_the_breakup_orbits_are_lost_or_have_large_residues():
-    # No ordered orbit passes the first place tried in the gap. This was once mistaken for a flat
-    # action.
+    # No ordered orbit passes through the first place tried in the gap. This was once mistaken for a
+    # flat action.
     kappa = 0.5585 * np.array([0.0494274894847, 0.792760428306, -0.139033252069, 0.792760428306])
     for fraction in distinct_convergents(parse("[0;1,4,1,4,(1)]"), 200)[-3:]:
         residue = periodic.residue(kappa, fraction.numerator, fraction.denominator)
@@ -90,7 +91,7 @@ def test_a_minimax_orbit_that_is_not_a_maximum_along_any_site_is_found():
 
 
 def _random_cases(n_profiles, kicks, n_fractions, seed):
-    """Yield kappa, p, q up to twice the breakup of the last circle; repeat some forcings."""
+    """Yield kappa, p, q up to twice the breakup of the last circle; some forcings repeat kicks."""
     random = np.random.default_rng(seed)
     for n in range(n_profiles):
         period = kicks[n % len(kicks)]
@@ -115,7 +116,7 @@ def test_every_short_orbit_is_found_up_to_twice_the_breakup(judge, kicks, n_prof
     assert len(cases) == n_profiles * n_fractions
     judged = agreed = 0
     for kappa, p, q in cases:
-        pair = action.ordered_orbits(kappa, p, q)  # no LostError
+        pair = action.ordered_orbits(kappa, p, q)  # raises no LostError
         if pair[1].residue == 0:
             continue
         for kind, orbit in enumerate(pair):

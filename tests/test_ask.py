@@ -35,7 +35,7 @@ def lengthened(kicks):
         ("0.3 0.2\n0.5\n\n1,2,3\n", [[0.3, 0.2], [0.5], [1, 2, 3]]),
     ],
 )
-def test_a_file_holds_one_forcing_or_one_in_each_line(text, forcings):
+def test_a_file_contains_one_forcing_or_one_on_each_line(text, forcings):
     result, is_table = forcings_in(text.encode())
     assert [forcing.tolist() for forcing in result] == forcings
     assert is_table == (len(forcings) > 1)
@@ -71,7 +71,7 @@ def test_json_contains_the_verdict(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_table_is_answered_line_by_line_and_keeps_answers_if_interrupted(tmp_path, monkeypatch):
+def test_a_table_is_answered_line_by_line_and_an_interrupt_loses_no_answer(tmp_path, monkeypatch):
     (tmp_path / "many.csv").write_text("a,b\n0.3,0.2\n1.2,0.9\n0,0\n")
     result = invoke("ask", tmp_path / "out", str(tmp_path / "many.csv"))
     assert result.exit_code == 0, result.output
@@ -107,7 +107,7 @@ def test_a_file_with_conflicting_arguments_is_refused(words, reason, tmp_path, m
     assert (result.exit_code, reason in " ".join(result.output.split())) == (2, True), result.output
 
 
-def test_upper_for_a_long_period_is_just_above_that_for_the_short_one():
+def test_upper_for_a_long_period_is_just_above_the_breakup_for_the_short():
     short, long = critical_scale(SHORT, 1e-3), critical_scale(lengthened(SHORT), 1e-3)
     assert long.status is Status.TOO_LONG
     assert np.isnan([long.value, long.error, long.lower]).all()
@@ -122,7 +122,7 @@ def test_for_a_long_period_transport_is_shown_but_barriers_are_not():
     assert beyond.boundary.upper <= 1
 
 
-def test_a_failed_proof_for_a_long_period_says_what_the_theorem_requires(tmp_path):
+def test_a_failed_proof_for_a_long_period_states_what_the_theorem_requires(tmp_path):
     answer = verdict(lengthened(2 * SHORT), prove=True)
     assert (answer.answer, answer.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
     assert (answer.proof.proved, "up to 64" in answer.proof.reason) == (False, True)

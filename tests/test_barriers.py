@@ -1,4 +1,4 @@
-"""The last barrier against κ_G, other circles, other methods and symmetries; misled searches."""
+"""The last barrier compared with κ_G, other circles, methods and symmetries; misled searches."""
 
 import time
 from dataclasses import replace
@@ -185,7 +185,7 @@ def test_near_a_shorter_period_the_value_is_right_or_missing(profile, tol, break
     assert not result.lower >= min(breakup + about, result.upper)
     assert breakup - about < result.upper < top
     assert np.isnan(result.value) or abs(result.value - breakup) < result.error + about
-    if len(profile) == 2:  # residues do not resolve the cusp, and contradict nothing
+    if len(profile) == 2:  # residues do not resolve the cusp and give no value
         assert result.status is Status.NEAR_CUSP
         assert np.isnan([result.value, result.error]).all()
 
@@ -254,7 +254,7 @@ def test_the_results_for_20_random_forcings_are_correct():
         assert inside == np.inf
         escaped += outside < np.inf
     assert decided >= 0.9 * 20
-    assert escaped >= 0.8 * 20  # the other orbits take longer
+    assert escaped >= 0.8 * 20  # under the other forcings, an escape takes longer
 
 
 WRONG = [*product([ray(30)], [0.99, 1.01], [1e-2]), *product([GENERIC], [0.98, 1.02], [1e-2])]
@@ -278,7 +278,7 @@ def test_a_wrong_breakup_by_residues_does_not_mislead_the_search(case, monkeypat
 
 
 def misled(monkeypatch, candidates):
-    """Replace the candidates of the first rounds of the search by these, a list for each round.
+    """Make the first rounds of the search use these candidates, a list for each round.
 
     Returns the list that collects the forcing of every round.
     """
@@ -361,7 +361,7 @@ def compiled():
 @pytest.mark.parametrize("seconds", [2, 6])
 @pytest.mark.parametrize("period", [9, 24, 64])
 def test_a_search_ends_within_the_seconds_allowed(period, seconds, compiled):
-    """It may first answer the question that is open when the time runs out."""
+    """The search may first finish the question in progress when the time runs out."""
     profile = np.random.default_rng(64).normal(size=period)
     begun = time.thread_time()
     result = critical_scale(profile, 1e-4, seconds=seconds)
@@ -374,7 +374,7 @@ def test_a_search_from_another_start_is_not_converged_if_its_time_runs_out():
     assert result.status is Status.NOT_CONVERGED
 
 
-def test_without_effort_for_a_circle_above_the_bracket_upper_is_missing(monkeypatch):
+def test_upper_is_missing_if_no_questions_remain_for_a_circle_above_it(monkeypatch):
     monkeypatch.setattr(barriers, "_eliminated_above", lambda _, tol, at: (at.outside, GAMMA))
     result = critical_scale(ray(30), 1e-3, effort=barriers.Effort(max_questions=0))
     assert result.status is Status.NOT_CONVERGED
@@ -393,7 +393,7 @@ def test_without_a_circle_certified_near_the_breakup_the_status_is_wide(monkeypa
 def test_near_the_cusp_results_are_consistent_or_have_no_value(offset):
     tip = KAPPA_G * 2**0.5
     results = [critical_scale(ray(45 - offset), tol) for tol in (1e-3, 1e-4)]
-    # Neither tolerance excludes what the other shows.
+    # The results for the two tolerances do not contradict each other.
     lower = max((scale.lower for scale in results if not np.isnan(scale.lower)), default=0)
     upper = min(scale.upper for scale in results)
     assert lower < upper < tip * (1 + 1e-4)
@@ -431,7 +431,7 @@ def test_without_a_certified_circle_there_is_no_last_circle():
     nothing = CriticalScale(1.0, 0.1, np.nan, 2.0, GAMMA, Status.OK)
     with pytest.raises(ValueError, match=r"lower=nan.*tol=1e-3"):
         barriers.last_circle(nothing, (1, 0))
-    wrong = CriticalScale(2.0, 0.1, 1.98, 2.0, GAMMA, Status.OK)  # the circle breaks at 0.97
+    wrong = CriticalScale(2.0, 0.1, 1.98, 2.0, GAMMA, Status.OK)  # the circle breaks at 0.486
     assert barriers.last_circle(wrong, (1, 0)).status is Status.NOT_CERTIFIED
 
 

@@ -1,4 +1,4 @@
-"""What captions say where there is little to say: no nan, and percentages in plain digits."""
+"""Captions for results with little to report: no nan, and percentages in plain digits."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The checker's own bounds: never below what they bound, and never twice as large."""
+"""The checker's own bounds: never below the quantity they bound, and never twice as large."""
 
 from fractions import Fraction
 from itertools import combinations, product

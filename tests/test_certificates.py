@@ -176,7 +176,7 @@ def test_what_a_certificate_says_is_bound_to_what_it_proves(name, changes, reaso
 @pytest.mark.parametrize(("name", "bit"), [("barrier", -22), ("ray", -10), ("fan", -10)])
 def test_a_circle_with_changed_functions_is_refused(name, bit, made):
     moves = made[name]["moves"]
-    narrow = [functions[:1] for functions in moves["numbers"]]  # which do not depend on t
+    narrow = [functions[:1] for functions in moves["numbers"]]  # these do not depend on t
     if name == "fan":
         refuted(made[name], {"moves": moves | {"numbers": narrow}}, "inequality")
     for k in (1, 2, 5):
@@ -295,7 +295,7 @@ def matrix_without_an_inverse():
         return proofs.transport.prove((1.0, 1.0, 5.0)).certificate()
 
 
-ALONE = [  # the line, its replacement, why it refuses, and the certificate
+ALONE = [  # the line, its replacement, the reason for refusal, and the certificate
     ("points[0][1] != points[-1][1]", "True", "images", polygon_at_one_height),
     ("2 * (s + delta) <= piece + 1", "True", "corner", box_across_a_corner),
     ("if pivot <= 0:", "if pivot < 0:", "does not apply", matrix_without_an_inverse),

@@ -1,4 +1,4 @@
-"""Unsound one-token changes of the proofs: those that tests noticed earlier still are noticed."""
+"""Unsound one-token changes of the proofs: those that tests noticed earlier are still noticed."""
 
 import subprocess
 import sys

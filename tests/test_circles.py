@@ -131,7 +131,7 @@ def test_a_circle_without_a_symmetry_centre_is_shifted_by_a_whole_period():
 
 
 def naive_circle(n, kappa_end, step):
-    """Return κ, u of the last apparent circle of the standard map: n modes and small updates."""
+    """Return κ, u of the last circle of the standard map that n modes and small updates suggest."""
     u, kappa = np.zeros((1, n)), 0.0
     while kappa < kappa_end:
         trial, change, steps = u, 1.0, 0
@@ -231,7 +231,7 @@ def test_just_below_the_breakup_enough_modes_certify_the_circle():
 
 
 def test_on_far_too_fine_a_grid_rounding_hides_a_circle():
-    # Starting from the rigid rotation, rounding errors in the high modes dominate.
+    # If the start is the rigid rotation, rounding errors in the high modes dominate.
     start = np.zeros((2, 16384))
     assert not circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384, start=start).certified
     adapted = circles.invariant_circle(GAMMA, (0.45, 0), n_max=16384)

@@ -1,4 +1,4 @@
-"""The boundaries CB_ω: which method is used, how accurate it is; nothing uncertain is drawn."""
+"""The boundaries CB_ω: which method is used and how accurate it is; nothing uncertain is drawn."""
 
 from contextlib import suppress
 from itertools import takewhile

@@ -64,7 +64,7 @@ def test_the_console_script_is_the_overview():
 
 
 @pytest.mark.parametrize("command", ["ask", pytest.param("escape_plane", marks=pytest.mark.slow)])
-def test_without_the_compiler_a_command_says_in_one_sentence_what_to_unset(command, tmp_path):
+def test_without_the_compiler_one_sentence_states_what_to_unset(command, tmp_path):
     arguments = ["0.3"] if command == "ask" else []
     result = subprocess.run(
         [sys.executable, "-m", f"workflows.{command}", *arguments, f"--out={tmp_path}"],

@@ -79,7 +79,7 @@ def test_breakups_for_tails_other_than_golden_have_adequate_errors(tail):
             assert result.lower < judge.value
         if tail in continuation.UNSTABLE_EIGENVALUES:
             assert result.error < 1e-4
-        elif result.status is Status.OK:  # a fifth of the distance from the last circle, or more
+        elif result.status is Status.OK:  # error ≥ a fifth of the distance from the last circle
             assert result.error > 1e-4
         if judge.status is result.status is Status.OK:
             assert abs(result.value - judge.value) <= result.error + judge.error
@@ -115,8 +115,8 @@ def test_without_enough_circles_there_is_a_status_and_no_value(
 
 
 # A forcing close to two forcings of shorter period, where the depths of both cusps count; and those
-# of 240 random rays on which, at the finest tolerance, half the spread of the estimates was too
-# small as an error, by a factor of up to 1.67.
+# of 240 random rays on which, at the finest tolerance, half the spread of the estimates was smaller
+# than the true error, by a factor of up to 1.67.
 NEAR = (-1.015869172540561, -1.0154541970028859, -1.015869172540561, -1.0151179126561691)
 ANGLES = np.random.default_rng(1401).uniform(0, 180, 240)
 HARD = [("gamma", NEAR, 1e-4, 0.02)]

@@ -102,7 +102,7 @@ def test_data_lost_during_a_sweep_are_reported_at_its_end(here, tmp_path):
 
 def test_reading_warns_of_lost_data_but_not_of_tiles_yet_to_be_computed(place):
     fill(place, toy.cube(), [(0, 0), (1, 2), (2, 2)])
-    cube = store.read(place, "toy").load()  # warnings are errors
+    cube = store.read(place, "toy").load()  # any warning would be an error
     assert np.isnan(cube.wave).any()
     put(place, "toy.zarr/wave/c/0/1/2", None)
     cube = store.read(place, "toy")
@@ -239,7 +239,7 @@ def test_a_store_without_digests_is_read_but_not_repaired(on_disk):
     put(on_disk, chunk, get(on_disk, chunk)[::-1])
     result = invoke("verify", on_disk, "--repair")
     assert (result.exit_code, "toy: 1 tile damaged\n" in result.output) == (1, True)
-    assert "not all is repaired: now run the commands" in result.output
+    assert "not everything is repaired: now run the commands" in result.output
     assert missing(on_disk, plan) == set()
     store.create(on_disk, plan, US)
     result = invoke("verify", on_disk, "--repair")
@@ -269,7 +269,7 @@ def test_control_characters_in_a_store_are_not_printed(on_disk, tmp_path):
     words = "\x1b]0;title\x07\nother: sound\u202e"
     fill(on_disk, toy.cube(), [(1, 1)])
     put(on_disk, "toy.zarr/.failed/0.0", words.encode())
-    shutil.copytree(on_disk.cube("toy"), on_disk.cube("named"))  # gets a variable named `words`
+    shutil.copytree(on_disk.cube("toy"), on_disk.cube("named"))  # `words` will name a variable here
     os.rename(f"{on_disk}/named.zarr/sign", f"{on_disk}/named.zarr/lost")
     metadata = get(on_disk, ROOT).replace(b'"sign"', json.dumps(words).encode())
     put(on_disk, "named.zarr/zarr.json", metadata)

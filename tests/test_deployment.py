@@ -1,4 +1,4 @@
-"""A sweep that runs as on a cluster and writes to an object store.
+"""A sweep that runs as it would on a cluster and writes to an object store.
 
 Scheduler, workers and driver are separate processes that communicate over TLS. The object store is
 a real S3 server.
@@ -30,7 +30,7 @@ from pipeline import store
 
 SIDE = 32
 NAME = "least_residue"
-PATIENCE = 600  # seconds, as workers may have to compile kernels
+PATIENCE = 600  # seconds; workers may have to compile kernels
 
 
 def least_residue(kappa):

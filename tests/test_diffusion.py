@@ -42,7 +42,7 @@ def test_diffusion_rates_of_equivalent_forcings_agree():
         assert abs(one.value - factor * other.value) < 4 * error < 0.5 * one.value
 
 
-def test_the_error_matches_the_scatter_of_other_orbits():
+def test_the_error_matches_the_scatter_of_results_from_other_orbits():
     results = [diffusion((1.6, 1.1 + 1e-7 * i), 256) for i in range(60)]
     scatter = np.std([each.value for each in results], ddof=1)
     assert scatter == pytest.approx(np.mean([each.error for each in results]), rel=0.3)
@@ -66,7 +66,7 @@ def test_with_a_barrier_or_an_accelerator_mode_there_is_no_value():
         (np.nan, 3, ". Not decided: "),
     ],
 )
-def test_the_rules_can_say_no(ratio, exponent, expected):
+def test_the_rules_can_reject_a_statement_or_leave_it_undecided(ratio, exponent, expected):
     excess = xr.DataArray(np.geomspace(0.05, 3.2, 16), dims="excess")
     flux = 0.01 * excess**exponent * xr.DataArray(np.ones(3), {"angle": [0.0, 20, 45]}, "angle")
     fields = {"diffusion": ratio * flux, "error": 0.05 * ratio * flux, "ratio": ratio + 0 * flux}

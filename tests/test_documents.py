@@ -77,12 +77,12 @@ def test_a_command_in_the_readme_exists_and_accepts_the_options_shown(call):
 @pytest.mark.slow
 @pytest.mark.parametrize("call", dict.fromkeys(CALLS))
 def test_a_command_in_the_readme_succeeds_in_a_dry_run(call, tmp_path):
-    """Its options are those shown, but it runs in an empty folder."""
+    """The command runs with the options shown, but in an empty folder."""
     _, _, module, *options = shlex.split(call)
     main = main_of(module.removeprefix("workflows."))
     flags = [flag for parameter in main.params for flag in parameter.opts]
     if "--dry-run" not in flags or "--scheduler" in options:
-        pytest.skip("it does not sweep, or the cluster's lines run it")
+        pytest.skip("it does not sweep, or needs the cluster that other lines start")
     with chdir(tmp_path):
         result = CliRunner().invoke(main, [*options, "--dry-run"])
     assert result.exit_code == 0, result.output
@@ -111,7 +111,7 @@ def test_every_command_has_a_row_and_every_module_an_equation():
     rows = (ROOT / "workflows" / "README.md").read_text(encoding="utf-8")
     assert [name for name in commands() if f"`{name}" not in rows] == []
     table = (ROOT / "nasm" / "README.md").read_text(encoding="utf-8")
-    shared = {"__init__", "checks", "tables", "texts", "types", "versions"}  # no equation
+    shared = {"__init__", "checks", "tables", "texts", "types", "versions"}  # without an equation
     names = {path.stem for path in (ROOT / "nasm").glob("*.py")} - shared
     assert [name for name in sorted(names) if f"`{name}.py" not in table] == []
 
@@ -183,7 +183,7 @@ WITH_SHELL = [page for page in DOCUMENTS if shell_lines(page)]
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_SHELL, ids=lambda path: path.stem)
 def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
-    """All run in one folder, which holds the page's JSON as a file.
+    """All lines run in one folder, which contains the page's JSON as a file.
 
     The processes of the cluster run on this machine. The explorer is asked for its page, and then
     stopped with Ctrl-C. The sweep on the cluster computes only a few rays; the main job, which the

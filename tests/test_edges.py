@@ -126,7 +126,7 @@ def test_masked_values_and_strings_are_refused_and_the_argument_is_named(functio
             [np.ma.array(v, mask=m) for v, m in zip(value, mask, strict=True)],
         ]
     if (function, name) == (escape.boundary, "escape_time"):
-        bad = bad[1:2]  # masked times are allowed: they are unknown
+        bad = bad[1:2]  # masked times are allowed and count as unknown
     for values in bad:
         with pytest.raises(ValueError, match=f"{name}=|{name} |deviations=|ω"):
             called(function, good(function) | {name: values})

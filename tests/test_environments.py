@@ -1,4 +1,4 @@
-"""Unusual settings of a session, machine or site make no command crash or lose a result."""
+"""With unusual settings of a session, machine or site, no command crashes or loses a result."""
 
 import os
 import subprocess
@@ -40,7 +40,7 @@ def test_characters_that_an_encoding_lacks_are_escaped(encoding):
         ("exec >/dev/full ;", 1, "Error: standard output cannot be written: No space left"),
     ],
 )
-def test_a_closed_or_full_stream_makes_no_command_crash_or_lose_results(redirection, code, words):
+def test_with_a_closed_or_full_stream_no_command_crashes_or_loses_results(redirection, code, words):
     result = python(*HELP, shell=redirection)
     output = (result.stdout + result.stderr).decode()
     assert result.returncode == code
@@ -94,7 +94,7 @@ def test_a_command_on_windows_prints_one_sentence(name):
 
 
 @pytest.mark.parametrize("package", ["nasm", "pipeline"])
-def test_an_import_on_windows_says_why_it_fails(package):
+def test_an_import_on_windows_states_why_it_fails(package):
     result = python("-c", f"{WITHOUT}import {package}")
     assert result.returncode == 1
     *_, line = result.stderr.decode().splitlines()
@@ -154,7 +154,7 @@ SETTINGS = {
 
 @pytest.mark.slow
 def test_a_sweep_runs_under_the_settings_of_other_programs(tmp_path):
-    """All settings apply at once, in a session in which sitecustomize makes further ones."""
+    """All settings apply at once, in a session in which sitecustomize makes further settings."""
     (tmp_path / "sitecustomize.py").write_text(SESSION)
     (tmp_path / "matplotlibrc").write_bytes("# größer\nfont.size: 20".encode("latin-1"))
     paths = {"PYTHONPATH": f"{tmp_path}:{ROOT}", "MATPLOTLIBRC": f"{tmp_path}/matplotlibrc"}

@@ -89,7 +89,7 @@ def test_long_escape_times_follow_the_distribution_of_the_definition(kappa):
     for others in (oracles.escape_time(kappa, x, y, 5000), single):
         assert (ours != others).any()  # the orbits are chaotic, so times are random draws
         assert 200 < np.isfinite(ours).sum() < 3999
-        # At (1.5, 1.5), kicks 3% stronger would have a p-value of 1e-5.
+        # At (1.5, 1.5), kicks 3% stronger would give a p-value of 1e-5.
         assert ks_2samp(np.minimum(ours, 5001), np.minimum(others, 5001)).pvalue > 1e-3
 
 

@@ -49,7 +49,7 @@ def test_no_command_takes_more_than_ten_minutes_on_two_cores_by_default(tmp_path
             assert hours * 3600 / (2 if "--workers" in options else 1) < LONGEST, output
 
 
-def test_without_python_flint_commands_that_prove_say_what_to_install(tmp_path):
+def test_if_python_flint_is_missing_proving_commands_state_what_to_install(tmp_path):
     for name, (code, output, *_) in run(tmp_path / "out", PROVING, 1, "flint", "bokeh").items():
         assert code == (name != "work_precision"), f"{name}: {output}"
         assert code == 0 or "pip install 'nasm-transport[proof]'" in output

@@ -128,7 +128,7 @@ def test_known_pixels_are_not_computed_again():
     known = Field(*VIEW.centres(), times, 300)
     _, n_forcings = pictures(VIEW, 300, [known])
     assert n_forcings == 0
-    _, n_forcings = pictures(VIEW, 100, [known])  # known for fewer steps too
+    _, n_forcings = pictures(VIEW, 100, [known])  # the pixels are known for fewer steps too
     assert n_forcings == 0
     moved = View((0.85, 1.15), (0.0, 0.3), (54, 54))
     (first, *_), n_forcings = pictures(moved, 300, [known])
@@ -218,7 +218,7 @@ def test_a_zoomed_view_has_few_rays_except_where_the_last_circle_changes(change,
         ((1e-3, 1e-3), "chaotic (averages"),
     ],
 )
-def test_an_orbit_is_described_as_a_circle_periodic_on_islands_or_chaotic(start, expected):
+def test_orbits_are_described_as_circles_periodic_in_islands_or_chaotic(start, expected):
     assert expected in describe_orbit(np.array([0.5, 0.4]), *start)
 
 
@@ -552,7 +552,7 @@ _POST = "POST / HTTP/1.1\r\nHost: localhost\r\n"
 async def said_to(port, text):
     """Send a text as a slow client would; return the first line of the answer.
 
-    It is b"" if the server closes the connection.
+    The line is b"" if the server closes the connection.
     """
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     writer.write(text.encode())
@@ -711,7 +711,7 @@ def test_workers_count_as_started_while_kernels_are_being_compiled(monkeypatch):
     thread = threading.Thread(target=shared.prepare)
     thread.start()
     assert compiling.wait(60)
-    assert shared.connected.is_set()  # all that Ctrl-C waits for
+    assert shared.connected.is_set()  # Ctrl-C waits for nothing else
     assert not shared.loaded["portrait"].is_set()
     ended.set()
     thread.join()
@@ -737,6 +737,6 @@ def test_orbits_that_are_not_found_are_named_and_short_ones_are_drawn(monkeypatc
     )  # fmt: skip
 
 
-def test_a_resonance_without_lobes_says_why():
+def test_the_absence_of_the_lobes_of_a_resonance_is_explained():
     _, words = on_demand.resonance((0.0, 0.0), Fraction(1, 2), (0.0, -0.5, 1.0, 1.0))
     assert "No turnstile at its upper edge: the minimizing orbit of 1/2 is not hyperbolic" in words

@@ -230,7 +230,7 @@ def test_a_page_that_cannot_connect_says_so(opened, chromium, served):
     assert not opened[0].get_by_text(words).is_visible()
 
 
-# The focused element, inside shadow roots too, by the name that a screen reader announces.
+# Returns the name that a screen reader announces for the focused element, in shadow roots too.
 _FOCUS = """() => {
     let at = document.activeElement
     while (at.shadowRoot?.activeElement) at = at.shadowRoot.activeElement
@@ -276,7 +276,7 @@ def test_pictures_and_fields_follow_the_system_s_dark_mode(opened):
         below = tab.evaluate("getComputedStyle(document.body).backgroundColor")
         for colour in (field, below):
             assert (max(map(int, re.findall(r"\d+", colour)[:3])) < 60) == dark, colour
-        # The page learns of the change when a frame is drawn, which may be later.
+        # The page notices the change when the next frame is drawn, which may be later.
         wait(tab, painted, "#16181a,#ddd" if dark else "#222,#fff")
 
 
@@ -468,7 +468,7 @@ def test_a_link_in_another_tab_shows_the_same_page(opened, chromium, served):
 _NEVER = """
 import sys, time
 from workflows.explore import server
-server.Shared.prepare = lambda shared: None  # neither workers nor kernels come
+server.Shared.prepare = lambda shared: None  # neither workers nor kernels become ready
 from workflows.explore.__main__ import main
 main(["--port", "0", "--no-browser", "--out", sys.argv[1]])
 """

@@ -1,4 +1,4 @@
-"""The Farey tree of residues finds circles that searches miss, and none beyond breakup.
+"""The Farey tree of residues finds circles that searches miss, but no circle beyond breakup.
 
 Just beyond breakup, the last circle is among its candidates.
 """
@@ -35,7 +35,7 @@ def test_the_tree_finds_circles_whose_survivors_searches_miss(case):
     kappa = np.multiply(*case)
     omega, nobles, _ = farey.find_existing_circle(kappa)
     assert oracles.residues_fall(omega, kappa, 3000)
-    # At least one is certified: others may be too close to their own breakup for that.
+    # At least one of the circles is certified; others may be too close to their own breakup.
     named = [omega] + [one for one in nobles[:6] if farey.circle_exists(one, kappa)]
     assert any(barriers._is_certified(one, kappa, 20_000) for one in named)
 
@@ -49,7 +49,7 @@ def test_the_tree_finds_circles_whose_survivors_searches_miss(case):
     ],
 )
 def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega, scale, exists):
-    # In each case the residues of two or three convergents fall; only those of ten decide.
+    # In each case the residues of two or three convergents fall; only the residues of ten decide.
     kappa = scale * np.array(profile)
     assert farey.circle_exists(omega, kappa) == exists
     assert oracles.residues_fall(omega, kappa, 3000) is exists

@@ -36,7 +36,7 @@ def contents(folder):
 
 
 @pytest.mark.parametrize("writer", WRITERS)
-def test_a_kill_while_a_file_is_written_keeps_the_earlier_file(tmp_path, monkeypatch, writer):
+def test_a_command_killed_while_writing_a_file_keeps_the_old_file(tmp_path, monkeypatch, writer):
     WRITERS[writer](tmp_path)
     for path in contents(tmp_path):
         path.write_bytes(b"of an earlier run")

@@ -1,4 +1,4 @@
-"""A worker's first call compiles the kernels of a job, so that no tile waits: two tiles of each."""
+"""A worker's first call compiles all kernels of a job: after it, two tiles load no kernel."""
 
 import json
 import subprocess

@@ -45,7 +45,7 @@ def test_the_difference_in_action_is_the_area_of_the_turnstile(kappa, p, q):
 
 
 def test_the_action_difference_of_fixed_points_is_the_potential_difference():
-    # Between (0, 0) and (1/2, 0) it is exactly the difference in potential.
+    # The orbits are (0, 0) and (1/2, 0), whose actions differ exactly as their potentials do.
     assert action_difference((0.8,), 0, 1) == pytest.approx(0.8 / (2 * math.pi**2), rel=1e-14)
 
 

@@ -47,7 +47,7 @@ def main(run, omega, plane, n_rays, n_cusp_rays, tol, q_max):
 
     angles = rays.ray_angles(plane, n_rays, n_cusp_rays)
     omega = list(omega.values()) or rays.PAPER_CIRCLES
-    # The first sweep loads the kernels for all of them.
+    # The first sweep loads the kernels for all sweeps.
     wanted = [last_barrier(plane, angles, 1e-3), breakdown.by_residue(plane, omega, angles, q_max)]
     if not any(plane.origin):
         wanted.append(breakdown.by_continuation(plane, omega, angles, tol, q_max))

@@ -6,9 +6,9 @@ circles by continuation, and by Greene's residue where continuation does not rea
 rays do not start at zero; and CB_gt itself, bracketed by a certified circle (below) and converse
 KAM (above), with the last circle to break.
 
-Its cubes, three tables and a figure in OUT. The defaults take about 80 CPU seconds. Direct
-iteration of the paper's size is --first -1.1:1.1:1024 --second 0:1.1:512 --levels 5 --n-max 1000000
---n-orbits 10000.
+Cubes, three tables and a figure in OUT. The defaults take about 80 CPU seconds. For direct
+iteration of the paper's size, add --first -1.1:1.1:1024 --second 0:1.1:512 --levels 5
+--n-max 1000000 --n-orbits 10000.
 """
 
 import click

@@ -3,9 +3,9 @@
 On each ray, s_N is the smallest scale above which at least one orbit of the ensemble leaves the
 window within N steps (periods of the forcing; arXiv:1606.04824, Sec. V.B). It is compared with the
 breakup s_c of `last_barrier`. First escape times are computed from s = 2·s_c inwards, at thirty
-scales per decade of s/s_c - 1, down to the first scale without escape: only that one costs all N
-steps of all M orbits. The insets of Fig. 6 show how often one long orbit visits each part of the
-unit cell.
+scales per decade of s/s_c - 1, down to the first scale without escape; only at that scale does
+every orbit take all N steps. The insets of Fig. 6 show how often one long orbit visits each part of
+the unit cell.
 
 Three cubes, a table and two figures in OUT. The defaults take about three CPU minutes; the time is
 proportional to the numbers of steps and orbits.

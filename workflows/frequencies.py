@@ -6,7 +6,7 @@ circle breaks for fractions Ω = p/q and several phases φ0, or the last torus f
 tend to the scale of Ω?
 
 The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(1)], √5 - 2, √2 - 1,
-1 - 1/√2, π - 3, 1/e and 1 - 1/τ - 1/τ², τ the tribonacci constant.
+1 - 1/√2, π - 3, 1/e and 1 - 1/τ - 1/τ², where τ is the tribonacci constant.
 
 A cube, a table and a figure in OUT. The defaults take about 19 CPU minutes, --quick two.
 """
@@ -24,7 +24,7 @@ ALSO = "3/19", "7/17", "8/21"
 
 
 def parse_frequency(text):
-    """Return a Fraction with a denominator up to 64, or a float that is not too close to one."""
+    """Return a Fraction, q up to 64, or a float that is not too close to such a fraction."""
     from nasm.checks import fraction
     from nasm.texts import parse_float, short_repr
 

@@ -1,7 +1,7 @@
 """How do barriers break in the rotating standard map, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ)?
 
-In the (κ̄, Δκ) plane (arXiv:1606.04824, Sec. VII, Figs. 10 and 11), where T_{κ1κ2} is the case
-Ω = 1/2: its circles, CB_gt, and the onset of transport by direct iteration. The breakup of
+Computes circles, CB_gt and, by direct iteration, the onset of transport for T_{κ1κ2}, the case
+Ω = 1/2, in the (κ̄, Δκ) plane (arXiv:1606.04824, Sec. VII, Figs. 10 and 11). The breakup of
 two-dimensional tori is estimated by residues of long orbits whose rotation vectors approximate
 theirs; `tori` certifies tori, and shows where converse KAM excludes all others, whatever their ω.
 

@@ -1,14 +1,15 @@
 """Where do the barriers of three kicks outlast those of two? The rotating map with Ω = 1/3.
 
-Compares its boundary in the (κ̄, Δκ) plane for several phases φ0, bracketed from both sides, with
-the last circles, to that of T_{κ1κ2}, the case Ω = 1/2 (arXiv:1606.04824, Sec. VII).
+Compares the boundary of this map in the (κ̄, Δκ) plane, for several phases φ0, with that of
+T_{κ1κ2}, the case Ω = 1/2 (arXiv:1606.04824, Sec. VII). Boundaries are bracketed from both sides,
+and the last circles are identified.
 
 For Ω = 1/3 the boundary does not change under φ0 → φ0 + 1/3, which shifts the kicks by one; under
 φ0 → -φ0, which reverses them; under (φ0, Δκ) → (φ0 + 1/2, -Δκ); and under (κ̄, Δκ) → (-κ̄, -Δκ). So
 phases from 0 to 1/12 and both signs of Δκ cover all cases; at 1/12 both signs are equivalent. At
 phases in between, the kicks have no symmetry centre.
 
-A cube for each phase and one of T, a table and a figure in OUT. The defaults take about four CPU
+A cube for each phase and one for T, a table and a figure in OUT. The defaults take about four CPU
 minutes.
 """
 

@@ -69,7 +69,7 @@ def identify(function: Callable[..., Any]) -> tuple[str, set[str]]:
     Returns
     -------
     text : str
-        Identifies the function: unchanged as long as the function and what it refers to are.
+        Identifies the function; it changes only if the function or something it refers to does.
     names : set of str
         Full names of everything that this code uses from other modules, e.g. "nasm.maps.kick".
 
@@ -145,7 +145,7 @@ def _tree(label: str, item: Any) -> ast.Module:
 
 
 def _named(item: Any) -> dict[str, Any]:
-    """Return the values of the names that an item may use."""
+    """Return the names that an item may use, each with its value."""
     if isinstance(item, ModuleType):  # its constants are part of its text
         return {name: value for name, value in vars(item).items() if _is_code(value)}
     if inspect.isclass(item):
@@ -225,6 +225,6 @@ def _value(label: str, value: Any) -> str:
         return repr(cloudpickle.dumps(value))
     except Exception:
         raise ValueError(
-            f"{label}={value!r:.80}: the function names it, and its value cannot be kept; make it "
-            "in the function"
+            f"{label}={value!r:.80}: the function refers to it, but its value cannot be kept; "
+            "create it inside the function"
         ) from None

@@ -69,7 +69,7 @@ def digest(modules: tuple[str, ...]) -> str:
 
 @cache
 def closure(modules: tuple[str, ...]) -> tuple[str, ...]:
-    """List these modules, all that they import, even indirectly, and the packages that hold them.
+    """List modules, all that they import, even indirectly, and the packages that contain them.
 
     Examples
     --------

@@ -28,7 +28,7 @@ MAX_TILE = 2**26
 """Maximum size of a tile in memory, in bytes: one chunk of each array, together."""
 
 MAX_CHUNKS = 10**7
-"""Maximum number of chunks per array, tiles per cube, and labels along all dims together."""
+"""Maximum number of chunks per array, of tiles per cube, and of labels along all dims together."""
 
 MAX_TEXTS = 10**5
 """Maximum number of strings in all arrays together."""
@@ -75,7 +75,7 @@ def arrays_in(root: dict[str, Any], path: str) -> dict[str, Any]:
     if len(nodes) > _MAX_ARRAYS:
         refuse(f"it has more than {_MAX_ARRAYS} arrays")
     if root["zarr_format"] != 3:
-        refuse("it is in another format than zarr 3")
+        refuse("its format is not zarr 3")
     for name, node in nodes.items():
         if oddity := _oddity(name, node):
             refuse(f"{_shown(name)} has {oddity}")
@@ -105,9 +105,9 @@ def _dims(array: dict[str, Any]) -> list[str] | None:
 
 
 def _oddity(name: str, node: dict[str, Any]) -> str:
-    """Name a property of the node that no node of a cube has; "" if there is none."""
+    """Name a property by which the node differs from those of cubes; "" if it does not."""
     if node["zarr_format"] != 3:
-        return "another format than zarr 3"
+        return "a format other than zarr 3"
     if {"", ".", ".."} & {*name.split("/")}:
         return "a name that is not a path"
     if node["node_type"] == "group":
@@ -168,11 +168,11 @@ def _content_size(frame: bytes) -> int:
     n_bytes = (is_single, 2, 4, 8)[descriptor >> 6]
     start = 6 - is_single + (0, 1, 2, 4)[descriptor & 3]  # after the dictionary ID
     if not n_bytes:
-        raise ValueError("a chunk does not say to how many bytes it unpacks")
+        raise ValueError("a chunk does not declare its unpacked size")
     return int.from_bytes(frame[start : start + n_bytes], "little") + 256 * (n_bytes == 2)
 
 
-class VLenUTF8Codec(codecs.VLenUTF8Codec):  # the class name by which zarr finds the codec
+class VLenUTF8Codec(codecs.VLenUTF8Codec):  # zarr finds the codec by this class name
     """Zarr's string codec, restricted to chunks with as many strings as their shape requires."""
 
     async def _decode_single(self, chunk_bytes: "Buffer", chunk_spec: "ArraySpec") -> "NDBuffer":

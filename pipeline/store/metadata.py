@@ -191,7 +191,7 @@ def _parsed(data: bytes) -> dict[str, Any]:
 
 
 def _noted(place: Place, name: str) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return what digests.json holds: the cube's attributes, and {file: its digest}.
+    """Return the contents of digests.json: the cube's attributes, and {file: its digest}.
 
     Both are empty if it does not exist, as in cubes of earlier versions, or is damaged.
     """
@@ -210,7 +210,7 @@ def changes(place: Place, name: str) -> str:
     """Name the files of a cube that were changed or lost since they were written, and the cure.
 
     Files of metadata and coordinates are compared with their digests; in a cube without tiles, all
-    files are.
+    files are compared.
 
     Returns
     -------
@@ -238,7 +238,7 @@ def _digest(data: bytes) -> str:
 
 
 def _check_tiles(place: Place, cube: "Cube", computed_by: str) -> None:
-    """Check tiles without metadata: workers write them if the cube is deleted during a sweep.
+    """Check tiles without metadata, which workers leave if the cube is deleted during a sweep.
 
     Raise Refused unless the checksums in their records show that all tiles with data belong to this
     cube and were computed by the same code.
@@ -282,7 +282,7 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
 
     If its template has all values, the files contain them, compressed.
 
-    by : attributes that state what computed it.
+    by : attributes that state what computed the cube.
     """
     ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
     labels = cube.template.attrs  # first, so that reading them back yields the same order
@@ -339,7 +339,7 @@ def _encoding(dtype: np.dtype, chunks: Sequence[int], *codecs: ZstdCodec) -> dic
     """Return zarr's settings for an array; its fill value stands for missing chunks.
 
     The fill value is the largest or smallest integer, which is never a computed value, or NaN,
-    which may be one.
+    which may also be a computed value.
     """
     encoding: dict[str, Any] = {
         "chunks": tuple(chunks),

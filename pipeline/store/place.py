@@ -99,7 +99,7 @@ class Place:
         with store_errors(self), suppress(*_NOT_THERE):
             file = self.objects().get(key)
             if (size := file.meta["size"]) > most:
-                raise Refused(f"{self}/{key} has {size} bytes, and {most} are read at most")
+                raise Refused(f"{self}/{key} has {size} bytes; at most {most} are read")
             return bytes(file.bytes())
         return b""
 
@@ -184,8 +184,8 @@ def _opened(path: str) -> "ObjectStore":
 def driver_lock(place: Place) -> Iterator[None]:
     """Hold the lock of a directory, created if needed, so that no second driver writes to it.
 
-    Object stores, and directories on file systems without locks, are not locked: two drivers then
-    do the same work twice.
+    Object stores, and directories on file systems without locks, are not locked: there two
+    drivers would do the same work twice.
 
     Raises
     ------

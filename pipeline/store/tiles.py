@@ -73,7 +73,7 @@ def _damaged(place: Place, name: str) -> Refused:
     """Return the error for metadata that cannot be read."""
     return Refused(
         f"the metadata of {place.cube(name)} are damaged, or another program's, or in an earlier "
-        "format; run the workflow that computed it again, to have them written anew or refused"
+        "format; run again the workflow that computed the cube, which rewrites or refuses them"
     )
 
 
@@ -101,7 +101,7 @@ def _check_tiles(arrays: dict[str, Array]) -> None:
     attributes = _attributes(arrays[COMMIT])
     named = {COMMIT, *attributes.get("of_tiles", places)}
     if n_entries != len(ENTRIES) or named != {*places} or len(places) < 2:
-        raise ValueError("the tiles have no records, or nothing else")
+        raise ValueError("the tiles have no records, or no data")
     if not isinstance(attributes["cube"], dict):
         raise TypeError("the records do not name their cube")
     for key, (array, block) in places.items():
@@ -180,7 +180,7 @@ def _listed(place: Place, array: Array, times: FloatArray | None = None) -> Bool
     is_complete, n_bytes = np.zeros(array.cdata_shape, bool), _bytes_of_chunk(array)
     root, rows, (*grid, n) = f"{array.path}/c", {}, array.cdata_shape
     for file in place.files(root):
-        # A folder holds a row of the grid. Its path is parsed once, as there may be a million
+        # A folder contains a row of the grid. Its path is parsed once, as there may be a million
         # files.
         folder, _, last = file["path"].rpartition("/")
         if folder not in rows:
@@ -270,7 +270,7 @@ def commit(
 
 
 def _fitting(key: str, array: Array, block: tuple[int, ...], values: ArrayLike) -> np.ndarray:
-    """Cast values to the array's dtype if they fit; zarr would cast or broadcast any silently."""
+    """Cast values to the array's dtype if they fit; zarr would cast or broadcast silently."""
     values = np.asarray(values)
     grid = zip(block, array.chunks, array.shape, strict=True)
     shape = tuple(min(n, size - i * n) for i, n, size in grid)
@@ -328,7 +328,7 @@ def damage(place: Place, arrays: dict[str, Array], index: Sequence[int]) -> str:
     except ValueError as error:
         return str(error)
     checksum = values.pop(COMMIT).flat[1]
-    # It covers only the data if there are no certificates, and in tiles of earlier versions.
+    # In tiles without certificates, or of earlier versions, the checksum covers only the data.
     if checksum == _checksum(arrays, index, values):
         return ""
     name = arrays[COMMIT].path.split("/")[0].removesuffix(".zarr")
@@ -440,7 +440,7 @@ class _Watched(Files):
         variable, _, block = key.partition("/c")
         if data is None and variable in self.tile_axes and await self._was_written(variable, block):
             warnings.warn(
-                f"{self.cube}: chunks of {variable} are lost, which read as not computed; run "
+                f"{self.cube}: chunks of {variable} are lost and read as not computed; run "
                 "again the command that computed it",
                 stacklevel=2,
             )

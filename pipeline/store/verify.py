@@ -1,7 +1,7 @@
 """The state of the cubes in a store: progress of sweeps (`status`), damaged tiles (`verify`).
 
-A tile is done if its commit record and all its data exist. If only the record exists, the tile has
-lost its data. A tile without a record failed at its last attempt if the store holds a reason;
+A tile is done if its commit record and all its data exist. If only the record exists, the data of
+the tile are lost. A tile without a record failed at its last attempt if the store holds a reason;
 otherwise it has not been tried yet, or is not wanted. A tile is damaged if it has a record, but a
 chunk is lost, or does not match its own checksum or that of the record.
 """
@@ -37,7 +37,7 @@ class State:
     ----------
     name : str
     tiles : int
-        Tiles wanted so far; 0 for a cube without tiles, or a damaged one.
+        Tiles wanted so far; 0 for a cube that has no tiles or is damaged.
     done : int
         Tiles that are committed, with all their data.
     lost : int

@@ -102,7 +102,7 @@ def connect(
     address = None if scheduler is None else _address(scheduler)
     if (tls is not None) != (address or "").startswith("tls://"):
         raise ClusterError("a tls:// address needs TLS files: CA, CERT and KEY; others take none")
-    # These would log tracebacks when processes end, which the sweep reports in one sentence.
+    # These loggers would write tracebacks when processes end; the sweep reports this in a sentence.
     for name in ("asyncio", "distributed.batched", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = _QUIET
@@ -127,11 +127,11 @@ def _local(n_workers: int) -> Iterator[Client]:
         cluster = LocalCluster(
             n_workers=n_workers,
             threads_per_worker=1,
-            # Tiles need little memory: monitoring it would cost more.
+            # Tiles need little memory, so that monitoring it is not worth its cost.
             memory_limit=0,
             host="127.0.0.1",
-            # Dask executes what it is sent, and any user of this machine can send to loopback:
-            # with a certificate for the life of the cluster, only its own processes can connect.
+            # Dask executes what it is sent, and any user of this machine can send to loopback. A
+            # temporary certificate ensures that only the cluster's own processes can connect.
             security=Security.temporary(),
             dashboard_address="127.0.0.1:0",
             scheduler_kwargs={"dashboard": False},
@@ -177,7 +177,7 @@ def _check_machine(n_workers: int) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """Return the reason that dask gives for why no worker started, and how to fix a script."""
+    """Return dask's reason why no worker started; for a script, also how to fix it."""
     while (cause := error.__cause__ or error.__context__) is not None:
         error = cause
     reason = "".join(format_exception_only(error)).strip()
@@ -226,7 +226,7 @@ def _remote(address: str, tls: Sequence[str] | None) -> Iterator[Client]:
         raise ClusterError(
             f"no dask scheduler answers at {address} ({error}); start one with `dask scheduler`, "
             "or leave the address out to compute on this machine. One with TLS needs a tls:// "
-            "address and PEM files: its CA, a certificate, and the key of that"
+            "address and PEM files: its CA, a certificate, and the certificate's key"
         ) from None
     with client:
         if not client.nthreads():

@@ -20,7 +20,7 @@ from pipeline.sweep.cluster import ClusterError, connect
 from pipeline.sweep.progress import Progress, plural
 from pipeline.sweep.sweep import sweep
 
-_MAX_REASONS = 3  # failed tiles whose reasons are in a message
+_MAX_REASONS = 3  # maximum number of failed tiles whose reasons a message gives
 
 
 class TilesFailed(RuntimeError):
@@ -90,7 +90,7 @@ def fill(
         One cube and how it is computed, from a maker like `pipeline.last_barrier`.
     out : str or path
         Directory of the cube, or URL of an object store, s3://BUCKET/PREFIX (or gs://, az://). The
-        cube is OUT/NAME.zarr; other cubes in the directory are left alone.
+        cube is OUT/NAME.zarr; other cubes in the directory remain unchanged.
     client : distributed.Client, optional
         Client of any cluster whose workers see `out` and have this package. By default workers are
         started on this machine, and stopped at the end of the call.
@@ -111,8 +111,8 @@ def fill(
     Interrupted
         On Ctrl-C; it is a KeyboardInterrupt.
     store.Refused
-        If `out` holds that cube with other settings, or an incomplete one that other code has
-        begun, or if another run is writing to `out`. Nothing was changed.
+        If `out` holds that cube with other settings, or an incomplete one begun by other
+        code, or if another run is writing to `out`. Nothing was changed.
     store.StoreFailed
         If the disk or the object store fails.
     ClusterError

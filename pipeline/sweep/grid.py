@@ -1,8 +1,8 @@
 """Planes of cells, and tiles that cover them exactly once.
 
 A tile is the unit of work and of storage: one task, one file for each variable, and one for its
-commit record. An axis LO:HI:N is N cells of equal width; a cell is represented by its centre.
-Halving the cells of an axis keeps their edges, so that levels of refinement nest.
+commit record. An axis LO:HI:N consists of N cells of equal width, each represented by its
+centre. Halving the cells of an axis keeps their edges, so that levels of refinement nest.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -148,7 +148,7 @@ def tile_coords(cube: "Cube", indices: IntArray) -> Iterator[tuple[tuple[int, ..
 
 
 def join_tiles(job: "Job") -> "Job":
-    """Return the job with tiles doubled along all dims repeatedly, while at least 4096 remain.
+    """Return the job with its tiles doubled along all dims, repeatedly, while at least 4096 remain.
 
     Doubling ends before any tile of a sample would take more than 3 s of predicted CPU time. The
     result depends on the job alone, so that the command that began a cube can resume it.

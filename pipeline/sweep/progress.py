@@ -1,6 +1,6 @@
 """The progress line of a run: the fraction done, in predicted CPU seconds, and the time remaining.
 
-The remaining time of its sweeps is their remaining predicted CPU time, multiplied by the pace:
+The remaining time of the sweeps is their remaining predicted CPU time, multiplied by the pace:
 
     pace = seconds in which workers had work / predicted CPU seconds of the completed tiles
 
@@ -29,7 +29,7 @@ class Progress(AbstractContextManager):
     Parameters
     ----------
     name : str
-        What is under way at the start.
+        The activity to show at the start.
     stream : file or None
         Where to write; None for silence.
     predicted : mapping of str to float
@@ -37,7 +37,7 @@ class Progress(AbstractContextManager):
     after : float
         CPU seconds of the driver's own work after the sweeps.
     clock : callable
-        () → seconds.
+        () → time in seconds.
 
     Examples
     --------
@@ -85,7 +85,7 @@ class Progress(AbstractContextManager):
         self.hide()
 
     def show(self, name: str) -> None:
-        """Show `name` as what is under way."""
+        """Show `name` as the current activity."""
         self.name = name
         if self.is_terminal:
             self.write("\r")
@@ -187,7 +187,7 @@ class Progress(AbstractContextManager):
         return max(seconds - since, seconds / 2)  # overdue work still takes some time
 
     def line(self) -> str:
-        """Return the line: the bar, what is under way, and the times."""
+        """Return the line: the bar, the current activity, and the times."""
         now, fraction, name = self.clock(), self.fraction(), self.name or ""
         if self.warming is not None:
             is_long = now - self.warming > _LOADING
@@ -209,7 +209,7 @@ class Progress(AbstractContextManager):
         """Write the line, if one is shown."""
         with self.lock:
             if self.name is not None and self.stream is not None:
-                with suppress(OSError, ValueError):  # go on with a full disk or a closed log
+                with suppress(OSError, ValueError):  # continue despite a full disk or a closed log
                     print(self.line(), end=end, file=self.stream, flush=True)
 
     def _keep_writing(self) -> None:

@@ -112,7 +112,7 @@ def boundary_cells(answers: BoolArray) -> BoolArray:
 
 
 def tiles_at(cells: BoolArray, tile: int) -> Tiles:
-    """Return the indices (row, column) of the tiles, `tile` cells wide, that hold a marked cell."""
+    """Return the indices (row, column) of the tiles, `tile` cells wide, with a marked cell."""
     return {(row, column) for row, column in (np.argwhere(cells) // tile).tolist()}
 
 

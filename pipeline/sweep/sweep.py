@@ -141,7 +141,7 @@ def sweep(
         for tile in run.compute(batches, interrupt, progress):
             alone = [np.array([tile])]
             if all(run.compute(alone, interrupt, progress) for _ in range(_ATTEMPTS_ALONE)):
-                index, reason = tuple(tiles[tile].tolist()), "its worker died each time, also alone"
+                index, reason = tuple(tiles[tile].tolist()), "its worker died each time, even alone"
                 run.failed[index] = store.record_failure(place, name, index, reason)
     if not interrupt.is_set():  # a file system was unmounted, or tiles were deleted meanwhile
         n_lost = n_done + run.committed + len(store.missing(place, job.cube)) - n_tiles
@@ -154,7 +154,7 @@ def sweep(
 class _Run:
     """The tiles of a sweep, their predicted costs, how many were committed, and which failed.
 
-    A tile is represented by its position in `tiles`, the array of their indices, and a batch by an
+    A tile is represented by its position in `tiles`, the array of tile indices, and a batch by an
     array of positions. With a million tiles, there is memory for little else per tile.
     """
 
@@ -224,7 +224,7 @@ class _Run:
 
     def fail(self, reason: Exception | None = None) -> NoReturn:
         """Raise StoreFailed."""
-        raise store.StoreFailed(f"{self.place} was moved, or deleted, under way") from reason
+        raise store.StoreFailed(f"{self.place} was moved, or deleted, during the sweep") from reason
 
     def retire(self, address: str, complaint: str) -> None:
         """Remove an unfit worker from the scheduler; ClusterError if no fit one remains."""

@@ -6,9 +6,9 @@ converse KAM then tests whether a family of invariant graphs may persist.
 
 KAPPA ... is one period of the forcing, first kick first: 0.3 0.2 0.25, or a text file of such
 strengths. They are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. For a file with
-one forcing per line the answers form a table. With more than 64 kicks no circle is searched for,
-only transport. Within a relative distance of a few 10⁻⁵ of the boundary the answer is UNDECIDED;
-the exit code is 0 for all three answers. One or two kicks take about two CPU seconds; the first run
+one forcing per line the answers form a table. With more than 64 kicks only transport is tested.
+Within a relative distance of a few 10⁻⁵ of the boundary the answer is UNDECIDED; the exit code is 0
+for all three answers. One or two kicks take about two CPU seconds; the first run
 on a machine also compiles the kernels, which takes half a minute more. The portrait, or the table,
 is written to OUT.
 """
@@ -25,7 +25,7 @@ from workflows.shared import cli
 
 
 def parse_forcing(strengths, plane, once):
-    """Return the strengths of the kicks, and their point in a plane, (Plane, (a, b)) or None.
+    """Return the strengths of the kicks, and their point in a plane as (Plane, (a, b)), or None.
 
     strengths : numbers of the command line; with `plane`, the coordinates of a point in it; with
     `once`, empty. once : path of a file of numbers. ValueError for arguments that contradict each
@@ -54,7 +54,7 @@ def parse_forcing(strengths, plane, once):
 
 
 def _answer_as_data(forcings, is_table, prove, as_json, quiet, out):
-    """Print the verdicts as JSON, or write OUT/ask.csv anew as soon as another one is known."""
+    """Print the verdicts as JSON, or rewrite OUT/ask.csv after each verdict."""
     from workflows.ask import records
     from workflows.figures import files
 

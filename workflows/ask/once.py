@@ -43,14 +43,15 @@ def _sentences(kappa, survivor, first):
             f"{ends[1]}."
         )
         yield (
-            "Evidence: converse KAM excludes a graph through every sampled start on the line "
-            "before that kick: strong evidence, not a proof. It does not exclude curves that fold."
+            "Evidence: on the line before that kick, converse KAM excludes a graph through each "
+            "sampled start. This is strong evidence, not a proof; it does not exclude curves that "
+            "fold."
         )
     elif survivor.kicks < np.inf:
         yield (
-            f"UNDECIDED for {kicks}: all starts found are eliminated, the last, {place}, "
-            f"by {lifetime}. Beyond {aperiodic.HORIZON} kicks a search may miss starts with "
-            "longer lifetimes."
+            f"UNDECIDED for {kicks}: all starts found are eliminated; the last of them, "
+            f"{place}, is eliminated by {lifetime}. Beyond {aperiodic.HORIZON} kicks a search may "
+            "miss starts with longer lifetimes."
         )
     else:
         yield (

@@ -12,7 +12,7 @@ from workflows.shared.verdict_sentences import forcing_text, lifetime_text, sent
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration, which only illustrates the verdict
 _POINTS = 2**20  # total length of the orbits searched for one that escapes
-_NEAR = 0.96  # relative scale above which no escape is seen: none was on 12 rays, 4% beyond
+_NEAR = 0.96  # a boundary above this is too close for escapes: 4% beyond it, 12 rays showed none
 _TRACED = 5000  # maximum number of steps drawn from the longest-lived start
 
 

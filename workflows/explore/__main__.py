@@ -4,7 +4,7 @@ The page shows the plane of forcings on the left, with first escape times and th
 last circle; the phase portrait of the selected forcing on the right; and the verdict above both.
 
 Escape times and the boundary of an earlier run in OUT are shown immediately; OUT is only read, and
-need not exist. Everything else is computed on demand. Stop it with Ctrl-C.
+need not exist. Everything else is computed on demand. Ctrl-C stops the explorer.
 
 The page is served on localhost only. To view it from another machine, forward a port from there,
 ssh -L 5006:localhost:5006 MACHINE, and open http://localhost:5006/ there.

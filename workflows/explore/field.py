@@ -25,7 +25,7 @@ _FIRST_STEPS = 1000  # of the first pass, if N is larger
 _MIN_BATCH, _MAX_BATCH = 0.02, 0.1  # CPU seconds of a task
 _SPARE = 0.3  # CPU seconds for single pixels that are not at the boundary
 _ROUNDING = 1e-9  # relative to a block
-_FIRST_PAUSE, _MAX_PAUSE = 0.3, 2.0  # seconds between pictures; it doubles each time
+_FIRST_PAUSE, _MAX_PAUSE = 0.3, 2.0  # seconds between pictures; the pause doubles each time
 
 
 @dataclass(frozen=True)
@@ -111,14 +111,14 @@ def computed(client, plane, view, steps, fields):
 
 
 class Quadtree:
-    """The escape times of a view, from blocks to pixels: the next computations, and the picture.
+    """The escape times of a view, from blocks to pixels: what to compute next, and the picture.
 
-    plane : of forcings. view : View. steps : int, N. fields : known Fields, best first.
+    plane : the plane of forcings. view : View. steps : int, N. fields : known Fields, best first.
     """
 
     def __init__(self, plane, view, steps, fields):
         self.plane, self.view, self.steps = plane, view, steps
-        # Times that are fine enough, coarser times shown meanwhile, and their cell size.
+        # Known times that are fine enough; coarser ones, shown meanwhile, and their cell size.
         self.final, self.backdrop = np.full((2, *view.shape), np.nan)
         self._coarse = np.inf
         for field in fields:
@@ -209,7 +209,7 @@ class Quadtree:
 
 
 def _soonest(escapes, seconds):
-    """Select the earliest of the cells that escape, up to a total cost of `_SPARE`."""
+    """Select the cells with the earliest escapes, up to a total cost of `_SPARE`."""
     ordered = np.sort(seconds[escapes])
     most = np.searchsorted(np.cumsum(ordered), _SPARE)
     return escapes & (seconds < ordered[most]) if most < ordered.size else escapes

@@ -34,7 +34,7 @@ def panel(state, work):
 
 
 def _file(kind, name, shown, point):
-    """Return a panel's Dataset as a file in JSON: its name and its bytes in base64."""
+    """Return a panel's Dataset as JSON: the name of a file, and its content in base64."""
     file = io.BytesIO()
     if kind == "CSV":
         if "which" in shown:  # a row for each point of the orbits

@@ -21,7 +21,7 @@ from workflows.figures.planes import symbols
 _TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
 
 
-@without_property_validation  # which would take a fifth of the time
+@without_property_validation  # the validation would take a fifth of the time
 def fill(document, shared):
     """Make a page, which computes nothing until its browser has connected."""
     document.title = f"{shared.plane.name}: the explorer of the nonautonomous standard map"
@@ -49,7 +49,7 @@ def fill(document, shared):
         "status": status,
         "verdict": message,
     }
-    with document.models.freeze():  # which would count all models again after each root
+    with document.models.freeze():  # otherwise all models would be counted again after each root
         for name, root in roots.items():
             root.update(name=name, sizing_mode="stretch_width")
             document.add_root(root)
@@ -58,7 +58,7 @@ def fill(document, shared):
 def _controls(state, problem):
     """Return the fields for the exact point, the slider for N, and the link to the view.
 
-    The fields show ten digits; the point keeps all of its digits until another one is typed.
+    The fields show ten digits; the point keeps all of its digits until another point is typed.
     """
     shown = list(state.point)
     names = symbols(state.plane.axes, plain=True)
@@ -110,7 +110,7 @@ def _rounded(value):
 
 
 def _show_status(line, document, work, shared):
-    """Keep a line up to date that shows what is being prepared or computed, and what failed."""
+    """Keep up to date a line that shows what is being prepared or computed, and what failed."""
 
     def show():
         busy = sorted(work.busy.items())

@@ -31,12 +31,12 @@ _MAX_FIELDS = 8  # kept for all tabs, in case a view is shown again
 _MAX_CELL_PIXELS = 3  # size of a cell of OUT that is not recomputed
 _MIN_EXCESS = 1e-3  # relative distance from the boundary that is resolved between rays
 _ON_BOUNDARY = "on the boundary, or very close to it"
-_COLOURS = Magma256[:232]  # the lightest resemble the greys
+_COLOURS = Magma256[:232]  # without the lightest, which resemble the greys
 _GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # not known, inside the boundary, outside
-_GREY_MEANINGS = {"inside": "a circle exists", "outside": "none exists, but no escape within N"}
+_GREY_MEANINGS = {"inside": "a circle exists", "outside": "no circle, but no escape within N"}
 _HALO = {"line_color": "white", "line_width": 5}
 _CROSS = {"size": 16, "marker": "marker", "angle": "angle", "fill_alpha": 0}
-_MARGIN = 0.04  # of the view: distance from its edge of the mark of a point outside
+_MARGIN = 0.04  # distance from the edge to the mark of a point outside, relative to the view
 _STYLES = _HALO, {"line_color": "colour", "line_width": 2.5}
 _MARKS = {
     "boundary": lambda: [models.MultiLine(xs="a", ys="b", **style) for style in _STYLES],
@@ -51,7 +51,7 @@ class PlanePanel:
     """The plane of forcings on the left, with its legend.
 
     picture : the plane, and a description of the point or the forcing under the pointer. lines :
-    the colours of the circles, and the lines to draw.
+    the legend, and controls for the lines to draw.
     """
 
     def __init__(self, state, work, shared):
@@ -62,7 +62,7 @@ class PlanePanel:
             sizing_mode="stretch_width", css_classes=["message"], min_height=40
         )
         self.legend = models.Div(sizing_mode="stretch_width")
-        self.cubes = self.shown = self.request = None  # of OUT; on screen; last computed
+        self.cubes = self.shown = self.request = None  # of OUT; on screen; last request
         lanes = {"cubes": None, "plane": None, "boundary": "verdict", "circle": "verdict"}
         self.lanes = {name: work.latest(name, kernels) for name, kernels in lanes.items()}
         circle = widgets.field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
@@ -170,7 +170,7 @@ class PlanePanel:
         """Describe where the boundary is, from the verdict, or approximately from the rays."""
         from_zero = not any(self.state.plane.origin)
         verdict = self.state.verdict if (a, b) == self.state.point else None
-        if verdict is not None and from_zero:  # its ray is the plane's
+        if verdict is not None and from_zero:  # the verdict's ray is a ray of the plane
             boundary = verdict.boundary
             is_known = isfinite(boundary.value)
             place = f"{scale_text(boundary)} times these strengths" if is_known else ""
@@ -186,7 +186,7 @@ class PlanePanel:
         )
 
     def _move(self, event):
-        """Move the forcing to a click, or a drag without a tool."""
+        """Move the forcing to where the user clicks, or drags without a tool."""
         try:
             self.state.move(*widgets.rounded(event, _view(self.plot).pixel))
         except ValueError as error:
@@ -208,8 +208,8 @@ class PlanePanel:
 def side_text(answer, scale, place):
     """Describe on which side of the boundary a point is; "" if this is not known.
 
-    answer : nasm.Answer of the verdict, or None. scale : of the boundary, relative to the point.
-    place : the same as text.
+    answer : nasm.Answer of the verdict, or None. scale : scale of the boundary, relative to
+    the point. place : the same, as text.
     """
     if not isfinite(scale):
         return ""
@@ -225,9 +225,9 @@ def _is_in(point, ends):
 
 
 def _mark_of(point, ends):
-    """Return the mark of a point: a cross, or outside the view a triangle at its edge.
+    """Return the mark of a point: a cross, or a triangle if the point is outside the view.
 
-    The triangle points towards the point.
+    The triangle is at the edge of the view and points towards the point.
     """
     if _is_in(point, ends):
         return {"x": [point[0]], "y": [point[1]], "marker": ["circle_cross"], "angle": [0.0]}

@@ -12,7 +12,7 @@ _RAY = "the ray"
 
 
 def panel(state, work):
-    """Return the button, and below it the residues along the path.
+    """Return the controls, and below them the residues along the path.
 
     The residues are those of convergents of the last circle at the point selected when playing
     begins.

@@ -329,7 +329,7 @@ def _curve(points):
 
 
 def _line(box, x, y):
-    """Clip a curve to the box, with gaps where it leaves."""
+    """Clip a curve to the box, with gaps where it leaves the box."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     stride = 1 + in_box(box, x, y)[0].size // _MAX_POINTS
     return _curve(in_box(box, x[::stride], y[::stride]))

@@ -1,7 +1,7 @@
 """Breakups of the last circle on rays: those known so far, and the rays that a view needs.
 
-They are computed as in arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`. Each ray yields all
-of its images under the symmetries of the plane.
+They are computed as in arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`. The result
+for a ray also applies to its images under the symmetries of the plane.
 """
 
 import re
@@ -24,12 +24,12 @@ _SPACING = 2.0  # degrees, in a view around the origin
 _N_RAYS, _STRIDES = (
     65,
     (16, 8, 4, 2, 1),
-)  # in other views, beside the diagonals; every 16th ray first
+)  # in other views, in addition to the diagonals; every 16th ray first
 _CUSP_OFFSETS = np.geomspace(2.0, 0.02, 6)  # degrees from the diagonals, where cusps are
 _PARTS = 8  # groups of the rays of a circle, each computed separately
 _BRACKET = 1e-3  # relative
 _WIDE_VIEW = 0.2  # width of a view above which a wide bracket suffices
-_MIN_RAYS = 8  # in a view; with fewer, the legend also names circles outside it
+_MIN_RAYS = 8  # in a view; with no more, the legend also names circles outside it
 _PICTURE_PAUSE = 1.0  # seconds between two pictures
 _START_DELAY = 0.5  # seconds without a new view, as the computation of a ray cannot be stopped
 _MAX_NUMBER, _PRECISION = 1e6, 2.0**-50  # of decimal rotation numbers; the latter is relative
@@ -61,7 +61,7 @@ class Rays:
     def lines(self, view):
         """Return the boundary as columns a, b, colour, with a piece for each ray, and a legend.
 
-        The legend is {text of ω: colour} for circles that are last on at least 1% of the view.
+        The legend is {text of ω: colour} for circles that are last on more than 1% of the view.
         The boundary is None with fewer than two rays.
         """
         angles, points, circles = self._points()
@@ -146,7 +146,7 @@ class Rays:
         return []
 
     def _unknown(self, angles, apart):
-        """Return the rays at these angles not close to a known one, in an evenly spread order."""
+        """Return those of the rays that are not close to a known one, in an evenly spread order."""
         folded = np.unique(self.plane.fold(angles)[0].round(9))
         known = np.array(sorted(self.known))
         if known.size:
@@ -200,8 +200,8 @@ def circle(client, plane, omega, view):
 def named_by(text):
     """Return the text of an irrational number, and a message.
 
-    A decimal number is replaced by a noble number that rounds to it, and the message says so. Other
-    texts are returned unchanged, with the message "". ValueError for a rational number.
+    A decimal number is replaced by a noble number that rounds to it; the message names this number.
+    Other texts are returned unchanged, with the message "". ValueError for a rational number.
     """
     digits = re.fullmatch(r"[+-]?\d+\.(\d+)", text)
     if not digits and text and parse(text).is_rational:

@@ -4,7 +4,7 @@ One process serves all tabs and runs short computations in threads; dask workers
 A page of another site may be open in the same browser. It can neither read this page nor connect to
 it, even if the name of its host is made to point at this machine: a request must name this machine,
 with any port, as ssh may forward one, and must not come from a page of another name or port. Links
-to this page may be anywhere. The address of a page starts no computation until the page is
+to this page may be on any site. The address of a page starts no computation until the page is
 connected: until then its texts are only parsed, and `nasm.texts` limits the numbers in them.
 """
 
@@ -46,7 +46,7 @@ _OF_THE_TERMINAL = "browsh", "carbonyl", "elinks", "links", "links2", "lynx", "w
 _LIFETIME = 10_000  # milliseconds for which an unconnected page is kept; making it takes only a few
 _SLOWEST = 20  # seconds within which a request, or the next one of a connection, must be complete
 _BODY = 1000  # maximum bytes of a request after its headers; the page needs none
-_GRACE, _CLOSING = 10, 60  # seconds allowed for the event loop to stop, for the workers to end
+_GRACE, _CLOSING = 10, 60  # seconds for the event loop to stop, and for the workers to end
 _POLICY = (  # Bokeh turns texts into functions; both its page and ours contain scripts and styles
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; object-src 'none'; "
@@ -62,9 +62,9 @@ _HEADERS = {
 
 
 class Shared:
-    """What all tabs share.
+    """The objects that all tabs share.
 
-    plane : of forcings. place : of cubes to show, only read. rays : Rays, the boundary so far.
+    plane : of forcings. place : of cubes to show; only read. rays : Rays, the boundary so far.
     fields : {(View, N): Field}, complete ones, the newest last.
     client : function → dask Client, which waits until it is connected.
     connected : Event, set when the workers have started, or failed to start.
@@ -91,9 +91,10 @@ class Shared:
         return client
 
     def prepare(self):
-        """Start the workers and load the kernels; in a thread.
+        """Start the workers and load the kernels; run in a thread.
 
-        The kernels are compiled in a worker: meanwhile this process has to show the cubes of OUT.
+        The kernels are compiled in a worker, so that this process can show the cubes of OUT
+        meanwhile.
         """
         try:
             client = self._connected()
@@ -107,7 +108,7 @@ class Shared:
             self.preparing = ""
         except ClusterError as error:
             self.preparing = str(error)
-        except Exception as error:  # at Ctrl-C, any exception
+        except Exception as error:  # Ctrl-C may cause any exception
             self.preparing = f"the workers did not start: {error!r}"
         finally:
             for event in (self.connected, *self.loaded.values()):
@@ -166,9 +167,9 @@ def _stop_at_signals(loop):
     """Stop the event loop at SIGINT or SIGTERM; if it is blocked, end the process.
 
     A blocked process ends `_GRACE` seconds later. If Python code blocks the loop, its thread still
-    runs the handler of the signal. If a compiled kernel blocks it, which releases Python's lock,
-    Python writes the signal to a pipe that another thread reads. Either sets an alarm, at which the
-    system ends the process.
+    runs the handler of the signal. A compiled kernel that blocks it has released Python's lock;
+    then Python writes the signal to a pipe that another thread reads. Both the handler and that
+    thread set an alarm, at which the system ends the process.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
@@ -194,7 +195,7 @@ def _open(url):
 
 def server_of(shared, sockets, port):
     """Return the server of the page, for the event loop of this thread."""
-    settings.allowed_ws_origin = ["*"]  # whatever the environment says; `_Ours` checks the origin
+    settings.allowed_ws_origin = ["*"]  # regardless of the environment; `_Ours` checks the origin
     web = _Web(
         Application(FunctionHandler(partial(fill, shared=shared))),
         extra_websocket_origins=["*"],

@@ -1,6 +1,6 @@
-"""The state of one tab: a point in a plane of forcings, N, two views; and its address.
+"""The state of one tab: a point in a plane of forcings, N and two views; and its address.
 
-The address has the point, and as text each part of the state that differs from its first value:
+The address contains the point, and each part of the state that differs from its first value:
 `k1=0.3&k2=0.2&a=0.1:0.3&b=0:0.2&omega=gamma&orbits=0.5,0.3;0.5,0.4&show=boundary,cycles`.
 """
 
@@ -21,7 +21,7 @@ ORBITS = {"kicks": "kick by kick", "symmetry": "symmetry lines", "cycles": "peri
 ORBITS |= {"manifolds": "manifolds of p/q"}
 _HALF_WIDTH = 1.15  # of the first view, in units of the largest strength
 ZOOM = 1e-9, 30.0  # times the first view; in a smaller one pixels would coincide as floats
-_MAX_COORDINATE = 1e7  # of both ends of a view together
+_MAX_COORDINATE = 1e7  # limit on |low| + |high| of a view
 _MAX_ORBITS = 50
 _MAX_Q = 1000  # of p/q whose orbits are computed
 
@@ -30,7 +30,7 @@ class State:
     """The state of one tab.
 
     plane : nasm.planes.Plane. point : (a, b), its coordinates. steps : int, N of {n* ≤ N}.
-    a, b : (low, high) of the view of the plane. x, y : (low, high) of that of phase space.
+    a, b : (low, high) of the view of the plane. x, y : those of the view of phase space.
     omega : text of the ω whose circle is followed, or "". orbits : ((x, y), …) that were added.
     fraction : text of the p/q whose periodic orbits are shown, or "".
     show : frozenset of the names in LINES and ORBITS that are shown.
@@ -53,7 +53,7 @@ class State:
         return self.plane.forcing(*self.point)
 
     def on(self, names, callback):
-        """Call back, without arguments, when one of the attributes changes, e.g. "point omega"."""
+        """Call callback() when one of the attributes in `names`, e.g. "point omega", changes."""
         for name in names.split():
             self._callbacks[name].append(callback)
 
@@ -77,7 +77,7 @@ class State:
         self.take(fraction=fraction and str(fraction_of(fraction)))
 
     def follow(self, omega):
-        """Follow the circle of another ω, or none for ""; ValueError if it has no circle.
+        """Follow the circle of another ω, or none for ""; ValueError if no circle has that ω.
 
         A decimal number is replaced by a noble one; return a message about that.
         """

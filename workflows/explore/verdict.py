@@ -10,11 +10,11 @@ from nasm.verdicts import verdict
 from workflows.explore.work import spread
 from workflows.shared.verdict_sentences import sentences
 
-_START_DELAY = 0.05  # seconds to wait for a newer point, while it is dragged
+_START_DELAY = 0.05  # seconds to wait for a newer point while one is dragged
 
 
 def describe(message, state, work):
-    """Keep a message up to date that describes the verdict on the state's point."""
+    """Keep up to date a message that describes the verdict on the state's point."""
     message.min_height = 103  # the height of the longest verdict in two columns
     lane = work.latest("verdict")
 

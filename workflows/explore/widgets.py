@@ -24,15 +24,15 @@ THEME = Theme(json={"attrs": _ATTRIBUTES})
 
 
 def alert(text):
-    """Return a message that screen readers speak, as HTML; "" for none."""
+    """Return a text as an HTML message that screen readers speak; "" if it is empty."""
     return f'<span role="alert" style="color: var(--alert)">{escape(text)}</span>' if text else ""
 
 
 def field(model, take):
     """Return a text field with a message below it.
 
-    take : function of the text, called when it changes. The message is its ValueError, or the text
-    that it returns, if any. The field keeps what was typed.
+    take : function of the text, called when it changes. The message is the ValueError that
+    it raises, or the text that it returns, if any. The field keeps what was typed.
     """
     message = models.Div(width=model.width, margin=(0, 5))
 
@@ -86,7 +86,7 @@ def add_bar(plot, mapper, title):
 
 
 def show(plot, marks, name, columns, tips=None):
-    """Show columns of data by marks in a figure; None clears them.
+    """Show columns of data as marks in a figure; None clears the marks.
 
     The marks are created with the first data. marks : {name: function → [Glyph, …]}, the lowest
     first. tips : tooltips of the marks.
@@ -121,7 +121,7 @@ def rounded(event, pixel):
 
 
 def pixels_of(plot, largest, default=None):
-    """Return rows and columns inside the axes, 1 to `largest`.
+    """Return the numbers of rows and columns of pixels inside the axes, each 1 to `largest`.
 
     Until the browser reports them, return `default`.
     """

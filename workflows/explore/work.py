@@ -79,10 +79,10 @@ class Latest:
     def submit(self, function, *args, done):
         """Compute function(*args) in a thread, and call done(result) on the event loop.
 
-        A newer call makes an older one void: its result is dropped. One runs at a time, and only
-        the newest waits. For a generator done(value) is called for each value that is not None. A
-        generator is closed at the next `yield` once it is void, so it should yield often, None if
-        there is nothing new to show.
+        A newer call makes an older one void: its result is dropped. One call runs at a time, and
+        only the newest one waits. If the function is a generator, done(value) is called for each
+        value that is not None. A generator that has become void is closed at its next `yield`, so
+        it should yield often: None if there is nothing new to show.
         """
         self.cancel()
         self._waiting = self._number, function, args, done
@@ -133,12 +133,12 @@ class Latest:
 
 
 def spread(client, calls, max_workers=inf, priority=0):
-    """Yield (key, result) of calls on the workers as they end, and None while none ends.
+    """Yield (key, result) of calls on the workers as they end, and None while waiting for one.
 
     client : dask Client. calls : deque of (key, function, *args). max_workers, priority : as for
-    `submit.as_completed`. It keeps four calls in flight for each worker, so that the scheduler
-    always has one that it prefers to those of a lower priority, and cancels them when this
-    generator is closed.
+    `submit.as_completed`. Four calls are in flight for each worker, so that the
+    scheduler always has one that it prefers to those of a lower priority. They are cancelled when
+    this generator is closed.
     """
     for item in as_completed(
         client, lambda: calls.popleft() if calls else None, 4, max_workers, _YIELD_SECONDS, priority

@@ -1,6 +1,6 @@
-"""The portrait of one forcing, with the evidence for the verdict, and its place in the plane.
+"""The portrait of one forcing, with the evidence for the verdict, and the forcing in its plane.
 
-For an aperiodic forcing, the kicks and the lifetimes of starts.
+For an aperiodic forcing, the kicks and the lifetimes of starts are drawn instead.
 """
 
 import numpy as np
@@ -19,10 +19,10 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
 
     The evidence is the circle that is a barrier, or the longest-lived start and an escaping orbit.
 
-    point : (Plane, its two coordinates), or None. name : the forcing as text.
-    orbits : Dataset by `phase_space.portrait`.
-    longest, escaping : (lifetime as text, x, y) of the longest-lived start, (x, y) of an orbit; or
-        None.
+    point : (Plane, the forcing's two coordinates in it), or None. name : the forcing as text.
+    orbits : Dataset returned by `phase_space.portrait`.
+    longest : (lifetime as text, x, y) of the longest-lived start, or None.
+    escaping : (x, y) of an escaping orbit, or None.
     """
     bracket = verdict.boundary.lower, verdict.boundary.value, verdict.boundary.upper
     figure = style.canvas(11, 6.2, 2.2)
@@ -104,10 +104,10 @@ def _mark(axes, forcing, breakup, size):
 
 
 def draw_once(kappa, survivor, y, lives):
-    """Draw the kicks, those that eliminate the longest-lived start, and lifetimes on its line.
+    """Draw the kicks, those that eliminate the longest-lived start, and lifetimes of starts.
 
-    survivor : `converse_kam.symmetry_line.LongestLived`. y, lives : y and lifetimes of starts on
-    its line; inf for those that survive.
+    survivor : `converse_kam.symmetry_line.LongestLived`. y, lives : y and lifetimes of the starts
+    on its line; inf for those that survive.
     """
     figure, (kicks, line) = style.panels(1, 2, 11, 4)
     kicks.plot(np.arange(1, kappa.size + 1), kappa, ".-", color="0.6", ms=3, lw=0.5)

@@ -1,4 +1,4 @@
-"""CB_ω of each circle, and their cusps, Figs. 8 and 9."""
+"""The boundaries CB_ω of circles, and their cusps, Figs. 8 and 9."""
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -20,7 +20,7 @@ def draw_circle_boundaries(breakdown, barrier):
 def circle_boundaries_caption(breakdown, residues, barrier):
     """Compare CB_ω with CB_gt.
 
-    breakdown : by continuation, or `residues` again in a plane whose rays do not start at zero.
+    breakdown : computed by continuation, or, if the rays do not start at zero, again `residues`.
     """
     scales = ["critical_scale", "error"]  # by residues, where they have an answer
     best = residues[scales].load().fillna(style.known(breakdown)[scales].load())
@@ -107,7 +107,7 @@ def tips_caption(residues, circles):
 
 
 def draw_circles(axes, breakdown, **more):
-    """Draw the curves of each ω around the plane, where they are known to 2%."""
+    """Draw the curve of each ω around the plane, where it is known to 2%."""
     (x, y), reflection = planes.outline(style.known(breakdown)), planes.whole_of(breakdown)
     circles = breakdown.circle.values
     for i, (text, look) in enumerate(zip(circles, _looks(circles, reflection), strict=True)):
@@ -116,7 +116,7 @@ def draw_circles(axes, breakdown, **more):
 
 
 def _looks(circles, reflection):
-    """Return the style of each circle: that of its class, or its own if two share a class."""
+    """Return each circle's style: that of its class, or its own if two circles share a class."""
     classes = [style.circle_class(text, reflection) for text in circles]
     if len({*classes}) < len(classes):
         reflection, classes = 0, [style.circle_class(text, 0) for text in circles]

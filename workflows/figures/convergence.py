@@ -1,4 +1,4 @@
-"""Bias of direct iteration against its effort, Fig. 7 for any ray, and the captions."""
+"""Bias of direct iteration against steps and orbits, as in Fig. 7 but on any ray, with captions."""
 
 import numpy as np
 from matplotlib.ticker import LogLocator
@@ -9,7 +9,7 @@ from workflows.figures.style import MARKERS, colour_of, mark_gaps, outer_legend,
 def draw_convergence(bias, fits):
     """Draw the bias against steps and orbits on each ray, as in Fig. 7.
 
-    bias : of `direct_bias`. fits : {angle: (η, its error)}.
+    bias : result of `direct_bias`. fits : {angle: (η, its error)}.
     """
     figure, (direct, orbits) = panels(1, 2, 11, 4.8)
     count, n = [int(size) for size in bias.ensemble], bias.n.values
@@ -62,7 +62,7 @@ def _plain(axis):
 
 
 def draw_diagonal(diagonal):
-    """Draw direct iteration on the diagonal in the paper's axes, with a fit for each half of N."""
+    """Draw direct iteration on the diagonal in the paper's axes, with fits at small and large N."""
     figure, (axes,) = panels(1, 1, 7, 5)
     axes.plot(diagonal.n, diagonal.distance, "ko", ms=4, mfc="none")
     etas = _etas(diagonal)
@@ -82,7 +82,7 @@ def draw_diagonal(diagonal):
 
 
 def _etas(diagonal):
-    """Return η of each half of N, with its error, as text."""
+    """Return η for small N and for large N, each with its error, as text."""
     fits = zip(diagonal.eta.values, diagonal.eta_error.values, strict=True)
     return [_fitted(*fit) for fit in fits]
 
@@ -95,6 +95,6 @@ def diagonal_caption(diagonal):
         "the "
         f"breakup κ_G = {diagonal.critical:.9f} by residues, with {diagonal.n_orbits} orbits. Fit: "
         f"(κ_N - κ_G) ~ N^(-1/η) with η = {etas[0]} for N up to {small}, and {etas[1]} from there "
-        f"up to {large} (statistical errors of the fit; the paper has 2.681, and 3.322 for large "
+        f"up to {large} (statistical errors of the fit; the paper gives 2.681, and 3.322 for large "
         "N)."
     )

@@ -11,7 +11,7 @@ from workflows.figures.planes import in_plane, label_plane, of_two_kicks
 
 _CELLS = 7
 _MEDIAN = rf"median over ${_CELLS} \times {_CELLS}$ cells"
-_BOUNDARY_COLOURS = ["black", style.COLOURS[2], style.COLOURS[3]]  # far from those of the field
+_BOUNDARY_COLOURS = ["black", style.COLOURS[2], style.COLOURS[3]]  # unlike those of the field
 
 
 def draw_escape_plane(plane, steps):
@@ -37,7 +37,7 @@ def draw_escape_plane(plane, steps):
 
 
 def draw_field(axes, plane):
-    """Draw the field on a log scale, cells without escape light grey; return the field."""
+    """Draw the field on a log scale, with cells without escape in light grey; return the field."""
     field = plane.escape_time.isel(ensemble=-1).values
     finite = np.where(np.isfinite(field), field, np.nan)
     earliest = max(1.0, np.nanmin(finite)) if np.isfinite(finite).any() else 1.0

@@ -33,7 +33,7 @@ def draw_frequencies(cube):
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
     outer_legend(figure, 2)
     _draw_convergents(near, limits, fractions)
-    # The axis ends above all brackets; a label there gives the value of phases beyond its end.
+    # The axis ends above all brackets; a label there gives the value of phases that lie beyond.
     top = _BEYOND * np.fmax(limits.upper.max(), fractions.upper.max())
     for Ω, most in fractions.most[fractions.most > top].items():
         side, x = ("left", 5) if np.mean(wide.get_xlim()) > Ω else ("right", -5)
@@ -44,9 +44,9 @@ def draw_frequencies(cube):
 
 
 def _brackets(cube):
-    """Return the brackets of the irrational Ω and of the fractions, two tables by Ω.
+    """Return the brackets of the irrational Ω and of the fractions, as two tables indexed by Ω.
 
-    lower, upper : of the phase whose barrier breaks first. most : the largest upper end of a phase.
+    lower, upper : for the phase whose barrier breaks first. most : largest upper end of any phase.
     """
     ends = {"lower": ("lower", "min"), "upper": ("upper", "min"), "most": ("upper", "max")}
     table = cube.to_dataframe().groupby("frequency").agg(**ends, phases=("phase", "count"))
@@ -71,7 +71,7 @@ def frequencies_caption(cube):
 def _convergents(limits, fractions):
     """Yield each irrational Ω with known convergents, its bracket, and those of its convergents.
 
-    The latter are a table with the columns of `fractions`, by the denominator q.
+    The latter are a table with the columns of `fractions`, indexed by the denominator q.
     """
     for Ω, lower, upper, *_ in limits.itertuples():
         convergents = {Fraction(Ω).limit_denominator(q) for q in range(2, 65)}
@@ -82,7 +82,7 @@ def _convergents(limits, fractions):
 
 
 def _draw_convergents(axes, limits, fractions):
-    """Draw the least scale of each convergent beside the bracket of its limit."""
+    """Draw the lowest bracket of each convergent beside the bracket of its limit."""
     ticks = []
     for i, (Ω, lower, upper, near) in enumerate(_convergents(limits, fractions)):
         ticks.append(f"{Ω:.4f}")

@@ -8,7 +8,7 @@ _FEW_DIGITS = "0.85"
 
 
 def draw_frequency_map(cube):
-    """Draw ω of each start, grey where it has few digits, and the number of these digits."""
+    """Draw ω of each start, grey where few digits are shared, and the number of shared digits."""
     wide, tall = (float(np.ptp(cube[f"{name}_bounds"].values)) for name in "xy")
     height = min(max(tall / wide, 0.4), 2)
     least = cube.attrs["regular_digits"]

@@ -15,9 +15,9 @@ _SURVIVORS = 48  # points of the longest-lived start, at most
 
 
 def ends(orbits):
-    """Return ω of the first and the last colour: 0 and P/2, or in a part of the cell its extremes.
+    """Return ω of the first and the last colour: 0 and P/2, or the extremes in a part of the cell.
 
-    orbits : Dataset by `workflows.shared.phase_space.portraits`.
+    orbits : Dataset returned by `workflows.shared.phase_space.portraits`.
     """
     near = orbits.near.values[np.isfinite(orbits.near.values)]
     if orbits.attrs["box"][2:] == [1.0, 1.0] or near.size == 0:
@@ -48,7 +48,7 @@ def draw_orbits(axes, orbits):
 
 
 def draw_survivor(axes, x, y, **style):
-    """Draw the longest-lived start's orbit as dots with gaps between them: it is not a circle.
+    """Draw the longest-lived start's orbit as separate dots, to show that it is not a circle.
 
     x, y : coordinates of its points, in any order.
     """

@@ -37,7 +37,7 @@ def in_plane(dataset):
 
 
 def label_plane(axes, dataset):
-    """Label the axes of the plane, of equal scales; rays up to 180° show only its upper half."""
+    """Label the axes and give them equal scales; if rays end at 180°, show only the upper half."""
     xlabel, ylabel = symbols(plane_of(dataset.attrs).axes)
     axes.set(xlabel=xlabel, ylabel=ylabel, aspect="equal")
     if "angle" in dataset and dataset.angle[-1] <= 180:
@@ -45,7 +45,7 @@ def label_plane(axes, dataset):
 
 
 def outline(curve, factor=1):
-    """Return both coordinates of a curve on rays, times a factor, all around the plane.
+    """Return both coordinates of a curve on rays, times a factor, for all angles of the plane.
 
     If its rays end at 180°, the other half is (-x, -y), by symmetry.
     """

@@ -65,7 +65,7 @@ def kicks_caption(portraits):
 
 
 def draw_symmetry(portraits):
-    """Draw four forcings related by symmetries, with the images of three orbits in colours."""
+    """Draw four forcings related by symmetries, with the images of three orbits in colour."""
     figure, drawn = panels(2, 2, 9, 9.3, stack=False, sharex=True, sharey=True)
     forcings = [portraits.isel(forcing=i) for i in range(4)]
     for axes, here in zip(drawn, forcings, strict=True):
@@ -95,7 +95,7 @@ def symmetry_caption(portraits):
 
 
 def _draw_cell(axes, x, y, title, points=1.2):
-    """Draw orbits, dims (step, orbit), each in a colour."""
+    """Draw orbits, dims (step, orbit), each in its own colour."""
     for i in range(x.shape[1]):
         axes.plot(x[:, i], y[:, i], **dots(colour_of(i), points))
     axes.set(xlabel="$x$", ylabel="$y$", xlim=(0, 1), ylim=(0, 1), aspect="equal", title=title)

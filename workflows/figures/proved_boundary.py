@@ -4,7 +4,7 @@ import numpy as np
 
 from workflows.figures.style import COLOURS, VERMILION, outer_legend, panels
 
-_CURVE = 90  # minimum number of rays around the plane to join them by a line
+_CURVE = 90  # with at least this many rays around the plane, CB_gt is drawn as a line
 _SIDES = {
     "upper": ("transport proved", VERMILION, "^-"),
     "lower": ("barrier proved", COLOURS[0], "v-"),

@@ -1,4 +1,4 @@
-"""The map of forcings for which transport is proved to be global, or a barrier to exist."""
+"""The map of forcings for which global transport, or the existence of a barrier, is proved."""
 
 from itertools import product
 

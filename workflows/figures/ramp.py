@@ -34,8 +34,8 @@ def ramp_caption(irregular, findings):
         "orbits has crossed all circles. (b) The same for κ_n = 0.3·(1 + ripple·f_n): filled, "
         f"graphs, within {irregular.attrs['kicks'] // 2} kicks; hollow, orbits, within "
         f"{20 * irregular.attrs['kicks']}. Triangles are lower bounds: graphs not excluded, or no "
-        "orbit across, by the end of the run. The exclusion relies on a search, and does not cover "
-        f"curves that fold; an orbit that crosses excludes both.\n{findings}"
+        "orbit has crossed, by the end of the run. The exclusion relies on a search, and does not "
+        f"cover curves that fold; an orbit that crosses excludes both.\n{findings}"
     )
 
 

@@ -8,7 +8,7 @@ _MARKERS = "os^Dv"
 def draw_ripple_spectrum(cube, theory):
     """Draw the loss against Ω with the prediction, and κ_c(1 + d)/κ_G with the limit of slow ones.
 
-    Where only an upper bound on κ_c is known, an arrow points to the side on which it may be.
+    Where only an upper bound on κ_c is known, an arrow points to the side on which the value lies.
     """
     figure, (losses, largest) = style.panels(1, 2, 12, 5.4)
     for i, depth in enumerate(cube.depth.values):
@@ -24,8 +24,8 @@ def draw_ripple_spectrum(cube, theory):
     largest.set(xscale="log", xlabel=r"frequency $\Omega$ (turns per kick)", ylim=(None, 1.3))
     largest.set(ylabel=r"largest kick, $\kappa_c(1 + d)/\kappa_G$")
     largest.set_title("From slow to fast", pad=16)
-    marks = {"^": r"upper bound on $\kappa_c$ alone", "-": "predicted by small divisors"}
-    marks["--"] = "upper bound by the kicks around the largest one"
+    marks = {"^": r"only an upper bound on $\kappa_c$", "-": "predicted by small divisors"}
+    marks["--"] = "upper bound from the kicks around the largest one"
     style.key(losses, marks, "^")
     losses.plot([], [], color="0.8", label=r"$\Omega = \pm m\gamma$ mod 1, labelled by $m$")
     handles, labels = losses.get_legend_handles_labels()

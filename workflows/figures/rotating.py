@@ -63,14 +63,14 @@ def rotating_tori_caption(tori, two, direct):
 def _plane(title, two, direct, scale, inner):
     """Draw CB_gt, the onset of transport, and × on each ray where a method has no answer.
 
-    Returns the figure, and the axes of the plane and of its corners, from `inner` on.
+    Returns the figure, and the axes of the plane and of the insets, which begin at `inner`.
     """
     figure, (axes,) = panels(1, 1, 7, 8.6)
     parts = axes, *_tips(axes, inner)
     for part in parts:
         label = r"$\mathit{CB}_{gt}$ of $T$" if part is axes else None
         fill_inside(part, two, edgecolor="black", lw=1, label=label)
-    # Next to the axes the spacing of rays is no larger than the error of the onset, whose line
+    # Near the axes the spacing of rays is no larger than the error of the onset, so that its line
     # would be a row of spikes.
     away = np.abs((direct.angle.values + 45) % 90 - 45)
     onset = direct.isel(angle=np.flatnonzero((away == 0) | (away > 2)))

@@ -1,4 +1,4 @@
-"""The self-consistent field, its particles, its barriers; and an asymptotic circle that folds."""
+"""The self-consistent field, its particles and its barriers; and a folded asymptotic circle."""
 
 import numpy as np
 
@@ -106,8 +106,8 @@ def self_consistent_caption(fields, verdicts, settling):
         f"It excludes every family of graphs in the recorded field {recorded}, and under "
         "κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), fitted to it with the same mean and variance and Ω = p/q, "
         f"{fitted}. Lifetimes beyond {horizon} kicks in the field count as undecided, because the "
-        f"search may miss longer ones. Particles (of {fields.particle.size}) move by more than 2 "
-        f"in y {escaped}. (f) Under κ_n = "
+        f"search may miss longer ones. At least one of {fields.particle.size} particles "
+        f"moves by more than 2 in y {escaped}. (f) Under κ_n = "
         f"{settling.limit} + {settling.excess} e^(-n/{settling.time}) the coloured curve "
         f"converges to the golden circle of κ = {settling.limit} and bounds the same area, to "
         f"{abs(first - circle):.0e}: it is a barrier. It folds before the first kick, and "

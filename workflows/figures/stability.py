@@ -64,7 +64,7 @@ def _mark_silent(axes, x, colour):
 
 
 def _draw_past_boundary(axes, study):
-    """Draw where each method makes its claim, around the breakup: a mark there, dots elsewhere."""
+    """Mark where each method makes its claim, around the breakup; draw dots elsewhere."""
     excess = study.excess.values
     claims = (
         ("circle\ncertified", study.certified == 1, "o"),
@@ -142,8 +142,8 @@ def _fractions(study):
     wrong = int((abs(norms.value - judge.value) > norms.error + judge.error).sum())
     large = ", ".join(f"{a:g}" for a in study.quotient.values)
     return (
-        f"Irrational numbers close to fractions, [0;1,…,1,a,(1)] with a = {large}: of "
-        f"{study.q.size} for each a, residues give no answer in {', '.join(map(str, silent[0]))} "
+        f"Irrational numbers close to fractions, [0;1,…,1,a,(1)] with a = {large}, "
+        f"{study.q.size} for each a: residues give no answer in {', '.join(map(str, silent[0]))} "
         f"cases and continuation in {', '.join(map(str, silent[1]))}. Compared with longer orbits, "
         f"the error of continuation exceeds its claim in {wrong} cases."
     )

@@ -25,7 +25,7 @@ INSIDE, NO_ESCAPE = "0.84", "0.95"
 MARKERS = "o^sDvP*<>X"
 _DASHES = ["-", (0, (5, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (2, 1)), (0, (6, 1, 1, 1, 1, 1))]
 _DASHES += [(0, (9, 2)), (0, (1, 1)), (0, (9, 2, 1, 2)), (0, (4, 1, 4, 3)), (0, (3, 1, 1, 1))]
-_KINDS = 5  # markers and dashes fixed by ω alone; the others tell apart circles that look alike
+_KINDS = 5  # markers and dashes fixed by ω alone; others distinguish circles that would look alike
 
 
 def colour_of(i):
@@ -66,8 +66,8 @@ def circle_styles(circles, whole=0):
     No two agree in colour and marker, nor in colour and dash.
 
     circles : texts of ω, "" if it is not known; a circle and its image are listed as one class.
-    The shortest text has the style of `circle_style`; one that would look the same has another
-    marker and dash, or else another colour.
+    Of circles that would look the same, the one with the shortest text has the style of
+    `circle_style`; the others have another marker and dash, or else another colour.
     """
     own = {
         text: circle_style(text, whole) for text in {circle_class(each, whole) for each in circles}
@@ -105,7 +105,7 @@ _IN_COLUMN = {
 
 @contextmanager
 def sheet(column=False):
-    """Draw and save all figures inside with matplotlib's defaults, ignoring any matplotlibrc.
+    """Draw and save figures in this context with matplotlib's defaults, ignoring any matplotlibrc.
 
     column : for a column of a journal, 8 pt and no titles.
     """
@@ -149,7 +149,7 @@ def name_circles(axes, styles, **more):
 def legend_below(axes, columns=2, in_column_columns=1, **style):
     """Draw the legend of one of several panels below it; set its labels and ticks first."""
     figure, columns = axes.figure, in_column_columns if in_column() else columns
-    ticks = axes.bbox.y0 - axes.xaxis.get_tightbbox().y0  # and the label, in pixels
+    ticks = axes.bbox.y0 - axes.xaxis.get_tightbbox().y0  # height of ticks and label, in pixels
     below = ScaledTranslation(0, -ticks / figure.dpi - 0.05, figure.dpi_scale_trans)
     across = figure.transFigure if in_column() else axes.transAxes
     place = blended_transform_factory(across, axes.transAxes) + below
@@ -261,7 +261,7 @@ def _close_up(figure):
 
 
 def frame(figure):
-    """Return the part of a laid-out figure to be saved, in inches: all, without blank margins.
+    """Return the part of a laid-out figure to be saved, in inches: all except blank margins.
 
     Axes of equal scales may leave such margins. A figure for a column keeps its width.
     """
@@ -296,7 +296,7 @@ def omega_label(text):
 
 
 def known(breakdown):
-    """Drop the points whose claimed error is beyond 2% of the scale: gaps in the curves drawn.
+    """Drop the points whose claimed error exceeds 2% of the scale: the curves have gaps there.
 
     Their places in the plane, which are coordinates, are dropped too.
     """
@@ -320,7 +320,7 @@ def circle_class(text, whole=1):
 
 
 def longest_arcs(angle, classes):
-    """Return the classes that are last on more than 1% of the angle, the longest arc first."""
+    """Return the classes of last circles on more than 1% of the angle, the longest arc first."""
     return [str(name) for name, share in arcs(angle, classes).items() if name and share > 0.01]
 
 
@@ -347,7 +347,7 @@ def mark_gaps(axes, x, silent, label="no answer"):
 
 
 def power(n):
-    """Return n in TeX as 10^5, 5·10^5, …; small numbers and those of more digits unchanged."""
+    """Return n in TeX as 10^5, 5·10^5, …; small numbers and those with more digits unchanged."""
     if n < 1000 or n % 10 ** (len(str(n)) - 2):
         return str(n)
     exponent = len(str(n)) - 1

@@ -1,4 +1,4 @@
-"""Boundaries of rotating standard maps for several phases against that of T, from both sides."""
+"""Boundaries of rotating standard maps for several phases, bracketed, against that of T."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from workflows.figures.rotating import where_above
 
 
 def draw_three_kicks(three, two):
-    """Draw the boundaries in the (κ̄, Δκ) plane, and by angle the brackets relative to that of T.
+    """Draw the boundaries in the (κ̄, Δκ) plane, and, by angle, their brackets relative to T.
 
     Colours are those of the last circles.
     """
@@ -21,7 +21,7 @@ def draw_three_kicks(three, two):
     plane, strips = left.subplots(), right.subplots(len(exact), sharex=True, squeeze=False)[:, 0]
     circles = three.circle.transpose(
         "phase", "angle"
-    ).values  # κ and -κ have one breakup, whose circles may differ
+    ).values  # κ and -κ break at the same scale, but their last circles may differ
     styles = style.circle_styles(circles.ravel())
     label = r"$\mathit{CB}_{gt}$ of $T$ ($\Omega = 1/2$)"
     planes.fill_inside(plane, two, edgecolor="black", lw=1, label=label)

@@ -12,9 +12,9 @@ _MARKERS = {1.0: ("o", "K"), 0.5: ("^", "K/2"), -1.0: ("s", "-K")}  # K_α/K: ma
 
 
 def draw_thresholds(table):
-    """Draw K_c against τ, the fractions of small q named above, and against the weakest resonance.
+    """Draw K_c against τ and against the weakest resonance; τ of small q are named above the axes.
 
-    Bars are brackets; an arrow points away from the only end of a bracket.
+    Bars are brackets; an arrow points away from the only known end of a bracket.
     """
     figure, against_delay, against_strength = _canvas()
     for i, (ratio, (marker, name)) in enumerate(_MARKERS.items()):
@@ -41,7 +41,7 @@ def draw_thresholds(table):
 
 
 def _canvas():
-    """Return a figure and two axes, the first one twice as wide, or both below each other."""
+    """Return a figure and two axes: the first twice as wide, or, in a column, above the second."""
     if style.in_column():
         figure = style.canvas(0, 0, 1.5)
         return figure, *figure.subplots(2)
@@ -50,7 +50,7 @@ def _canvas():
 
 
 def _draw_brackets(axes, x, part, colour):
-    """Draw brackets as bars, and the ends of half-open ones as arrows."""
+    """Draw brackets as bars, and the known ends of half-open ones as arrows."""
     lower, upper = part.lower.values, part.upper.values
     axes.vlines(x, lower, upper, color=colour, lw=1.5)
     for end, other, marker in ((upper, lower, "v"), (lower, upper, "^")):
@@ -117,7 +117,7 @@ def planes_caption(curves):
         parts.append(f"τ = {_delay(curve)}: {rays}{wide}{last}.")
     return (
         "CB_gt in the plane of the strengths K of the kicks at whole times and K_α of those a time "
-        "τ later, in units of the period; inside (grey) there are barriers. It is even in "
-        "(K, K_α) → (-K, -K_α). Colours show the last circle, whose ω per period is its mean p; if "
-        f"q is even, that or q/2 - ω. {' '.join(parts)}"
+        "τ later, in units of the period; inside (grey) there are barriers. It is symmetric "
+        "under (K, K_α) → (-K, -K_α). Colours show the last circle, whose ω per period is its mean "
+        f"p; if q is even, this ω or q/2 - ω. {' '.join(parts)}"
     )

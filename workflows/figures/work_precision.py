@@ -30,7 +30,7 @@ _LEAST_RANGE = 12
 def draw_work_precision(data):
     """Draw error against CPU time, a panel for each ray.
 
-    In a column, only the better answers on the first two rays. Grey: below the reference's error.
+    A column shows only the better answers on the first two rays. Grey: below the reference's error.
     """
     data = data.isel(ray=slice(2)) if in_column() else data
     columns = min(3, data.ray.size)

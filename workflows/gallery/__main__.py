@@ -6,7 +6,7 @@ an earlier run. Below the figures of a command the page shows a few lines of Pyt
 cubes and redraw the main result; OUT/recipes contains them as scripts and notebooks, to be run in
 OUT.
 
-By default a preview of everything, about ten CPU minutes.
+By default, runs a preview of everything, which takes about ten CPU minutes.
 """
 
 import json
@@ -77,7 +77,7 @@ _RELEASE = (
 @choice("--exhibit", _NAMES, (), "Command to run; may be repeated.  [default: all]", multiple=True)
 @click.option("--release", metavar="DIR", type=DIRECTORY, help=_RELEASE)
 @flag("--quick", "A preview of the release, with a few rays and cells.")
-@directory("Directory of the page and of the folders of the commands; each is resumed.")
+@directory("Directory of the page and of the folders of the commands; each command is resumed.")
 @quiet_option
 @cluster_options
 def main(out, full, yes, exhibit, release, quick, quiet, workers, scheduler, tls):

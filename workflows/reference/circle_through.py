@@ -1,9 +1,9 @@
 """Which circle passes through a start? The second method for rotation numbers.
 
 The momentum Y(ω) at which the circle of ω crosses the line x = const increases with ω. So the
-rotation number of a start (x, y) solves Y(ω) = y. Circles are computed by Newton's method in
-Fourier space for noble ω, the circles of which are robust, and the secant method ends with two of
-them on which Y is linear to rounding.
+rotation number of a start (x, y) solves Y(ω) = y. Circles of noble ω, which are robust, are
+computed by Newton's method in Fourier space. The secant method ends with two of them so close that
+Y is linear between them to rounding.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from nasm.numbers import nobles_near
 from nasm.orbits import orbit
 
 FINE = NewtonSettings(max_tail=1e-6, max_update=1e-13)
-"""Circles to rounding: errors of their momenta are the limit of the secant method."""
+"""Settings for circles accurate to rounding: errors of their momenta limit the secant method."""
 
 _WIDTHS = 1e-2, 1e-3, 1e-5, 1e-8  # within which nobles approximate the estimates
 

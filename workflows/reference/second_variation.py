@@ -1,17 +1,17 @@
-"""When does the last start on a line lose its second variation? The second method for ramps.
+"""When does the second variation eliminate the last start on a line? The second method for ramps.
 
-A start before the kick of a site is on no invariant graph through n kicks on either side if the
-second variation of the action at its sites |k| < n,
+No invariant graph through n kicks on either side contains a start before the kick of a site if the
+second variation of the action at the sites |k| < n of its orbit, the tridiagonal matrix with
 
-    a_k on the diagonal, a_k = 2 + κ_k cos 2πx_k,    and -1 beside it,
+    a_k = 2 + κ_k cos 2πx_k on the diagonal,    and -1 beside it,
 
 is not positive definite. `nasm.converse_kam.aperiodic` tests this by a tangent vector that starts
 at the site. Here the matrix is eliminated from both ends to the middle,
 
     d_k = a_k - 1/d_{k+1},    d_{-k} = a_{-k} - 1/d_{-k-1},    a_0 - 1/d_1 - 1/d_{-1} > 0,
 
-anew for each n. The starts are those of a dense grid, whose best cells are refined; `nasm` has a
-beam search on two coarser grids.
+anew for each n. The starts are those of a dense grid, whose best cells are refined; `nasm` uses
+a beam search on two coarser grids.
 """
 
 import numpy as np

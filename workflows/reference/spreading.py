@@ -1,18 +1,19 @@
 """Diffusion and escape without following the spread: second methods for `nasm.diffusion`, `escape`.
 
-Green and Kubo's formula has D from the correlations of the changes d_t = y_{t+1} - y_t on the
+Green and Kubo's formula derives D from the correlations of the changes d_t = y_{t+1} - y_t on the
 uniform density of the cell,
 
     D = <d_0²>/2 + Σ_{τ=1}^L w_τ <d_0 d_τ>,    w_τ = (1 + cos πτ/L)/2.
 
-The weights fall smoothly, since correlations in islands oscillate without end; with a sharp end
-D would be up to 24% too large, under (3, 2). `nasm.diffusion` has D from the mean squares of long
-displacements.
+The weights fall smoothly, since correlations in islands oscillate without end; with a sharp
+cutoff D would be up to 24% too large, under (3, 2). `nasm.diffusion` computes D from the mean
+squares of long displacements.
 
-Escape by transport: the window is divided into cells, and the share of each cell that T maps into
-each other one is a matrix (Ulam's). Applied n times to the density of the starts it gives the share
-that is inside after n steps, the sum of which is the mean escape time; its leading eigenvalue is
-the factor by which that share falls in each step, once the density has its final shape.
+Escape by transport: the window is divided into cells, and the shares of each cell that T maps into
+each of the cells form a matrix (Ulam's). Applied n times to the density of the starts, this matrix
+gives the share that is still inside after n steps; the sum of these shares is the mean escape time.
+The leading eigenvalue of the matrix is the factor by which the share falls in each step, once the
+density has its final shape.
 `nasm.escape` follows orbits.
 """
 
@@ -26,7 +27,7 @@ from nasm.orbits import orbit
 def green_kubo(kappa, n_starts, n_steps, n_lags):
     """Return D by correlations of up to n_lags steps, and its error.
 
-    The error is three times that of the mean over starts, and the change from half as many lags.
+    The error is three times that of the mean over starts, plus the change from half as many lags.
     n_starts : a multiple of 256.
     """
     lags = np.arange(n_lags + 1)
@@ -47,7 +48,7 @@ def green_kubo(kappa, n_starts, n_steps, n_lags):
 
 
 def escapes(kappa, window, height, cells_per_turn):
-    """Return the mean escape time and the factor of survival per step, by cells of a size.
+    """Return the mean escape time and the survival factor per step, by transport between cells.
 
     The starts fill 0 ≤ y ≤ height.
     """

@@ -33,13 +33,13 @@ class Case:
     kind : str
         A key of `KINDS`.
     conditions : dict
-        What the quantity depends on, as JSON can hold it.
+        The parameters of the quantity, in types that JSON can represent.
     measure, measure_again : callable
         () → (value, error), by the first and by the second method of the kind.
     texts : dict
         More entries for the templates of the kind.
     has_check : bool
-        Whether the lines of plain Python of the kind apply.
+        True if the kind's lines of plain Python apply to this case.
     """
 
     kind: str
@@ -167,7 +167,7 @@ def _flux(p, q):
 
     conditions = {"kappa": list(kappa), "p": p, "q": q}
     again = partial(symmetric.gap_flux, kappa, p, q)
-    # The lines lose the minimizing orbit of 144/233.
+    # The lines of plain Python do not find the minimizing orbit of 144/233.
     return Case("flux", conditions, measure, again, {"strength": kappa[0]}, has_check=q < 100)
 
 
@@ -181,7 +181,7 @@ def _turnstile(kappa, p, q, above):
         return turnstile(4e-4).area, 4 * symmetric.EPSILON
 
     def polygons():
-        # The area is that of the polygon up to the square of the spacing.
+        # The error of the polygon's area is proportional to the square of the spacing.
         coarse, fine = (
             np.mean([abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2 for x, y in lobes])
             for lobes in (turnstile(spacing).lobes for spacing in (4e-4, 2e-4))
@@ -275,7 +275,7 @@ AGREEMENT = {
 
 
 def entries(cube, quick):
-    """Return what the JSON file says of each value: a list of dicts."""
+    """Return the entries of the JSON file: a list with a dict for each value."""
     chosen, found = {case.name: case for case in cases(quick)}, []
     for row in cube.to_dataframe().reset_index().itertuples():
         case = chosen[row.value]

@@ -41,7 +41,7 @@ class SymmetricOrbit:
 
 
 def symmetric_orbit(kappa, p, q, x, n_scales=200):
-    """Return the SymmetricOrbit of p/q that starts at x, 0 or 1/2, continued from zero kicks."""
+    """Return the SymmetricOrbit of p/q that starts at x, 0 or 1/2, continued from κ = 0."""
     if list(kappa[1:]) != list(kappa[:0:-1]):
         raise ValueError(
             f"kappa={kappa} is not the same forwards and backwards from its first kick"
@@ -94,7 +94,8 @@ def _residue(kappa, n_kicks, x, y):
 def gap_flux(kappa, p, q):
     """Return ΔW_{p/q} of one kick by areas, for odd q, and its error.
 
-    The error is the change from fewer nodes, and the area that is open since orbits do not close.
+    The error is the change from fewer nodes, plus the area left open as orbits do not quite close,
+    plus rounding.
     """
     # For odd q the minimizing orbit has a point on x = 0, and the minimax one on x = 1/2.
     low, high = (symmetric_orbit(kappa, p, q, x) for x in (0.0, 0.5))
@@ -107,7 +108,7 @@ def gap_flux(kappa, p, q):
     areas = []
     for n_nodes in (48, 64):
         nodes, weights = np.polynomial.legendre.leggauss(n_nodes)
-        weights = np.pad(weights, 1)  # the ends of the segment count nothing
+        weights = np.pad(weights, 1)  # the ends of the segment have no weight
         t = np.pad((nodes + 1) / 2, 1, constant_values=(0, 1))
         x, y = x0 + t * (high.x - x0), y0 + t * (high.y - y0)
         slope_x, slope_y = high.x - x0, high.y - y0

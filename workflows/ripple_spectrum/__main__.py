@@ -1,12 +1,13 @@
-"""Which frequencies of a ripple cost most of the threshold? Its spectrum, from fast to slow.
+"""Which frequencies of a ripple lower the threshold most? Its spectrum, from fast to slow.
 
 κ_n = κ(1 + d cos 2πnΩ): by what fraction is the strength κ_c at the last breakup below κ_G, that of
 constant kicks? To first order in d small divisors predict it (see `small_divisors`): losses peak
 where Ω is near mω mod 1. A slow ripple keeps strengths near κ(1 + d) for many kicks, so that κ_c
 tends to κ_G/(1 + d) or less.
 
-For Ω = p/q the last barrier is searched up to q = 64. For longer periods, as of power supplies of
-accelerators, only an upper bound on κ_c is known: by converse KAM, or where an orbit escapes.
+For Ω = p/q the last barrier is searched for up to q = 64. For longer periods, such as those of
+power supplies of accelerators, only an upper bound on κ_c is known, from converse KAM or from an
+orbit that escapes.
 
 Two cubes, a table and a figure in OUT. The defaults take about three CPU minutes, --quick half a
 minute.
@@ -44,8 +45,8 @@ def parse_depth(text):
 @whole("--max-denominator", 8, 2, 64, "Largest q of the fractions p/q up to 1/2.")
 @several("--frequency", SLOW, parse_frequency, "FRACTION", "Further Ω, turns per kick.")
 @several("--depth", DEPTHS, parse_depth, "DEPTH", "Depth d of the modulation, 0.001 to 1.")
-@real("--tol", 1e-2, 1e-4, 0.1, "Relative width of the brackets, up to 64 kicks a period.")
-@whole("--n-predicted", 150, 2, 10**4, "Further Ω, twice as many, at which losses are predicted.")
+@real("--tol", 1e-2, 1e-4, 0.1, "Relative width of the brackets, for up to 64 kicks a period.")
+@whole("--n-predicted", 150, 2, 10**4, "Losses are predicted at twice as many further Ω.")
 @preset("--quick", "A preview", max_denominator=4, frequency=("1/200",), depth=("0.3",))
 @preset("--full", "In full, most of a CPU hour", max_denominator=14, depth=MANY)
 @sweeps

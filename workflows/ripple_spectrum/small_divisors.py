@@ -2,7 +2,7 @@
 
     x_n = h(θ_n + d·Re[w(θ_n) e^{2πinΩ}]) + O(d²),     θ_n = θ + nω
 
-are orbits under κ(1 + d cos 2πnΩ), h(θ) = θ + u(θ) a circle of constant kicks κ. As in
+are orbits under κ(1 + d cos 2πnΩ), where h(θ) = θ + u(θ) is a circle of constant kicks κ. As in
 `nasm.circles.newton`, the linearised equation times h' telescopes. With f⁺ = e^{2πiΩ} f(θ + ω) and
 f⁻ = e^{-2πiΩ} f(θ - ω),
 
@@ -11,11 +11,11 @@ f⁻ = e^{-2πiΩ} f(θ - ω),
 Its solution divides the mode e^{2πimθ} twice by e^{2πi(mω + Ω)} - 1: it resonates where Ω is near
 -mω mod 1. To this order the curve is a graph before every kick, whatever the phase of the ripple,
 as long as d·max |w'| < 1. The predicted threshold of a circle is the strength κ where this fails,
-and that of the forcing is the largest of those of several nobles: next to a resonance of one circle
-another one persists longer.
+and that of the forcing is the largest of the thresholds of several nobles: where a resonance breaks
+one circle early, another one persists longer.
 
 The prediction has no free parameter. It leaves out sidebands mω + kΩ, |k| > 1, which a slow ripple
-excites: it sweeps the rotation number over many resonances.
+excites, as it sweeps the rotation number over many resonances.
 """
 
 from functools import cache
@@ -28,12 +28,12 @@ from nasm.circles import fourier
 from nasm.numbers import RotationNumber
 from nasm.results import Status
 
-_PLACES, _EXCESS = 5, 2  # partial quotients that may differ from those of golden circles, and sum
-_RELATIVE_SCALES = (0.2, 0.4, 0.55, 0.7, 0.8, 0.87, 0.92, 0.96, 0.98)  # over that of the breakup
+_PLACES, _EXCESS = 5, 2  # partial quotients that may exceed golden ones, and by how much in total
+_RELATIVE_SCALES = (0.2, 0.4, 0.55, 0.7, 0.8, 0.87, 0.92, 0.96, 0.98)  # relative to the breakup
 
 
 def nobles():
-    """List nobles in [0, 1/2] that are at most two steps in partial quotients from golden ones."""
+    """List nobles in [0, 1/2] whose partial quotients exceed golden ones by at most 2 in total."""
     steps = [row for row in product(range(_EXCESS + 1), repeat=_PLACES) if sum(row) <= _EXCESS]
     return [RotationNumber((0, 2 + first, *(1 + a for a in rest)), (1,)) for first, *rest in steps]
 
@@ -69,7 +69,7 @@ def strain(u, omega, kappa, frequencies):
 
 @cache
 def family(omega):
-    """Return κ_c of a circle under constant kicks, and its (κ, u) below that, if certified."""
+    """Return κ_c of a circle under constant kicks, and a list of its certified (κ, u) below κ_c."""
     breakup, u, members = periodic.critical_scale(omega, (1.0,), 1500), None, []
     if breakup.status is not Status.OK:
         return np.nan, []

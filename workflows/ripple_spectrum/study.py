@@ -12,7 +12,7 @@ from workflows.ripple_spectrum import small_divisors
 from workflows.shared.judgement import finding, span
 from workflows.shared.tables import columns, dataset
 
-_CHANCE = 0.01  # of as many agreements, below which they are not attributed to chance
+_CHANCE = 0.01  # probability below which as many agreements are not attributed to chance
 _N_MODES = 8  # whose resonances are marked
 
 
@@ -54,7 +54,7 @@ def prediction(fractions, depths, n):
     """Predict κ_c by small divisors, and its bound for slow ripples, at these Ω and in between.
 
     The attribute `golden` is κ_G, at which the golden circle of constant kicks breaks, by residues.
-    n : further Ω, evenly spaced, and again as many in equal ratios.
+    n : number of further Ω, evenly spaced, and of as many again in equal ratios.
     """
     given, least = np.array(fractions, float), float(min(fractions))
     spread = [np.geomspace(least, 0.5, n), np.linspace(least, 0.5, n)]
@@ -91,8 +91,9 @@ def findings(cube, theory):
     only = cube.fraction.values[(cube.loss.isnull() & cube.upper.notnull()).any("depth")]
     bounds = f", and Ω = {', '.join(only)} upper bounds only" if only.size else ""
     limits = (
-        f"Of {cube.loss.size} ripples {known} have a value{bounds}. Not tried: other phases of the "
-        "ripple than a maximum at n = 0, irrational Ω; the prediction is of first order in d"
+        f"Of {cube.loss.size} ripples {known} have a value{bounds}. Not tried: phases of the "
+        "ripple other than a maximum at n = 0, and irrational Ω; the prediction is of first order "
+        "in d"
     )
     return " ".join([_small_divisors(table), _slow(table), f"{limits}."])
 
@@ -100,7 +101,8 @@ def findings(cube, theory):
 def steps(table):
     """Compare neighbouring frequencies: does the loss rise (1) or fall (-1), and what is predicted?
 
-    0 where the brackets of neighbours overlap, or one is missing: these decide nothing.
+    The first result is 0 where the brackets of neighbours overlap, or one is missing: such pairs
+    decide nothing.
     """
     least, most = table.least_loss.values, table.most_loss.values
     found = (least[1:] > most[:-1]).astype(int) - (most[1:] < least[:-1])
@@ -116,13 +118,13 @@ def _small_divisors(table):
     known = ratio[np.isfinite(ratio)]
     low, middle, high = np.quantile(known, [0.1, 0.5, 0.9]) if known.size else 3 * [np.nan]
     text = (
-        f"the loss goes the way predicted in {agree} of {n} steps between neighbouring Ω whose "
+        f"the loss changes as predicted in {agree} of {n} steps between neighbouring Ω whose "
         f"brackets differ (as many agree by chance with probability {chance:.1g}), and is "
-        f"{middle:.2g} times that predicted in the median, {low:.2g} to {high:.2g} times in 80% of "
-        "the ripples"
+        f"{middle:.2g} times the predicted one in the median, {low:.2g} to {high:.2g} times in 80% "
+        "of the ripples"
     )
     claim = "losses rise and fall with Ω as small divisors of circles of constant kicks predict"
-    # Fewer steps than that could not refute chance even if all agreed.
+    # With 0.5**n above this, n agreements could be due to chance.
     return finding(claim, text, agree == n, chance < _CHANCE, 0.5**n < _CHANCE)
 
 
@@ -136,7 +138,7 @@ def _slow(table):
     contradicted = int((lower > bound).sum())
     text = (
         f"of {n} ripples so slow that the kicks around the largest one cause a loss by themselves, "
-        f"{below} have no barrier at κ_G/(1 + d) already, and {contradicted} have one beyond the "
+        f"{below} already have no barrier at κ_G/(1 + d), and {contradicted} have one beyond the "
         f"bound by these kicks; there κ_c(1 + d)/κ_G is at most {span(upper)}"
     )
     claim = "a slow ripple costs what its largest kick costs, κ_c = κ_G/(1 + d), and no more"

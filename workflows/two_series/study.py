@@ -23,13 +23,13 @@ IRRATIONAL = "[0;2,(1)]"  # the golden delay, (3 - √5)/2
 
 
 def delays(max_denominator):
-    """List all a/q in (0, 1/2] with q up to a largest one, in increasing order."""
+    """List all a/q in (0, 1/2] with q up to `max_denominator`, in increasing order."""
     denominators = range(2, max_denominator + 1)
     return sorted({Fraction(a, q) for q in denominators for a in range(1, q // 2 + 1)})
 
 
 def computed_ratio(delay, ratio):
-    """Return the ratio r that is computed in place of another one, and the shift of ω.
+    """Return the ratio r that is computed in place of `ratio`, and the shift of ω.
 
     If q is even, a is odd: κ_n → (-1)ⁿκ_n takes r to -r and ω to ω + q/2.
     """
@@ -118,7 +118,7 @@ def findings(table):
 
 
 def _order(table):
-    """Judge whether K_c is lowest where the weakest resonance is strongest, and lower with it."""
+    """Judge whether K_c is lowest where the weakest resonance is strongest, and falls with it."""
     follows, decided, lowest, places = 0, 0, [], []
     for name, ratio in RATIOS.items():
         part = table.sel(ratio=ratio)
@@ -164,14 +164,14 @@ def _window(table):
         f"weakest resonance with |p| ≤ {', '.join(map(str, windows))} has the strength "
         f"{strengths} over K, and beyond any window there are weaker ones, down to 0, while K_c of "
         f"the convergents {', '.join(near.delay.values.tolist())} is {values}. So transport that "
-        "is global in a window of p excludes barriers in that window only, and a fraction stands "
-        "for an irrational number only in a window below its q. Not computed: K_c of irrational "
-        "delays."
+        "is global in a window of p excludes barriers in that window only, and a fraction can "
+        "replace an irrational number only in a window below its q. Not computed: K_c of "
+        "irrational delays."
     )
 
 
 def _value(cell):
-    """Return the K_c of a cell as text, or its upper end."""
+    """Return the K_c of a cell as text, or the upper end of its bracket."""
     value, upper = cell.critical_scale.item(), cell.upper.item()
     if np.isfinite(value):
         return f"{value:.4g}"

@@ -18,7 +18,7 @@ from workflows.shared.cli import command, flag, place_options, real
 
 _NO_DIGESTS = (
     "its metadata cannot be checked, so its tiles are not repaired: an earlier version stored no "
-    "digests; run the command that computed it again, which adds them"
+    "digests; run again the command that computed it, which adds them"
 )
 
 
@@ -75,7 +75,7 @@ def main(out, store, repair, proofs, max_cpu_seconds):
     if n_damaged:
         again = "run the commands that computed these cubes again"
         if repair:
-            click.echo(f"{'not all is ' if n_left else ''}repaired: now {again}", err=True)
+            click.echo(f"{'not everything is ' if n_left else ''}repaired: now {again}", err=True)
         else:
             click.echo(f"add --repair, then {again}" if n_repairable else again, err=True)
     sys.exit(n_left > 0)

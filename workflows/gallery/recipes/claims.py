@@ -1,4 +1,4 @@
-"""What became of the paper's claims, counted."""
+"""The verdicts on the paper's claims, counted."""
 
 import matplotlib.pyplot as plt
 import pandas as pd

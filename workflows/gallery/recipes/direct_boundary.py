@@ -1,4 +1,4 @@
-"""How far outside CB_gt the scale lies from which on direct iteration sees an escape everywhere."""
+"""Distance outside CB_gt of the scale beyond which direct iteration always sees an escape."""
 
 import matplotlib.pyplot as plt
 import xarray as xr

@@ -1,4 +1,4 @@
-"""The flux through the broken circle grows like a power of the distance, near 3.01."""
+"""The flux through the broken circle grows as a power of the distance, with exponent near 3.01."""
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -1,4 +1,4 @@
-"""Where signs, pairs and bursts of kicks let go, with the forcing that lets go first in each."""
+"""Scales of the breakup for signs, pairs and bursts of kicks, with the least of each family."""
 
 import matplotlib.pyplot as plt
 import xarray as xr

@@ -1,4 +1,4 @@
-"""How many kicks after the breakup the last families of graphs are lost, in a growing forcing."""
+"""How many kicks after the breakup the last families of graphs are excluded, on a ramp."""
 
 import matplotlib.pyplot as plt
 import xarray as xr

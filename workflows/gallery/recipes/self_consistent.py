@@ -1,4 +1,4 @@
-"""For how many kicks barriers last in a field that the particles make, against the coupling."""
+"""For how many kicks barriers persist in the field of the particles, against the coupling."""
 
 import matplotlib.pyplot as plt
 import xarray as xr

@@ -1,4 +1,4 @@
-"""What a ripple of repeated kicks costs: the loss of scale against its size, a power law."""
+"""What a ripple of repeated kicks costs: the loss of scale against the ripple, a power law."""
 
 import matplotlib.pyplot as plt
 import xarray as xr
