@@ -75,7 +75,7 @@ def test_a_claim_is_of_the_forcing_as_it_was_given(made):
     }
 
 
-def test_certificates_identify_the_statements_of_the_readme_by_their_digests():
+def test_certificates_identify_the_statements_of_the_readme_by_digest():
     text = (Path(nasm.__file__).parent / "proofs" / "README.md").read_text(encoding="utf-8")
     statements = re.findall(r"```text\n(.*?)\n```", text, re.DOTALL)
     digests = {s.split(".")[0]: hashlib.sha256(s.encode()).hexdigest() for s in statements}
@@ -386,7 +386,7 @@ LARGE = [  # a certificate, what is changed in it, and why it is refused
 
 
 @pytest.mark.parametrize(("name", "changes", "reason"), LARGE)
-def test_oversized_or_invalid_values_are_refused_before_anything_is_computed(
+def test_oversized_or_invalid_values_are_refused_before_any_work(
     name, changes, reason, made, monkeypatch
 ):
     def computes(*_):
@@ -416,7 +416,7 @@ def test_orbits_too_far_apart_are_not_followed_further(made):
     refuted(made["transport"], {"lives": lives}, "orbits of a box are too far apart")
 
 
-def test_a_circle_with_a_large_residual_is_refused_without_computing_an_inverse(made, monkeypatch):
+def test_a_circle_with_a_large_residual_is_refused_before_an_inverse(made, monkeypatch):
     monkeypatch.setattr(certificate_checker, "inverse", None)
     unit, numbers = -1, [[[[[], [0, 1, 1, 1]]]]]
     refuted(made["barrier"], {"moves": {"unit": unit, "numbers": numbers}}, "a residual is")

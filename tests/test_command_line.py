@@ -132,7 +132,7 @@ def test_a_figure_for_a_column_is_saved_next_to_the_one_for_the_screen(tmp_path)
 
 def test_angles_reach_as_far_as_the_help_says():
     help = CliRunner().invoke(main_of("last_barrier"), ["--help"], terminal_width=200).output
-    assert "from 0 to 180 degrees, or to 360 where κ and -κ differ" in help
+    assert "from 0 to 180 degrees, or to 360 where κ and -κ are not equivalent" in help
     reach = {name: ray_angles(parse(name), 3, 0)[-1] for name in ("two-kicks", "three-kicks:0.2")}
     assert reach == {"two-kicks": 180, "three-kicks:0.2": 360}
 
@@ -221,7 +221,7 @@ def test_numbers_on_the_command_line_may_be_negative():
         ("ask", "0.3 --once pyproject.toml", "leave KAPPA"),
         ("ask", "--once pyproject.toml", "is not a number; write one like 0.3"),
         ("ask", "--once {}/commas.txt", "-0,3 may be one number or two; write one like 0.3"),
-        ("ask", "--once {}/bytes.json", "bytes.json: not a text in UTF-8"),
+        ("ask", "--once {}/bytes.json", "bytes.json: not UTF-8 text"),
         ("ask", "--once {}/kicks.txt --prove", "needs a periodic forcing"),
         ("last_barrier", "--scheduler tcp://127.0.0.1:9 --workers 1", "leave --workers out"),
         ("last_barrier", "--scheduler {}/nowhere.json", "nowhere.json': no such file"),

@@ -163,12 +163,12 @@ def test_the_hash_depends_only_on_settings_that_affect_the_results():
         barrier.last_barrier(TWO, np.arange(361) / 8, 1e-4),
     ],
 )
-def test_a_tile_of_rays_takes_seconds_to_compute_so_that_there_are_few_files(job):
+def test_a_tile_of_rays_takes_seconds_so_that_there_are_few_files(job):
     axes = {dim: job.cube.template[dim].values[:n] for dim, n in job.cube.tile.items()}
     assert 1 < job.predict(axes, job.cube.settings) <= 3
 
 
-def test_the_boundary_at_any_angle_is_that_at_its_image_in_the_fundamental_domain():
+def test_the_boundary_at_an_angle_is_that_at_its_image_in_the_domain():
     angles = [200.0, 45.0, 10.0, 95.0]
     result = barrier.boundary(angles, 1e-2)
     assert result.angle.values.tolist() == angles
@@ -208,7 +208,7 @@ def test_a_cell_is_certified_only_by_a_certificate_that_covers_all_of_it(halves)
 
 
 @pytest.mark.parametrize("painted", [(0, 1), (1, 0), (0, 0)])
-def test_a_certificate_covers_a_cell_and_its_mirror_image_but_no_other_cell(painted):
+def test_a_certificate_covers_a_cell_its_mirror_image_and_no_other_cell(painted):
     states = np.full((2, 2), proofs.cells.OPEN)
     states[painted] = proofs.cells.TRANSPORT
     centres = (np.arange(2) + 24.5) / 32

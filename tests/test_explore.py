@@ -69,7 +69,7 @@ NEAR = View((0.96995, 0.97005), (0.09995, 0.10005), (54, 54))
 
 
 @pytest.mark.parametrize("view", [VIEW, NEAR])
-def test_pixels_that_escape_or_lie_at_the_boundary_are_computed_individually(view):
+def test_pixels_that_escape_or_lie_at_the_boundary_are_computed_singly(view):
     result, n_forcings = pictures(view, 300)
     times, block = result[-1]
     assert block == 1

@@ -101,7 +101,7 @@ def seen_at(image, box, x, y):
     return image[row[inside], column[inside]]
 
 
-def test_orbits_are_coloured_by_rotation_number_and_the_circle_is_certified(opened):
+def test_orbits_are_coloured_by_rotation_number_and_circles_certified(opened):
     tab, words = opened
     image, expected = pixels(tab), verdict(KAPPA)
     for line, y in ((0.5, 12 * 2 + 1), (0.0, 2 * 14), (0.0, 2 * 20)):  # starts of `orbits.portrait`
@@ -354,7 +354,7 @@ def test_a_click_adds_an_orbit_and_a_zoom_iterates_the_orbits_in_the_box(opened)
     wait(tab, "!/[?&](x|y|orbits)=/.test(location.search)")
 
 
-def test_play_moves_the_forcing_along_the_ray_and_requested_curves_are_drawn(opened):
+def test_play_moves_the_forcing_along_the_ray_and_draws_curves(opened):
     tab, _ = opened
     at(tab)
     message_with(tab, re.compile("breaks? at"))
@@ -390,7 +390,7 @@ def test_play_moves_the_forcing_along_the_ray_and_requested_curves_are_drawn(ope
     type_in(tab, "Orbits of a fraction", "")
 
 
-def test_bad_input_is_explained_below_its_field_and_a_lost_worker_is_replaced(opened, served):
+def test_bad_input_is_explained_below_its_field_and_workers_are_replaced(opened, served):
     tab, _ = opened
     good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "0.618", "Orbits added": "0.5 0.3"}
     good["Orbits of a fraction"] = ""
@@ -493,7 +493,7 @@ def test_stored_results_are_drawn_before_there_are_workers_or_kernels(chromium, 
             process.kill()
 
 
-def test_on_a_phone_panels_are_stacked_and_a_zoom_to_1e_4_shows_escape_times(opened):
+def test_on_a_phone_panels_are_stacked_and_a_zoom_shows_escape_times(opened):
     tab, _ = opened
     tab.set_viewport_size({"width": 390, "height": 900})
     wait(tab, "document.documentElement.scrollWidth <= 390")

@@ -71,7 +71,7 @@ def lab(colour, seen_by):
 
 
 @pytest.mark.parametrize("seen_by", DICHROMATS)
-def test_colour_blind_readers_can_distinguish_the_colours_of_circles_and_greys(seen_by):
+def test_colour_blind_readers_can_distinguish_all_circles_and_greys(seen_by):
     greys = ["black", "white", style.INSIDE, style.NO_ESCAPE, "0.5"]
     pairs = [*combinations(style.COLOURS, 2), *product(style.COLOURS, greys)]
     apart = {(a, b): np.linalg.norm(lab(a, seen_by) - lab(b, seen_by)) for a, b in pairs}
@@ -91,7 +91,7 @@ def test_the_six_circles_of_the_paper_look_different_and_golden_is_blue():
     assert looks[0] == {"color": style.COLOURS[0], "marker": "o", "ls": "-"}
 
 
-def test_no_two_circles_of_a_figure_look_alike_and_simple_ones_keep_their_style():
+def test_no_two_circles_look_alike_and_simple_ones_keep_their_style():
     """Circles of three kicks that look alike by default, and 60 circles of a tree, are included."""
     alike = ["[0;1,3,(1)]", "[0;2,2,(1)]", "[1;3,(1)]"]
     assert len({str(circle_style(text)) for text in alike}) == 1
@@ -115,7 +115,7 @@ def test_a_circle_and_its_image_look_alike_only_under_the_symmetry():
     assert circle_style(one)["color"] != circle_style(image)["color"]
 
 
-def test_the_longest_arcs_come_first_and_those_below_one_percent_are_omitted():
+def test_the_longest_arcs_come_first_and_those_below_1_percent_are_omitted():
     angles = np.linspace(0, 90, 361)
     classes = np.full(361, "[0;(1)]", dtype=object)
     classes[:250], classes[300], classes[310:] = "[0;1,2,(1)]", "[0;1,3,(1)]", ""

@@ -48,7 +48,7 @@ def overlap_of(kappa1, kappa2):
     return 2 * (mean**0.5 + half_difference**0.5) / np.pi
 
 
-def test_the_example_of_a_function_of_your_own_fills_a_cube_with_its_values(run, tmp_path):
+def test_the_example_of_a_user_function_fills_a_cube_with_its_values(run, tmp_path):
     text = page("A function of your own")
     assert len([line for line in text.splitlines() if line.strip()]) <= 15
     output = run(text)
@@ -59,7 +59,7 @@ def test_the_example_of_a_function_of_your_own_fills_a_cube_with_its_values(run,
     assert f"overlap in {float((cube.overlap > 1).mean()):.0%} of" in output
 
 
-def test_the_example_resumes_and_refuses_another_function(run, tmp_path):
+def test_the_example_resumes_but_refuses_a_changed_function(run, tmp_path):
     text = page("A function of your own")
     message = run(text)
     records = (tmp_path / "out/overlap/overlap.zarr/tiles/commit/c/0").rglob("[0-9]*")
@@ -113,7 +113,7 @@ def test_the_example_that_reads_a_cube_selects_by_status(run, tmp_path, monkeypa
 
 
 @pytest.mark.slow
-def test_the_example_of_object_stores_opens_a_cube(bucket, here):
+def test_the_object_store_example_opens_a_cube(bucket, here):
     job = pipeline.escape("two-kicks", "0:1:8", "0:1:8", n_max=100, n_orbits=(8,))
     filled = pipeline.fill(job, str(bucket), here())
     path = bucket.cube("escape").removeprefix("s3://cubes/")

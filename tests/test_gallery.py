@@ -55,7 +55,7 @@ def page(tmp_path_factory, workers):
     return out / "index.html"
 
 
-def test_the_page_shows_the_version_the_claims_and_every_figure_with_its_command(page):
+def test_the_page_shows_version_claims_and_every_figure_with_its_command(page):
     text, here = page.read_text(encoding="utf-8"), page.parent / "period_one"
     targets = set(map(unquote, re.findall(r'(?:href|src)="([^"#:]+)"', text)))
     assert all((page.parent / target).exists() for target in targets - {"claims/claims.html"})
@@ -102,7 +102,7 @@ def test_every_exhibit_has_a_recipe():
 @pytest.mark.parametrize(
     "parts", [1, pytest.param(3, marks=pytest.mark.slow)], ids=["the boundary", "all"]
 )
-def test_a_release_is_complete_and_intact_and_says_how_it_was_made(parts, tmp_path, monkeypatch):
+def test_a_release_is_complete_and_intact_and_states_how_it_was_made(parts, tmp_path, monkeypatch):
     monkeypatch.setattr(exhibits, "RELEASE", exhibits.RELEASE[:parts])
     result = CliRunner().invoke(gallery.main, ["--release", str(tmp_path), "--quick"])
     assert result.exit_code == 0, result.output

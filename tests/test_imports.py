@@ -22,7 +22,7 @@ PACKAGES = {module.removesuffix(".__init__") for module in MODULES if "__init__"
 def imports(module):
     """Return the names of everything that the module imports, inside functions too.
 
-    For `from a import b` these are a.b, and a if it is a module.
+    `from a import b` counts as a.b, and also as a unless a is a package.
     """
     names = set()
     for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
@@ -44,7 +44,7 @@ NASM, PIPELINE, FIGURES, WORKFLOWS = (
     for package in ("nasm", "pipeline", "workflows.figures", "workflows.")
 )
 
-# Kernels compiled to disk have several writers, hence a lock; the extra `proof` installs flint.
+# Kernels on disk have several writers and therefore a lock; the extra `proof` installs flint.
 MORE = {"arithmetic.kernels": "filelock", "proofs.barrier": "flint", "proofs.patches": "flint"}
 
 
@@ -63,7 +63,7 @@ def test_pipeline_imports_no_workflow(module):
 
 
 @pytest.mark.parametrize("module", WORKFLOWS)
-def test_commands_import_no_other_command_and_shared_packages_import_none(module):
+def test_neither_commands_nor_shared_packages_import_other_commands(module):
     inside = {name.split(".")[1] for name in imports(module) if name.startswith("workflows.")}
     own = module.split(".")[1]
     assert inside <= {"shared", "figures", own}
@@ -113,8 +113,8 @@ def test_imports_within_a_package_have_no_cycle_and_avoid_its_init(room):
 
 
 @pytest.mark.parametrize("module", [m for m in NASM if not m.startswith("nasm.proofs")])
-def test_only_nasm_proofs_says_that_something_is_proved(module):
-    if module == "nasm.verdicts":  # passes on what a proof of nasm.proofs says
+def test_only_nasm_proofs_claims_that_something_is_proved(module):
+    if module == "nasm.verdicts":  # passes on the result of a proof by nasm.proofs
         return
     lines = MODULES[module].read_text(encoding="utf-8").splitlines()
     claims = [
@@ -124,7 +124,7 @@ def test_only_nasm_proofs_says_that_something_is_proved(module):
 
 
 @pytest.mark.parametrize("readme", ["README.md", "nasm/proofs/README.md", "pipeline/README.md"])
-def test_what_a_readme_imports_exists(readme):
+def test_names_imported_in_a_readme_exist(readme):
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / readme).read_text(encoding="utf-8"), re.S)
     lines = re.findall(r"^(?:>>> )?((?:from|import) .+)$", "".join(blocks), re.M)
     assert lines

@@ -1,4 +1,4 @@
-"""Plain xarray joins cubes of different rays; strings stay strings, or become missing values."""
+"""Plain xarray joins cubes of different rays; strings are kept, or become missing values."""
 
 import json
 from pathlib import Path
@@ -82,9 +82,9 @@ def test_the_program_reads_strings_as_it_wrote_them(place):
     assert {"circle", "tied"} <= {*cube.coords}
 
 
-def test_variables_that_must_not_be_interpolated_say_so(opened):
+def test_comments_mark_variables_that_must_not_be_interpolated(opened):
     cube = opened[0]
-    assert np.isfinite(cube.omega.interp(angle=5.0))  # which is why the comment is needed
+    assert np.isfinite(cube.omega.interp(angle=5.0))  # xarray allows it: hence the comment
     for name in ("omega", "status"):
         assert "do not interpolate" in cube[name].attrs["comment"]
 

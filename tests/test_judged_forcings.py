@@ -50,12 +50,12 @@ def test_an_image_of_a_forcing_is_equivalent_to_it(operations):
     assert any(np.array_equal(form, profile) for form in equivalent)
 
 
-def test_repetitions_shorten_to_the_same_forcing_and_pauses_rescale_y():
+def test_a_repeated_forcing_is_shortened_again_and_pauses_rescale_y():
     row = replace(next(iter(ROWS.values())), profile=(0.3, 0.1), start=None)
     repeated, _, factor, _ = image(row, "repeat 3")
     (short,), _ = symmetries.shorten([repeated], numbers.parse("gamma"))
     assert (tuple(short), factor) == ((0.3, 0.1), 1)
-    # With kicks n sites apart and y → y/n, x at the kicks is as under kicks n times as strong.
+    # Kicks n sites apart act on (x, n·y) like kicks n times as strong at every site.
     paused, _, factor, _ = image(row, "pause 3")
     assert (paused, factor) == ((0.3, 0, 0, 0.1, 0, 0), 1 / 3)
     x, y = 0.2, 0.15
@@ -69,7 +69,7 @@ def test_repetitions_shorten_to_the_same_forcing_and_pauses_rescale_y():
 
 @pytest.mark.parametrize(("kappa", "p", "q"), [((0.97,), 8, 13), ((0.68, 0.15), 5, 8)])
 def test_residues_of_the_judge_agree_with_those_on_symmetry_lines(kappa, p, q):
-    """The latter are computed by shooting, to 25 digits."""
+    """Residues on symmetry lines are computed by shooting, to 25 digits."""
     omega = numbers.parse("gamma")
     zero, kappa = np.zeros(len(kappa)), np.array(kappa)
     _, u = judge_forcings.circle_below(omega, zero, kappa, 1.0, 1e-2)
@@ -93,7 +93,7 @@ def test_residues_of_the_judge_reproduce_the_breakup_of_the_standard_map():
         ("value", 1 + 1e-6, "limit"),
     ],
 )
-def test_a_false_row_is_doubted(name, factor, words):
+def test_the_judge_doubts_a_false_row(name, factor, words):
     row = next(row for row in ROWS.values() if len(row.profile) == 2 and row.method == "residues")
     assert judge_forcings.doubts(row) == []
     false = replace(row, **{name: factor * row.value})
@@ -118,7 +118,7 @@ def test_a_row_contradicts_a_search_that_deviates_by_more_than_the_errors():
     assert score_search.contradictions(by_residues, replace(true, upper=1 - 2e-6)) == ("upper",)
 
 
-def test_the_report_counts_answers_and_names_what_is_wrong_or_missing():
+def test_the_report_counts_answers_and_lists_wrong_or_missing_ones():
     def search(profile, tol, start=None):
         if len(profile) == 1:
             raise ZeroDivisionError

@@ -1,4 +1,4 @@
-"""Kernels on disk: never stale, safe with many writers, harmless where they cannot be kept."""
+"""Kernels on disk: never stale, safe with many writers, and no error if they cannot be kept."""
 
 import errno
 import os
@@ -72,7 +72,7 @@ assert "sources of nasm have changed" in str(given[0].message)
 
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
-    """Yield the directory of kernels as a new process finds it, and a function to set another."""
+    """Yield the kernel directory of a new process, and a function that sets another one."""
 
     def at(folder):
         monkeypatch.setattr(config, "CACHE_DIR", str(folder))
@@ -88,7 +88,7 @@ def kept(tmp_path, monkeypatch):
 def half(tmp_path):
     """Return a function that calls a small kernel with some values.
 
-    It returns the results, and how many of the kernel's types came from disk.
+    It returns the results, and for how many signatures the kernel was loaded from disk.
     """
     script = tmp_path / "script.py"
     script.write_text(HALF)
@@ -110,7 +110,7 @@ def started(script, *arguments, cache, source=ROOT):
 
 
 @pytest.mark.slow
-def test_only_one_process_compiles_a_missing_kernel_and_all_kernels_are_kept(
+def test_only_one_process_compiles_a_missing_kernel_and_all_are_kept(
     tmp_path,
 ):
     script = tmp_path / "script.py"

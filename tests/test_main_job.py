@@ -1,4 +1,4 @@
-"""A small run of the main job, whose three methods bracket one boundary; and the examples."""
+"""A small run of the main job, in which three methods bracket the boundary, and the examples."""
 
 import json
 import os
@@ -34,7 +34,7 @@ def finished(tmp_path_factory, workers):
     """Return the directory of a small run of the main job."""
     out = tmp_path_factory.mktemp("main") / "out/critical_boundary"
     output = succeed("critical_boundary", out, *MAIN, *workers)
-    assert re.search(r"sweep \d of 5, \w+", output)  # the load decides which are shown
+    assert re.search(r"sweep \d of 5, \w+", output)  # which sweeps are shown depends on the load
     for name in ("escape.zarr", "barrier.zarr", "boundary.zarr", *FILES):
         assert f"{out}/{name}" in output
         assert (out / name).exists()
@@ -92,7 +92,7 @@ def test_refinement_finds_the_boundary_of_the_full_grid(finished, dense):
     assert 0.1 < finest.mean() < 0.9
 
 
-def test_the_direct_table_holds_the_boundary_along_rays(finished):
+def test_the_table_of_direct_iteration_contains_the_boundary_along_rays(finished):
     rows = table(finished / "critical_boundary_direct.csv")
     assert len(rows) == 13
     assert {r["n"] for r in rows} == {"4000"}
@@ -105,7 +105,7 @@ def test_the_direct_table_holds_the_boundary_along_rays(finished):
     assert ends["45"][0] == ends["45"][1]
 
 
-def test_every_ray_has_a_bracket_of_the_boundary_and_names_its_last_circle(finished):
+def test_every_row_brackets_the_boundary_and_names_the_last_circle(finished):
     rows = table(finished / "critical_boundary.csv")
     assert [float(r["angle"]) for r in rows] == list(range(0, 181, 15))
     for r in rows:
@@ -114,7 +114,8 @@ def test_every_ray_has_a_bracket_of_the_boundary_and_names_its_last_circle(finis
         assert lower < value < upper
         assert upper - lower < 0.0101 * value
         assert float(parse(r["circle"])) == pytest.approx(float(r["omega"]), abs=1e-11)
-    # On the axes the golden circle breaks at κ_G/2; on the diagonal that of 2γ, at (κ_G, κ_G).
+    # On the axes the golden circle breaks at κ_G/2; on the diagonal the circle of 2γ breaks, at
+    # (κ_G, κ_G).
     scale = {int(float(r["angle"])): float(r["critical_scale"]) for r in rows}
     for angle, exact in ((0, KAPPA_G / 2), (45, KAPPA_G * 2**0.5), (90, KAPPA_G / 2)):
         assert scale[angle] == pytest.approx(exact, abs=1e-10)
@@ -145,7 +146,7 @@ def test_the_scales_of_the_three_methods_are_in_the_expected_order(finished):
         (["--plane", "rotating:1/2"], "plane is two-kicks, not rotating:1/2; plane_hash is"),
     ],
 )
-def test_other_settings_are_refused_and_nothing_is_touched(finished, other, difference):
+def test_other_settings_are_refused_and_no_file_is_changed(finished, other, difference):
     before = snapshot(finished)
     result = invoke("critical_boundary", finished, *MAIN, *other)
     assert result.exit_code == 2
@@ -196,7 +197,7 @@ UNUSUAL = {
 
 @pytest.mark.parametrize("plane", thirds(UNUSUAL))
 def test_runs_on_unusual_planes_still_produce_a_figure(tmp_path, finished, workers, plane):
-    for name in ("barrier.zarr", "breakdown.zarr"):  # their rays are the same
+    for name in ("barrier.zarr", "breakdown.zarr"):  # reused, because the rays are the same
         shutil.copytree(finished / name, tmp_path / "out" / name)
     options = [*MAIN, *plane.split(), "--levels", "2"]
     output = succeed("critical_boundary", tmp_path / "out", *options, *workers)
@@ -215,7 +216,7 @@ def test_the_job_queue_example_without_a_command_prints_its_usage(monkeypatch):
 
 @pytest.fixture
 def notebook(finished, monkeypatch, capsys):
-    """Return a function that runs a notebook next to `out`; it returns the output and variables."""
+    """Return a function that runs a notebook next to `out` and returns its output and variables."""
 
     def run(name):
         written = json.loads((EXAMPLES / f"{name}.ipynb").read_text(encoding="utf-8"))
@@ -233,7 +234,7 @@ def notebook(finished, monkeypatch, capsys):
     return run
 
 
-def test_the_notebook_that_leads_from_one_orbit_to_the_boundary(notebook):
+def test_the_boundary_notebook_leads_from_one_orbit_to_the_boundary(notebook):
     output, names = notebook("boundary")
     assert "Answer.BARRIER" in output
     assert "Answer.TRANSPORT" in output
@@ -248,7 +249,7 @@ def test_the_notebook_that_leads_from_one_orbit_to_the_boundary(notebook):
     assert names["x"].size == 100_001
 
 
-def test_the_notebook_that_reads_cubes(finished, notebook):
+def test_the_cubes_notebook_reports_the_numbers_in_the_cubes(finished, notebook):
     output, names = notebook("cubes")
     (row,) = table(finished / "critical_boundary.csv", angle="90")
     assert f"at 90°: {float(row['critical_scale']):.12f} ±" in output
@@ -258,7 +259,7 @@ def test_the_notebook_that_reads_cubes(finished, notebook):
     assert f"transport within 4000 steps in {share:.1f}% of the cells" in output
     assert f"{(field(finished) <= 4000).mean():.6f}" in output  # computed block by block
     radius = np.hypot(*names["curves"].to_numpy().T)
-    # The curves lie outside the last barrier, and within the direct boundary of the table.
+    # The curves lie outside the last barrier, and inside the table's boundary by direct iteration.
     assert radius.min() > KAPPA_G / 2
     direct = [
         float(r["critical_scale"] or 0) for r in table(finished / "critical_boundary_direct.csv")
@@ -282,7 +283,7 @@ QUEUE = {
 
 
 @pytest.mark.slow
-def test_the_job_queue_example_ends_its_jobs_and_leaves_no_key(tmp_path, monkeypatch):
+def test_the_job_queue_example_ends_its_jobs_and_leaves_no_key_behind(tmp_path, monkeypatch):
     here = tmp_path / "queue"
     here.mkdir()
     for name, program in QUEUE.items():

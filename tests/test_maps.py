@@ -16,7 +16,7 @@ forcings = st.lists(strengths, min_size=1, max_size=3)
 coordinates = st.floats(-1, 1)
 
 # For |κ| ≤ 2 and |x|, |y| ≤ 4 the error of one kick is below 2e-15: 4e-16·κ/2π from the sine, and
-# half an ulp from each sum. Each further kick magnifies it by less than ‖DS‖ ≤ 2 + |κ| ≤ 4.
+# half an ulp from each sum. Each further kick magnifies it by at most ‖DS‖ ≤ 2 + |κ| ≤ 4.
 ROUNDING = 2e-15
 
 
@@ -58,7 +58,7 @@ def test_rotating_forcing_has_the_period_of_its_frequency(frequency, amplitude, 
     assert_allclose(rotating_forcing(0.5, amplitude, frequency, phase), strengths, rtol=1e-14)
 
 
-def test_strengths_may_be_any_real_numbers_and_frequencies_any_exact_number():
+def test_strengths_and_frequencies_are_accepted_in_any_usual_form():
     assert_array_equal(direction((0.0, -1e-300)), (0.0, -1e-300))
     for kappa in ([1, 2], (Fraction(1), 2.0), np.array([1, 2], np.uint8), np.float32([1, 2])):
         assert forcing(kappa).dtype == float

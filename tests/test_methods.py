@@ -98,8 +98,8 @@ def images(profile, omega):
 
 
 # The flux is computed 20% beyond the breakup, but for two circles only 7% to 12% beyond it.
-# At that distance the gaps of their cantori cover everything to within rounding: sites of the
-# minimizing orbit are 1e-17 apart.
+# Even there the gaps of their cantori cover everything to within rounding: sites of the minimizing
+# orbit are 1e-17 apart.
 @pytest.mark.parametrize(
     ("name", "profile", "size"),
     [
@@ -204,7 +204,7 @@ METHODS = {
 def test_the_size_of_a_ray_affects_only_the_unit_even_for_tiny_rays(name):
     expected = METHODS[name](PROFILE, 1.0)
     assert expected.status is Status.OK
-    for size in (2.0**-996, 2.0**13):  # powers of 2, else rounding changes escapes
+    for size in (2.0**-996, 2.0**13):  # powers of 2; otherwise rounding would change escapes
         result = METHODS[name](size * PROFILE, size)
         assert (result.status, result.omega) == (expected.status, expected.omega)
         assert result.error * size == pytest.approx(expected.error, rel=0.3)
@@ -218,7 +218,7 @@ def test_periods_that_are_too_short_are_reported():
 
 
 @pytest.mark.parametrize("n_kicks", thirds([2, 4, 3, 1, 5, 6]))
-def test_methods_for_a_given_circle_return_a_number_or_a_reason_without_warning(n_kicks):
+def test_methods_for_a_given_circle_return_a_number_or_a_reason(n_kicks):
     rng = np.random.default_rng(n_kicks)
     for _ in range(4):
         quotients = (10 ** rng.uniform(0, 1.7, rng.integers(0, 4))).astype(int)
@@ -228,12 +228,12 @@ def test_methods_for_a_given_circle_return_a_number_or_a_reason_without_warning(
         for method, effort in zip(OF_A_CIRCLE, (1500, 1e-4, 3000), strict=True):
             assert is_honest(method(omega, profile, effort))
         circle = circles.invariant_circle(omega, rng.uniform(0, 1) * profile)
-        if circle.status is not Status.NOT_CERTIFIED:  # else the error says how far off it is
+        if circle.status is not Status.NOT_CERTIFIED:  # else `error` is its residual
             assert np.isnan(circle.error) == (circle.status is not Status.OK)
 
 
 @pytest.mark.parametrize("n_kicks", thirds([2, 4, 3, 1, 6]))
-def test_methods_for_the_last_circle_return_a_number_or_a_reason_without_warning(n_kicks):
+def test_methods_for_the_last_circle_return_a_number_or_a_reason(n_kicks):
     rng = np.random.default_rng(n_kicks)
     profile = rng.uniform(0, 0.4) ** np.arange(n_kicks)  # dominant line at the first kick
     profile = np.maximum(profile, np.roll(profile[::-1], 1)) * 10 ** rng.uniform(-3, 1)

@@ -83,7 +83,7 @@ def test_a_single_number_is_a_forcing_of_one_kick():
     assert periodic.critical_scale("gamma", 2.0, 400).value == pytest.approx(KAPPA_G / 2, rel=1e-6)
 
 
-def test_a_verdict_prints_on_a_line_and_as_a_table():
+def test_a_verdict_prints_on_one_line_and_as_a_table():
     verdict = nasm.verdict((0.3, 0.4))
     assert "BARRIER" in repr(verdict)
     assert "\n" not in repr(verdict)
@@ -94,7 +94,7 @@ def test_a_verdict_prints_on_a_line_and_as_a_table():
 
 
 @pytest.mark.parametrize("kappa", [0.3, 3.0])
-def test_a_circle_prints_on_a_line_and_as_a_table(kappa):
+def test_a_circle_prints_on_one_line_and_as_a_table(kappa):
     circle = nasm.invariant_circle("gamma", kappa)
     assert repr(circle).startswith(f"<InvariantCircle of [0;(1)] under kappa = [{kappa:g}")
     table = circle._repr_html_()

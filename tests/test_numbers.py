@@ -31,7 +31,7 @@ def test_the_paper_s_numbers_agree_with_their_formulas():
 
 
 @given(prefix=prefixes, tail=tails)
-def test_parsing_keeps_the_value_and_the_printed_form_gives_the_same_number(prefix, tail):
+def test_parsing_keeps_the_value_and_printing_gives_the_same_number(prefix, tail):
     omega = parse(spell(prefix, tail))
     assert parse(str(omega)) == eval(repr(omega), {"parse": parse}) == omega
     with mpmath.workdps(100):
@@ -58,7 +58,7 @@ def test_a_fraction_is_the_last_of_its_convergents(fraction):
 
 
 @given(prefix=prefixes)
-def test_the_two_continued_fractions_of_a_rational_are_one_number(prefix):
+def test_both_continued_fractions_of_a_rational_give_the_same_number(prefix):
     assert parse(spell([*prefix, 1])) == parse(spell([*prefix[:-1], prefix[-1] + 1]))
 
 
@@ -72,7 +72,7 @@ def test_convergents_approach_a_number_from_alternate_sides(omega):
 
 
 @given(omega=irrationals, a=integers, b=integers, c=integers, d=integers)
-def test_moebius_transform_and_its_inverse(omega, a, b, c, d):
+def test_a_moebius_transform_is_undone_by_its_inverse(omega, a, b, c, d):
     assume(a * d != b * c)
     image = moebius(omega, a, b, c, d)
     assert moebius(image, d, -b, -c, a) == omega
@@ -84,7 +84,7 @@ def test_moebius_transform_and_its_inverse(omega, a, b, c, d):
 
 
 @given(fraction=st.fractions(max_denominator=50), a=integers, b=integers, c=integers, d=integers)
-def test_moebius_transform_of_a_fraction(fraction, a, b, c, d):
+def test_the_moebius_transform_of_a_fraction_is_exact(fraction, a, b, c, d):
     assume(a * d != b * c and c * fraction + d != 0)
     image = rational((a * fraction + b) / (c * fraction + d))
     assert moebius(rational(fraction), a, b, c, d) == image
@@ -109,7 +109,7 @@ def test_moebius_refuses_to_return_infinity():
         ("[-2; 3, (1, 2)]", RotationNumber((-2, 3), (1, 2))),
     ],
 )
-def test_ways_to_write_a_number(text, omega):
+def test_a_number_can_be_written_in_several_ways(text, omega):
     assert parse(text) == omega
 
 
@@ -135,7 +135,7 @@ def test_a_number_that_is_too_long_is_refused_at_once(text):
     assert time.process_time() - begin < 0.5
 
 
-def test_long_numbers_below_the_limit_are_read():
+def test_long_numbers_below_the_limit_are_parsed():
     long = parse("2003gamma")
     assert len(long.tail) == 818
     assert parse(str(long)) == long

@@ -133,7 +133,7 @@ def weighted_average(kappa, x, y, n):
     return total / weights
 
 
-def test_islands_rotate_with_their_central_orbit_and_chaotic_orbits_have_no_rotation_number():
+def test_omega_in_an_island_is_that_of_its_centre_and_nan_in_chaos():
     # (1/2, 0) is an elliptic fixed point for small positive strengths: ω = 0 all around it.
     assert rotation_number(KAPPA, 0.55, 0.0, 10_000)[0] == pytest.approx(0, abs=1e-12)
     omega, digits = rotation_number((1.5, 1.5), [0.01, 0.02, 0.03], 0.0, 10_000)

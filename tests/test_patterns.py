@@ -26,13 +26,13 @@ def test_findings_on_patterns_follow_from_the_numbers():
 
 @pytest.mark.parametrize("q", [2, 3, 4, 5])
 def test_pairs_drive_resonances_of_the_strength_that_the_command_states(q):
-    """To first order it is 2K|cos πk/q|: orbits of period one have |R| = K|cos πk/q|/2."""
+    """The first-order strength is 2K|cos πk/q|: orbits of period one have |R| = K|cos πk/q|/2."""
     K = 0.01
     results = [periodic.residue(K / q * np.array(study.pair(1, q)), k, 1) for k in range(q)]
     assert results == pytest.approx(K / 2 * abs(np.cos(np.pi * np.arange(q) / q)), abs=K**2)
 
 
-def test_pairs_a_third_apart_have_the_threshold_found_from_residues():
+def test_pairs_a_third_of_a_period_apart_have_the_threshold_of_residues():
     result = barriers.critical_scale((1, 1, 0), 1e-2)
     assert 3 * result.value == pytest.approx(0.90382345, abs=1e-7)
     assert periodic.critical_scale(result.omega, (1, 1, 0), 2000).value == pytest.approx(

@@ -22,7 +22,7 @@ FIBONACCI = [(5, 8), (8, 13), (13, 21), (21, 34), (34, 55), (55, 89), (89, 144)]
 
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 2), (2, 5), (3, 4), (5, 13)])
-def test_both_orbits_are_closed_and_ordered_with_the_residue_of_their_tangent_map(kappa, p, q):
+def test_both_orbits_are_closed_ordered_and_have_the_residue_of_DT(kappa, p, q):
     result = ordered_orbits(kappa, p, q)
     for orbit, sign in zip(result, (-1, 1), strict=True):
         x, y = orbit.points()
@@ -52,8 +52,8 @@ def test_greene_1979():
 
 
 # In this order: rays on which two extrapolated values agree by chance; circles whose tails have
-# several quotients; rays next to a cusp; residues that are lost in rounding up to the breakup; and
-# rays that are not hard.
+# several quotients; rays next to a cusp; residues that are lost in rounding errors at all scales up
+# to the breakup; and easy rays.
 HARD = [
     ("(gamma+1)/(4gamma+5)", ray(25.948730289534073), 1e-9),
     ("(gamma+1)/(4gamma+5)", ray(49.32870995046929), 1e-9),
@@ -118,7 +118,7 @@ def test_starts_survive_where_a_circle_is_claimed_near_a_shorter_forcing(distanc
 
 
 @pytest.mark.parametrize("which", thirds(range(6)))
-def test_residues_give_a_value_on_a_forcing_of_shorter_period_but_not_next_to_it(which):
+def test_residues_give_a_value_on_a_shorter_forcing_but_not_next_to_it(which):
     profile, _, omega = next_to_a_shorter_one(1e-7)[which]
     assert periodic.critical_scale(omega, profile).status is Status.NEAR_CUSP
     profile, short, omega = next_to_a_shorter_one(0.0)[which]

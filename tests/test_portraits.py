@@ -1,4 +1,4 @@
-"""Portraits as stored: Fig. 1 against the map, Fig. 2 against the map's symmetries."""
+"""Stored portraits: Fig. 1 compared with the map, Fig. 2 with the map's symmetries."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def distance(a, b):
     return np.abs((np.asarray(a) - np.asarray(b) + 0.5) % 1 - 0.5).max()
 
 
-def test_the_stored_points_are_orbits_of_the_map_whose_first_kick_is_kappa_1(finished):
+def test_the_stored_points_are_orbits_that_begin_with_kappa_1(finished):
     cube = xr.open_zarr(finished / "portraits.zarr")
     assert (cube.kappa1.values.tolist(), cube.kappa2.values.tolist()) == ([0.35, 0.5], [0.5, 0.35])
     for i in (0, 1):

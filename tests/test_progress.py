@@ -88,7 +88,7 @@ def test_finished_driver_work_counts_in_the_bar_but_not_as_remaining_time():
     assert (line.fraction(), line.remaining()) == (0.75, 20.0)
 
 
-def test_before_the_first_tile_progress_shows_compiling_and_no_remaining_time():
+def test_before_the_first_tile_progress_shows_no_remaining_time():
     clock = Clock()
     line = Progress("run", io.StringIO(), {"one": 10.0}, clock=clock)
     line.begin_sweep("sweep 1 of 1, one", "one")
@@ -179,7 +179,7 @@ def test_on_a_terminal_one_line_is_rewritten_and_fits_the_width(monkeypatch):
     assert stream.getvalue().endswith("\n")
 
 
-def test_a_log_gets_a_line_every_ten_seconds_and_a_silent_run_no_line(monkeypatch):
+def test_a_log_gets_a_line_every_ten_seconds_but_a_silent_run_has_no_log(monkeypatch):
     waits = []
 
     def wait(over, seconds):

@@ -1,4 +1,4 @@
-"""Proofs that a circle exists: exact identities, a second program, mutants, and false claims."""
+"""Proofs that circles exist, tested by identities, a second program, mutants, and false claims."""
 
 import json
 from itertools import product
@@ -33,7 +33,7 @@ CASES = [("gamma", (0.3, 0.2), 64), ("[0;(3)]", (-0.5,), 128), ("gamma", (0.15, 
 
 
 def near(profile, omega, breakup, distance):
-    """Return (ω, kappa, deviations) of a circle in doubles at a relative distance from breakup."""
+    """Return (ω, kappa, deviations) of a circle, in floats, at a relative distance from breakup."""
     omega, profile = parse(omega), np.array(profile)
     scale, u = continuation.certified_circle(omega, profile, breakup, distance)
     return omega, scale * profile, u
@@ -288,7 +288,7 @@ def test_more_time_proves_a_circle_nearer_to_the_breakup(monkeypatch):
     assert scales[0] < scales[1] < breakup
 
 
-def test_a_lower_scale_is_proved_if_the_strengths_round_to_equal_ones():
+def test_a_lower_scale_is_proved_if_different_strengths_become_equal():
     profile, values = np.array([0.7, np.nextafter(0.7, 1)]), (0.9, 0.92)
     first = [(1 - 0.05) * value * profile for value in values]
     assert {len(set(kappa)) for kappa in first} == {1, 2}
@@ -309,7 +309,7 @@ NO_CIRCLES += [np.random.default_rng(1).normal(0, s, (1, n)) for s, n in ((1, 64
 
 
 @pytest.mark.parametrize("start", NO_CIRCLES)
-def test_a_start_that_is_no_circle_proves_nothing_and_raises_no_error(start):
+def test_a_start_that_is_not_a_circle_proves_nothing_and_raises_no_error(start):
     assert not prove(GAMMA, (1.1,), start=start, n=128).proved
 
 
@@ -346,7 +346,7 @@ def test_a_bound_outside_its_strip_is_refused():
     pytest.param(0.9716, 7 * 2**19, marks=pytest.mark.release),  # 4 GB
 ])  # fmt: skip
 def test_the_golden_circle_is_proved_as_close_to_its_breakup_as_published(kappa, n):
-    """Figueras, Haro and Luque (2017) proved it at 0.9716, which is 0.99996 of the breakup."""
+    """Figueras, Haro and Luque (2017) proved this circle at 0.9716 (0.99996 of the breakup)."""
     omega, near_kappa, u = near((1.0,), "gamma", 0.971635406, 1 - kappa / 0.971635406)
     assert near_kappa == pytest.approx(kappa, abs=1e-9)
     assert prove(omega, (kappa,), start=u, n=n).proved

@@ -67,7 +67,7 @@ def test_cells_with_a_circle_are_not_proved():
     for angle in (0, 20, 30):
         for widths in (-2, -0.5, 0):
             kappa, half_width = cell_beyond(angle, widths, 2.0**-7)
-            if (beyond(angle, 0) > kappa - half_width).all():  # it reaches below the breakup
+            if (beyond(angle, 0) > kappa - half_width).all():  # the cell reaches below the breakup
                 assert not prove_cell(kappa, half_width, 0.05).proved
 
 
@@ -98,7 +98,7 @@ KERNEL = audit.Kernel(
 
 @pytest.mark.parametrize("a", [0, 0.5])
 @pytest.mark.parametrize("k0", [0.25, 0.0, -0.25])
-def test_half_the_strength_is_counted_at_the_symmetry_line_whatever_its_sign(a, k0):
+def test_half_the_strength_counts_at_the_symmetry_line_whatever_its_sign(a, k0):
     """In a box of a wide cell the kick at the line may differ in sign from that of the centre."""
     start = np.zeros((proofs.transport_cells._ROWS, 1))
     box = np.array([0.3, 2.0**-12, k0, 2.0**-8, 0.5, 2.0**-8, 0, 0, 0])

@@ -19,7 +19,7 @@ from nasm.proofs.certificate_checker import check
 from nasm.symmetries import ray
 
 GAMMA, N = parse("gamma"), 256
-TRIANGLE = (0.5, 0.25), (0.0625, -0.125)  # profile and tilt, for γ: from 12.5° to 40.6°
+TRIANGLE = (0.5, 0.25), (0.0625, -0.125)  # profile, tilt; for γ, from 12.5° to 40.6°
 
 
 @pytest.mark.parametrize(
@@ -262,7 +262,7 @@ def too_small(case, rho, bounds):
 
 
 def too_large(case, rho, bounds):
-    """List constants that are too large, or NaN; bounds on interpolation errors may be larger."""
+    """List constants that are NaN or too large; interpolation errors have a wider tolerance."""
     largest, of_circles = truth(case, rho), case in ("between", "between in t", "single")
     most = dict.fromkeys(largest, 2.5) | {"error": 60 if of_circles else 8}
     return [key for key in largest if not bounds[key] < most[key] * largest[key]]
@@ -277,7 +277,10 @@ def test_constants_bound_those_of_all_forcings_of_a_patch(program, case):
 
 @pytest.mark.parametrize("case", ["between", "between in t", "single"])
 def test_both_programs_allow_the_same_error_of_interpolation(case):
-    """The checker uses one point more than degrees; with zeros added, so does the other program."""
+    """Both programs use one more point than there are degrees.
+
+    The checker always does; the other program does because zeros are added to its modes.
+    """
     profile, tilt, high, (Q, R), moves = made_case(case)
     across, nothing = R + (R > 1), [[[[], []]] * len(profile)]
     rows = [moves[i : i + R] + nothing * (across - R) for i in range(0, Q * R, R)]
@@ -375,8 +378,9 @@ def test_modes_that_are_not_real_or_not_odd_are_refused(row):
 
 
 def test_the_interpolation_constant_is_above_the_lebesgue_constant():
-    # Σ ±ℓ_i(cos θ) is an even trigonometric polynomial of degree < n. By Bernstein, its slope is
-    # less than n times its maximum. This bounds how far the maximum exceeds that on a grid.
+    # Σ ±ℓ_i(cos θ) is an even trigonometric polynomial of degree < n. By Bernstein's
+    # inequality, its slope is less than n times its maximum. This bounds how far its maximum can
+    # exceed its values on a grid.
     for n in range(2, module.MAX_NODES + 1):
         theta = np.linspace(0, np.pi / 2, 150 * n + 1)  # the rest follows by symmetry
         T = np.cos(np.arange(n)[:, None] * theta)

@@ -47,7 +47,7 @@ def worst_error(polynomial, series, is_odd, pieces=8192):
     """Bound |computed - exact| of Σ c_k u²ᵏ (times u if `is_odd`) on 0 ≤ u ≤ 1/4.
 
     The polynomial minus the series is a polynomial, bounded piece by piece by its mean-value form.
-    u = 1/4 - |r| is wrong by 2⁻⁵⁶ at most, and exact for |r| ≥ 1/8.
+    u = 1/4 - |r| has an error of at most 2⁻⁵⁶, and is exact for |r| ≥ 1/8.
     """
     ulp, tail = arb(2) ** -53, arb(10) ** -40  # the series' next term is below 10⁻⁵⁰
     difference, worst = arb_poly(polynomial) - arb_poly(series), 0.0
@@ -79,8 +79,8 @@ def test_bounds_of_sine_and_cosine_hold_over_the_whole_range():
 def error_of_accurate_sine(middle, radius, series):
     """Bound the error |h + h_low - sin 2πx/2π| of `_accurate` for u = 1/4 - |r| in a ball.
 
-    An exact operation yields a float and a remainder of at most 2⁻⁵³ times the float. Everything
-    that is rounded or left out is added up.
+    An exact operation yields a float and a remainder of at most 2⁻⁵³ times the float. All
+    rounding errors and omitted terms are added up.
     """
     ulp, u = arb(2) ** -53, arb(middle, radius)
     u_low = arb(2) ** -56
@@ -107,7 +107,7 @@ def error_of_accurate_sine(middle, radius, series):
         s_low = fourth * (1 + ulp)
     low = ulp * u * abs(s) + u * s_low
     error = error * (u + u_low) + ulp * low + u_low * s_low + ulp * (low + u_low * abs(s))
-    # Also the next term of the series, the error of cos, and the square of x_low (at most 2⁻⁵⁴).
+    # Add the next term of the series, the error of cos, and the square of x_low (≤ 2⁻⁵⁴).
     error += (2 * arb.pi() * u) ** 24 / math.factorial(25) * u
     return error + ulp * (low + 2 * ulp) + arb(proofs.transport.COS) * ulp + 4 * ulp**2
 
@@ -224,7 +224,7 @@ def test_a_changed_line_is_noticed(change):
     assert max(audit.audit_of_kicks(KERNEL, change).values()) > 1
 
 
-def test_lanes_and_floats_compute_what_the_source_says():
+def test_lanes_and_floats_agree_with_the_source_run_in_python():
     kick = audit.in_python(KERNEL.functions, fma=exact_fma)
     proof = prove(beyond(20, 0.1))
     result = zip(proof.boxes.tolist(), proof.slopes, strict=True)
@@ -287,7 +287,7 @@ def test_arithmetic_that_is_not_ieee_proves_nothing(monkeypatch):
 
 
 def after_a_block(row, value, kappa=(1.5, 1.2)):
-    """Return the outcome of a box with one number changed, and whether the lanes see an event.
+    """Return the outcome of a box with one number changed, and whether the lanes report an event.
 
     Without the change, the box is eliminated within the block.
     """
@@ -323,7 +323,7 @@ def test_a_wronskian_that_is_a_little_off_eliminates_nothing(off):
 
 @pytest.mark.parametrize(("kappa", "budget", "kicks"), [(63 / 64, 0.5, 50_000), (0.9718, 5, 10**9)])
 def test_mackay_percival_1985_and_jungreis_1991(kappa, budget, kicks):
-    """The standard map has no circle at 63/64, proved in a millisecond, and none at 0.9718."""
+    """The standard map has no circle at 63/64 (proved in a millisecond) or at 0.9718."""
     proof = prove((kappa,), budget)
     assert proof.proved
     assert proof.lifetimes.sum() < kicks
@@ -342,8 +342,8 @@ def test_an_independent_program_accepts_the_certificate(angle, excess):
         checker.check(json.loads(json.dumps(proof.certificate())))
 
 
-def test_every_false_shorter_lifetime_is_refused():
-    """A start in the box is known to survive longer than the false lifetime."""
+def test_every_lifetime_shorter_than_the_true_one_is_refused():
+    """A start in the box is known to survive longer than the lifetime that is checked."""
     proof = prove(beyond(30, 0.1))
     kappa = np.roll(proof.kappa, -proof.site)
     refused = 0
@@ -466,7 +466,7 @@ def tried(profile, excess, checks):
         kappa = 2 * (tuple((scale * np.array(profile)).tolist()),)
         below, _ = proofs.transport._covered(*kappa, proof.site, proof.points, 0.2)
         assert not below.proved
-        assert below.lifetimes.size > 0  # no circle meets most of its edges
+        assert below.lifetimes.size > 0  # most of its edges meet no circle
     assert not prove(0.9 * result.lower * np.array(profile), 0.2).proved
     if checks and proof.proved:
         checker.check(json.loads(json.dumps(proof.certificate())))

@@ -74,7 +74,7 @@ def test_a_cube_is_refused_when_a_module_that_its_job_imports_has_changed(here, 
     assert "was computed by mathematics" in str(refused)
 
 
-def test_a_worker_whose_files_differ_is_rejected_only_if_the_job_imports_them(tmp_path, edited):
+def test_a_worker_whose_files_differ_is_rejected_if_the_job_needs_them(tmp_path, edited):
     place, plan = store.place_of(tmp_path), job()
     store.create(place, plan.cube, driver := plan.code.computed_by)
     ask = partial(_complaint, place, "strength", plan.cube.config_hash, plan.code)

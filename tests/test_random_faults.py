@@ -65,7 +65,7 @@ def interrupt(process, choose):
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: its workers are interrupted too
 
 
-# Exit codes of a driver after a fault, if not 0, as a shell reports them.
+# Nonzero exit codes of a driver after a fault, as a shell reports them.
 ENDS = {kill_worker: 1, kill_driver: 137, interrupt: 130}
 
 

@@ -1,4 +1,4 @@
-"""Reference values: their rule can refute them, and plain Python that checks them gives them."""
+"""Reference values: the rule for verdicts can refute them, and plain Python reproduces them."""
 
 import ast
 import json
@@ -27,7 +27,7 @@ QUICKLY = "residue", "rotation_number", "escape_time"
 
 
 def lines_agree(value):
-    """Run the lines in a Python that sees neither this program nor any library."""
+    """Run the lines in a Python that can import neither this program nor any library."""
     lines = "\n".join(value["check"]["lines"])
     names = [
         name for node in ast.walk(ast.parse(lines)) if isinstance(node, ast.ImportFrom)
@@ -45,7 +45,7 @@ FEW = [value for value in CHECKED if value["kind"] in QUICKLY][::4]
 
 
 @pytest.mark.parametrize("value", FEW, ids=lambda value: value["name"])
-def test_plain_python_gives_a_value(value):
+def test_plain_python_reproduces_a_value(value):
     assert lines_agree(value)
     assert not lines_agree(value | {"value": 1.2 * value["value"] + 1e-3})
 
@@ -54,7 +54,7 @@ def test_plain_python_gives_a_value(value):
 @pytest.mark.parametrize(
     "value", [value for value in CHECKED if value not in FEW], ids=lambda value: value["name"]
 )
-def test_plain_python_gives_the_other_values(value):
+def test_plain_python_reproduces_the_other_values(value):
     assert lines_agree(value)
 
 
@@ -69,7 +69,7 @@ def test_the_published_values_are_those_that_the_program_measures():
 
 
 @pytest.mark.slow
-def test_a_preview_gives_the_published_values():
+def test_a_preview_agrees_with_the_published_values():
     published = {value["name"]: value for value in VALUES}
     for value in study.entries(study.measured(quick=True), quick=True):
         expected = published[value["name"]]
@@ -77,7 +77,7 @@ def test_a_preview_gives_the_published_values():
 
 
 @pytest.mark.parametrize("kind", ["residue", "rotation_number"])
-def test_the_command_of_a_value_gives_it(kind, capsys):
+def test_the_command_stored_with_a_value_reproduces_the_value(kind, capsys):
     for value in [value for value in VALUES if value["kind"] == kind][::5]:
         _, _, line = value["command"].partition(' -c "')
         exec(line.removesuffix('"'), {"nasm": nasm, "print": lambda told: print(np.ravel(told)[0])})
@@ -90,9 +90,7 @@ def test_literature_agrees_with_the_critical_strength():
     assert abs(value["value"] - KAPPA_G) <= value["error"] < 1e-10
 
 
-def test_a_value_is_contradicted_if_its_methods_differ_by_more_than_their_errors(
-    tmp_path, monkeypatch
-):
+def test_a_value_is_contradicted_if_methods_differ_beyond_their_errors(tmp_path, monkeypatch):
     right = next(case for case in study.cases(quick=True) if case.kind == "residue")
     value, error = right.measure_again()
     answers = {
@@ -117,23 +115,23 @@ def test_a_value_is_contradicted_if_its_methods_differ_by_more_than_their_errors
     assert page.count('class="does-not-hold"') == page.count('class="not-decided"') == 1
 
 
-def test_shooting_needs_a_centre():
+def test_shooting_requires_a_forcing_with_a_centre_of_symmetry():
     with pytest.raises(ValueError, match="the same forwards and backwards"):
         symmetric_orbit((0.5, 0.3, 0.2), 1, 2, 0.5)
 
 
-def test_the_second_orbits_are_as_wrong_as_their_forcing():
+def test_the_second_residue_detects_a_change_of_1e_9_in_the_strength():
     exact = periodic.residue((0.9,), 3, 8)
     orbit, other = (symmetric_orbit((kappa,), 3, 8, 0.5) for kappa in (0.9, 0.9 + 1e-9))
     assert abs(orbit.residue - exact) <= orbit.error < 1e-12 < abs(other.residue - exact)
 
 
-def test_the_area_through_the_gap_of_a_fixed_point_is_that_of_its_potential():
+def test_the_flux_through_the_gap_of_a_fixed_point_agrees_with_the_formula():
     area, error = gap_flux((0.8,), 0, 1)
     assert abs(area - 0.8 / (2 * np.pi**2)) <= error < 1e-14
 
 
-def test_a_start_on_a_circle_has_its_rotation_number_and_a_chaotic_one_has_none():
+def test_omega_is_that_of_the_circle_through_a_start_and_nan_in_chaos():
     circle = invariant_circle("[0;1,1,(2)]", (0.5,), settings=circle_through.FINE)
     y = circle_through.momentum_on(circle, 0.3)
     omega, error = circle_through.rotation_number((0.5,), 0.3, y)
@@ -141,7 +139,7 @@ def test_a_start_on_a_circle_has_its_rotation_number_and_a_chaotic_one_has_none(
     assert np.isnan(circle_through.rotation_number((2.0,), 0.3, 0.62)).all()
 
 
-def test_a_start_lives_until_the_second_variation_is_not_positive():
+def test_a_start_survives_until_the_second_variation_is_not_positive():
     kappa = 0.97 + 0.01 * np.arange(-30, 31)
     y = np.linspace(0.3, 0.7, 41)
     times = variation.lifetimes(kappa, 30, 0.5, y)
@@ -151,13 +149,13 @@ def test_a_start_lives_until_the_second_variation_is_not_positive():
 
 
 def test_without_correlations_diffusion_is_quasilinear():
-    # Under (κ, 0, …, 0) x advances so far between kicks that y forgets it, for strong kicks.
+    # Under strong kicks (κ, 0, …, 0), x advances so far in between that they are uncorrelated.
     value, error = spreading.green_kubo((1000.3,), 512, 512, 16)
     assert value == pytest.approx((1000.3 / (4 * np.pi)) ** 2, rel=0.05)
     assert 0 < error < 0.05 * value
 
 
-def test_escapes_by_transport_are_those_of_orbits():
+def test_escapes_computed_by_transport_agree_with_those_of_orbits():
     mean, factor = spreading.escapes((8.0,), (-2.0, 2.3), 0.3, 30)
     times = nasm.escape_time((8.0,), *nasm.escape.ensemble(20_000), 10_000)
     assert mean == pytest.approx(times.mean(), rel=0.05)

@@ -48,7 +48,7 @@ def test_a_cell_is_from_the_finest_level_computed_for_any_ensemble():
     assert level.tolist() == [[0, 1, 0, 0], [0, 0, 0, 1]]
 
 
-def test_diagonal_neighbours_make_boundary_cells():
+def test_cells_that_differ_from_a_diagonal_neighbour_are_boundary_cells():
     answers = np.zeros((1, 3, 3), dtype=bool)
     assert not refine.boundary_cells(answers).any()
     answers[0, 0, 0] = True

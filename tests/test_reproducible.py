@@ -59,7 +59,7 @@ def tell(*names):
 
 
 @pytest.mark.parametrize("names", [SOME, pytest.param(ALL, marks=pytest.mark.slow)])
-def test_cubes_hold_the_same_bits_where_numpy_and_blas_use_other_loops(names):
+def test_cubes_are_bit_identical_if_numpy_and_blas_use_other_loops(names):
     here = Path(__file__).parent
     program = [sys.executable, "-c", f"import test_reproducible as this; this.tell(*{names})"]
     output = []

@@ -1,4 +1,4 @@
-"""Results of methods can be compared, even if they hold arrays or NaN, and print readably."""
+"""Results of methods can be compared, even if they contain arrays or NaN, and print readably."""
 
 import copy
 import pickle
@@ -48,7 +48,7 @@ def test_planes_and_critical_scales_are_hashable():
     assert len({*nothing, CriticalScale(1, 0, 0, 2, None, Status.OK)}) == 2
 
 
-def test_transversals_that_hold_arrays_are_compared_without_an_error():
+def test_transversals_that_contain_arrays_are_compared_without_an_error():
     one, other = (Transversal(0, np.array([0.3, 0.2, 0.4]), [], float) for _ in range(2))
     assert one == one
     assert one != other
@@ -111,7 +111,7 @@ PRINTED = [  # a result, its line, and a cell of its table
 
 
 @pytest.mark.parametrize(("found", "line", "cell"), PRINTED)
-def test_a_result_prints_on_a_line_and_as_a_table(found, line, cell):
+def test_a_result_prints_on_one_line_and_as_a_table(found, line, cell):
     assert repr(found) == line
     assert f"<td>{cell}</td>" in found._repr_html_()
 

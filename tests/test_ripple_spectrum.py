@@ -1,4 +1,4 @@
-"""Spectrum of a ripple: small divisors, the limit of slow ripples, findings that can fail."""
+"""Spectrum of a ripple: small divisors, the limit of slow ripples, and findings that can fail."""
 
 from fractions import Fraction
 
@@ -19,7 +19,7 @@ GAMMA = float(parse("gamma"))
 
 
 def test_the_response_is_the_derivative_of_circles_under_a_weak_ripple():
-    """Of three kicks, with the ripple at two phases: the real and the imaginary part of w'."""
+    """The ripple has three kicks; its two phases give the real and the imaginary part of w'."""
     kappa, d = 0.5, 1e-4
     plain = circles.invariant_circle("gamma", kappa)
     n = 4 * plain.u.shape[1]
@@ -36,7 +36,7 @@ def test_the_response_is_the_derivative_of_circles_under_a_weak_ripple():
 
 @pytest.mark.parametrize("mode", [1, 2, 3])
 def test_the_response_resonates_where_the_frequency_is_a_multiple_of_omega(mode):
-    """It divides by a small divisor twice, so that half the distance makes it four times larger."""
+    """A small divisor enters squared: at half the distance the response is four times larger."""
     u = circles.invariant_circle("gamma", 0.3).u[0]
     near, nearer = small_divisors.strain(u, GAMMA, 0.3, mode * GAMMA + np.array([2e-5, 1e-5]))
     assert nearer / near == pytest.approx(4, rel=1e-2)
@@ -51,7 +51,7 @@ def test_slow_ripples_are_bounded_by_the_largest_kick():
 
 
 def test_a_ripple_of_two_kicks_is_a_forcing_of_the_paper():
-    """Ω = 1/2 and d = 1 is (2κ, 0): all kicks of strength 2κ, every second one missing."""
+    """With Ω = 1/2 and d = 1 the forcing is (2κ, 0): every second kick is missing."""
     coords = {"fraction": ["1/2"], "depth": np.array([1.0])}
     found = rotating_maps._ripples(coords, {"tol": 1e-3})
     # y changes by 2κ/2π in two kicks, in which x changes by 2y: the standard map with 4κ.
@@ -70,9 +70,11 @@ FREQUENCIES = [0.005, 0.01, 0.2, 0.3, 0.4]
 def results(loss, upper, predicted=(0.2, 0.25, 0.1, 0.3, 0.2)):
     """Return the cube and the theory of five frequencies, of which the first two are slow.
 
-    Two depths have the same values: eight steps, of which chance explains all in one of 256 cases.
+    Both depths have the same values, which makes eight steps between neighbouring frequencies; all
+    would agree with the theory by chance in one of 256 cases.
 
-    loss : NaN where there is only an upper bound. upper : of the first two, over κ_G/(1 + d).
+    loss : NaN where there is only an upper bound. upper : bounds at the
+    first two, relative to κ_G/(1 + d).
     """
     dims, scale = ("frequency", "depth"), (1 - np.array(loss)) * KAPPA_G
     ends = scale * 1.001

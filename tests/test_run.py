@@ -139,7 +139,7 @@ def test_a_stored_study_adds_nothing_to_the_predicted_time(tmp_path, study):
 
 def test_a_command_without_sweeps_computes_nothing_when_it_runs_again(tmp_path, monkeypatch):
     def refuse(*_, **__):
-        raise AssertionError("computes again what is there")
+        raise AssertionError("existing results are computed again")
 
     from workflows.portraits import study
 
@@ -175,7 +175,7 @@ def dry(out, options):
     return succeed("escape_plane", out, *options, "--dry-run")
 
 
-def test_yes_lets_a_run_take_as_long_as_it_needs(tmp_path, monkeypatch):
+def test_the_option_yes_lets_a_run_take_as_long_as_it_needs(tmp_path, monkeypatch):
     monkeypatch.setattr(run, "LONGEST", -1.0)
     small = ["--primary", "-4:4:20", "--secondary", "0:8:10"]
     assert invoke("period_one", tmp_path / "out", *small).exit_code == 2

@@ -31,7 +31,7 @@ def files_of_at_most(n_bytes):
 
 @pytest.mark.parametrize("n_bytes", [20, 100, 1000])
 @pytest.mark.parametrize("exists", [False, True])
-def test_a_study_on_a_full_disk_fails_with_one_message_and_can_be_completed(
+def test_a_study_on_a_full_disk_fails_with_a_message_and_can_be_completed(
     tmp_path, monkeypatch, exists, n_bytes
 ):
     if exists:  # a store written by other code
@@ -75,7 +75,7 @@ def test_a_tile_that_runs_out_of_memory_fails_alone(here, tmp_path):
 # one restores the filters, it may remove one that the other still needs.
 @pytest.mark.filterwarnings("ignore:Consolidated metadata")
 def test_two_drivers_of_one_cube_lose_nothing(here, place):
-    """As on an object store, no lock stops the second; the cube is verified while they run."""
+    """As on an object store, no lock stops the second driver; the cube is verified meanwhile."""
     plan, job, outcomes, faults = toy.cube(tile=1), toy.job(tile=1), [], []
 
     def drive():

@@ -32,7 +32,7 @@ def test_the_ray_through_the_breakup_on_a_segment_has_its_breakup_there(segment)
 @given(st.floats(5, 40), st.floats(-0.25, 0.3), st.floats(-0.2, 0.25))
 @example(None, 0.1, -0.1)  # a segment with three kicks
 def test_segments_from_inside_end_on_the_boundary_of_their_circle(angle, kappa1, kappa2):
-    # Not all come from below: some cross κ1 = κ2, where the minimax orbit changes its centre.
+    # Not all segments come from below: some cross κ1 = κ2, where the minimax orbit changes centre.
     omega, profile = ("gamma", ray(angle)) if angle else ("[1;3,(1)]", ASYMMETRIC)
     along_ray = periodic.critical_scale(omega, profile, 1000 if angle else 300)
     end, start = along_ray.value * profile, np.array([kappa1, kappa2, 0.2][: profile.size])

@@ -1,4 +1,4 @@
-"""The self-consistent map against its form in the literature; aperiodic forcings with phases."""
+"""The self-consistent map compared with the literature, and aperiodic forcings with phases."""
 
 from concurrent.futures import ThreadPoolExecutor
 from math import cos, fsum, hypot, pi, sin
@@ -58,7 +58,7 @@ def ramp(rate, n_kicks):
     return KAPPA_G + rate * np.arange(-n_kicks, n_kicks + 1)
 
 
-def test_the_search_finds_the_lifetimes_of_a_dense_scan_under_changing_kicks():
+def test_the_search_finds_the_lifetimes_of_a_scan_under_changing_kicks():
     kappa, low, high, longest = ramp(1e-3, 600), 0.4, 0.41, 0.0
     while high - low > 1e-12:
         y = np.linspace(low, high, 20_001)
@@ -135,7 +135,7 @@ def test_a_small_amplitude_after_a_negative_field_does_not_cancel():
         evolve([0.25], [0.0], 1e6, 1e-100, 5)
 
 
-def test_without_weights_the_particles_follow_standard_maps_to_the_last_bit():
+def test_without_weights_particles_follow_standard_maps_to_the_last_bit():
     after, x, y = evolve(X, Y, 0.0, 0.9, 200, 0.1, 0.01), X, Y
     assert (after.kappa == 0.9).all()
     for phase in after.theta:

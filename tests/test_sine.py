@@ -19,7 +19,7 @@ ANGLES = np.concatenate(
     ]
 )
 
-# Sums and differences of these with small integers and quarters are exact.
+# Sums and differences of these numbers with small integers and quarters are exact.
 dyadic = st.integers(-(2**42), 2**42).map(lambda k: k / 2**40)
 
 

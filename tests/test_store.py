@@ -79,7 +79,7 @@ def contents(place):
     return {file["path"]: (file["e_tag"], file["last_modified"]) for file in files}
 
 
-def test_committed_tiles_can_be_read_with_plain_xarray_and_contain_no_secret(place):
+def test_committed_tiles_are_read_by_plain_xarray_and_contain_no_secret(place):
     plan, path = toy.cube(depth=3), place.cube("toy")
     assert (fill(place, plan), fill(place, plan)) == (20, 0)
     toy.assert_complete(place, plan)
@@ -596,7 +596,7 @@ def test_committing_a_tile_takes_at_most_1_5_times_as_long_as_zarr(on_disk, caps
         seconds.append((ours - start, time.process_time() - ours))
     each, zarrs = np.median(seconds, axis=0)
     with capsys.disabled():
-        print(f"\n{1e3 * each:.2f} ms of CPU a tile, of which zarr {2e3 * zarrs:.2f}")
+        print(f"\n{1e3 * each:.2f} ms of CPU time per tile, of which zarr takes {2e3 * zarrs:.2f}")
     assert each < 1.5 * 2 * zarrs  # two arrays: the data and the record
 
 

@@ -265,7 +265,7 @@ def test_workers_listen_on_loopback_only_and_answer_only_their_own_driver(client
     ]
     assert len(listening) >= 3  # at least the scheduler, a nanny and its worker
     assert {address.ip for address in listening} == {"127.0.0.1"}
-    # Without this cluster's certificate nobody gets an answer, neither over TLS nor in a browser.
+    # Without this cluster's certificate, neither a TLS client nor a browser gets an answer.
     anyone = ssl.create_default_context()
     anyone.check_hostname, anyone.verify_mode = False, ssl.CERT_NONE
     spoke = 0
@@ -344,7 +344,7 @@ def test_a_machine_on_which_workers_would_hang_raises_one_clear_error(
 
 
 def test_a_user_s_dask_settings_apply_only_to_workers_on_other_machines(client):
-    """Some of these settings would hang workers on this machine."""
+    """Some of these settings would make workers on this machine hang."""
     theirs = {
         "temporary-directory": "/proc/nowhere",
         "distributed.worker.multiprocessing-method": "fork",
@@ -364,7 +364,7 @@ def test_a_user_s_dask_settings_apply_only_to_workers_on_other_machines(client):
 
 
 def test_a_sweep_runs_in_a_thread_and_in_an_event_loop(here, tmp_path):
-    """As in a web application, where a sweep cannot handle Ctrl-C, and in a notebook."""
+    """Web applications use threads, which cannot handle Ctrl-C; notebooks use event loops."""
     outcomes = []
 
     def work(out):
@@ -426,7 +426,7 @@ def during(out, act):
 
 
 def test_ctrl_c_stops_no_worker(client):
-    """It stops neither a worker that is starting nor one that has started."""
+    """Ctrl-C stops neither a worker that is starting nor one that has started."""
     (nanny,) = client().cluster.workers.values()
     worker = client().submit(os.getpid, pure=False).result(timeout=60)
     os.kill(worker, signal.SIGKILL)

@@ -96,7 +96,7 @@ def test_the_shorter_forcing_has_the_same_orbits_and_the_matching_omega(kappa, l
         ((0.5, -1.0, -0.4, 0.9), 0.1),
     ],
 )
-def test_the_distance_to_a_shorter_forcing(kappa, distance):
+def test_distances_to_a_shorter_forcing_are_relative_to_the_largest_kick(kappa, distance):
     for copy in (kappa, np.roll(kappa, 1), np.negative(kappa), np.array(kappa) * 1e-200):
         assert min(symmetries.distances_to_shorter(copy)) == pytest.approx(distance)
     assert symmetries.distances_to_shorter([kappa[0]]).size == 0

@@ -1,4 +1,4 @@
-"""Ripples and random forcings compared with constant kicks; responses, laws, tests of findings."""
+"""Ripples and random forcings compared with constant kicks; responses, laws and findings."""
 
 import numpy as np
 import pytest
@@ -18,8 +18,8 @@ GAMMA = float(parse("gamma"))
 def test_responses_of_golden_residues_agree_with_finite_differences():
     """Change all kicks by the same factor, and then by a ripple of period 3.
 
-    Under (1, 1, 1) there is one minimax orbit 2/3 for each phase. The last of them to be eliminated
-    is the one that the ripple moves down; periodic.residue finds the minimax over all of them.
+    Under (1, 1, 1) there is one minimax orbit 2/3 for each phase. Under the ripple,
+    one of them is the minimax over all phases, and periodic.residue returns its residue.
     """
     for n, p, q in ((4, 2, 3), (5, 3, 5), (7, 8, 13)):
         up, down = (periodic.residue((KAPPA_G * (1 + h),), p, q) for h in (1e-5, -1e-5))
@@ -98,7 +98,7 @@ def said_of(measured, upper):
 def test_verdicts_on_the_findings_about_ripples_follow_from_the_numbers():
     output = said_of([0.64, 0.5], [0.7, 1.001])
     assert output.count("Supported: ") == 2
-    assert "and at the ends of 1 climbs without escape" in output
+    assert "and at the ends of 1 climbs where no orbit escapes" in output
     assert "climbs orbits escape, at 0.50 κ_G" in said_of([0.64, 0.5], [1.001, 0.5])
     assert "Not supported" in said_of([0.64, 0.5], [np.inf, 0.5])
     assert "Not supported" in said_of([0.64, 0.5], [0.7, np.inf])

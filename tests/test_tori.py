@@ -1,4 +1,4 @@
-"""Tori and last barriers of rotating maps, compared with circles, orbits, residues; refusals."""
+"""Tori and last barriers of rotating maps, compared with circles, orbits and residues."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -51,7 +51,7 @@ def test_the_circles_of_all_phases_form_the_torus_of_a_rational_frequency():
     assert np.abs(tori.residual(omega, 1 / 3, mean, amplitude, u)).max() < 2 * worst < 1e-8
 
 
-def test_at_zero_mean_adding_1_2_to_both_frequencies_keeps_the_torus():
+def test_at_zero_mean_adding_one_half_to_both_frequencies_keeps_the_torus():
     omega, frequency = TRIBONACCI
     one = tori.invariant_torus(omega, frequency, 0.0, 0.3)
     two = tori.invariant_torus(omega + 0.5, frequency + 0.5, 0.0, 0.3)
@@ -60,7 +60,7 @@ def test_at_zero_mean_adding_1_2_to_both_frequencies_keeps_the_torus():
     assert np.abs(one.u - two.u).max() < 1e-8
 
 
-def test_the_torus_is_odd_and_a_negative_amplitude_shifts_its_phase_by_half_a_turn(torus):
+def test_tori_are_odd_and_negative_amplitudes_shift_the_phase_by_a_half(torus):
     mirrored = np.roll(torus.u[::-1, ::-1], (1, 1), axis=(0, 1))
     assert np.abs(torus.u + mirrored).max() < 1e-9
     other = tori.invariant_torus(*TRIBONACCI, BELOW_BREAKUP[0], -BELOW_BREAKUP[1]).u
@@ -82,7 +82,7 @@ def test_orbits_stay_on_the_torus_and_have_its_rotation_number(torus):
     assert measured == pytest.approx(torus.omega, abs=1e-8)
 
 
-def test_newton_error_squares():
+def test_each_newton_step_squares_the_error():
     one_step = tori.TorusSettings(newton=replace(tori.TorusSettings().newton, max_steps=1))
     u, errors = np.zeros((64, 256)), []
     for _ in range(6):
@@ -158,8 +158,8 @@ def test_graphs_persist_at_a_certified_torus_and_are_excluded_far_beyond():
 
 
 # One period of each forcing, the breakup of its last circle by residues or continuation, and the
-# relative distance beyond it at which no graph is left. This is larger without a symmetry, because
-# minimizing orbits then cross the lines.
+# relative distance beyond it at which no graph is left. This distance is larger without a symmetry,
+# because minimizing orbits then cross the lines.
 KNOWN = ((1.0,), KAPPA_G, 0.01), ((0.3, 0.2, 0.25), 1.79656, 0.05)
 
 

@@ -15,14 +15,14 @@ FORCINGS = [(1.03,), (0.71, 0.46), (0.2, 0.5, 0.36), (0.1, 0.7, -0.3, 0.2)]
 
 
 def elimination_time(kappa, site, x, y, n_kicks):
-    """Return the kicks, in either direction, that eliminate starts before the kick at `site`."""
+    """Return how many kicks in either direction eliminate starts that precede kick `site`."""
     x, y = np.array(np.broadcast_arrays(x, np.atleast_1d(y)), float)
     return transversal.elimination(np.roll(kappa, -site), x, y, n_kicks)[0]
 
 
 @pytest.mark.parametrize("kappa", FORCINGS)
 def test_a_start_is_eliminated_once_its_orbit_is_not_minimizing(kappa):
-    # Check the definition, without tangent vectors: the second variation of the piece |k| < n.
+    # Check the definition, not by tangent vectors but by the second variation of the piece |k| < n.
     period, rng = len(kappa), np.random.default_rng(len(kappa))
     n_max, eliminated = 25, 0
     for x, y in rng.uniform(0, 1, (40, 2)):
@@ -57,7 +57,8 @@ def test_on_a_symmetry_line_both_criteria_give_the_same_times(kappa, site, a):
 
 
 def test_a_certified_circle_survives_on_every_transversal():
-    # More kicks per period make starts of more ω long-lived; the circle must be found among them.
+    # With more kicks per period, starts of more ω are long-lived; the search must find the circle
+    # among them.
     kappa = 0.255 * direction(rotating_forcing(1, 1, "2/7", 0.02))
     assert circles.invariant_circle(parse("[3;9,4,(1)]"), kappa).certified
     assert np.isinf(longest_lived(kappa, 1000).kicks)

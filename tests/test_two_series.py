@@ -1,4 +1,4 @@
-"""Two series of kicks: symmetries of the delay, resonances, and rules that can say no."""
+"""Two series of kicks: symmetries of the delay, resonances, and findings that can fail."""
 
 import re
 from fractions import Fraction
@@ -24,26 +24,26 @@ OF_A_DELAY = pytest.mark.parametrize("delay", ["1/2", "1/3", "1/4", "2/5", "3/8"
 
 
 def shifts_of(plane, first, second):
-    """Return the shifts of ω by which the forcings (a, b) → a·first + b·second are equivalent."""
+    """Return the shifts of ω that take the plane's forcings to a·first + b·second."""
     vectors = np.array([plane.first, plane.second])
     images = equivalent_forcings(vectors)
     return {shift for shift, image in images if (image == [first, second]).all()}
 
 
 @OF_A_DELAY
-def test_delays_that_add_to_a_period_are_equivalent(delay):
+def test_delays_that_add_up_to_a_period_are_equivalent(delay):
     plane, other = pairs(delay), pairs(1 - Fraction(delay))
     assert 0 in shifts_of(plane, other.first, other.second)
 
 
 @OF_A_DELAY
-def test_an_image_is_equivalent_to_the_forcing_that_is_computed_in_its_place(delay):
+def test_an_image_is_equivalent_to_the_forcing_computed_in_its_place(delay):
     plane, q = pairs(delay), Fraction(delay).denominator
     assert study.computed_ratio(Fraction(delay), -1.0) == ((1.0, q // 2) if q % 2 == 0 else (-1, 0))
     assert (q // 2 in shifts_of(plane, plane.first, np.negative(plane.second))) == (q % 2 == 0)
 
 
-def test_the_circle_of_an_image_is_half_of_q_minus_omega():
+def test_the_rotation_number_of_an_image_is_q_over_2_minus_omega():
     omega = numbers.parse("[0;2,2,(1)]")
     image = numbers.moebius(omega, -1, 2)
     equal, opposite = (pairs("1/4").forcing(1.0, r) for r in (1.0, -1.0))
@@ -75,7 +75,7 @@ def test_resonances_of_an_irrational_delay_become_weaker_in_wider_windows():
 
 
 def table_of(scale, max_denominator=5):
-    """Return the table of thresholds if K_c is this function of (τ, r); a bracket 0.2% wide."""
+    """Return the table of thresholds K_c = scale(τ, r), with brackets 0.2% wide."""
     delays = study.delays(max_denominator)
     job = last_barriers("two_series_forcings", study.forcings(delays), study.PARAMETER, 1e-3)
     answers, omega = [], numbers.parse("[0;2,(1)]")
@@ -88,12 +88,12 @@ def table_of(scale, max_denominator=5):
     return study.thresholds(job.cube.filled(scale_fields(answers) | circle_arrays(answers)), delays)
 
 
-def test_a_table_of_thresholds_holds_images_with_their_own_circles():
+def test_a_table_of_thresholds_contains_images_with_their_own_circles():
     table = table_of(lambda tau, ratio: tau.denominator + ratio)
     values = table.critical_scale.to_pandas()
     assert list(map(str, values.index)) == ["1/5", "1/4", "1/3", "2/5", "1/2"]
     assert values[1.0].tolist() == [6, 5, 4, 6, 3]
-    assert values[-1.0].tolist() == [4, 5, 2, 4, 3]  # that of +1 for even q
+    assert values[-1.0].tolist() == [4, 5, 2, 4, 3]  # the same as for +1 if q is even
     quarter, image = table.sel(delay="1/4"), numbers.moebius("[0;2,(1)]", -1, 2)
     assert quarter.circle.values.tolist() == ["[0;2,(1)]", "[0;2,(1)]", str(image)]
     assert quarter.omega.values[2] == pytest.approx(float(image))
@@ -120,7 +120,7 @@ def test_findings_are_judged_by_the_brackets():
 
 
 @pytest.mark.parametrize("column", [pytest.param(False, marks=pytest.mark.slow), True])
-def test_thresholds_and_panels_can_be_read(column):
+def test_thresholds_and_panels_are_legible(column):
     def scale(tau, ratio):
         return nan if tau == Fraction(2, 7) else by_strength(-1)(tau, ratio)
 
@@ -150,7 +150,7 @@ def test_a_delay_must_be_a_fraction_of_the_period_with_few_kicks(delay, tmp_path
     assert not (tmp_path / "out").exists()
 
 
-# First values, found from the same forcings in units of q: K_c and its error.
+# K_c and its error, as first found from the same forcings in units of q.
 FIRST = {
     ("1/2", 1.0): (1.943271, 5e-7),
     ("1/2", 0.5): (1.158455, 5e-7),
@@ -164,7 +164,7 @@ FIRST = {
 @pytest.mark.parametrize(
     "case", [pytest.param(case, marks=[pytest.mark.slow] * (case[0] != "1/2")) for case in FIRST]
 )
-def test_thresholds_are_those_known(case):
+def test_thresholds_agree_with_known_values(case):
     delay, ratio = case
     value, error = FIRST[case]
     found = barriers.critical_scale(pairs(delay).forcing(1.0, ratio), 1e-3)

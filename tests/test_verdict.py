@@ -71,7 +71,7 @@ def test_a_forcing_without_symmetry_gets_a_verdict(case):
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e-310, pytest.param(5e-324, marks=pytest.mark.slow)])
-def test_under_the_weakest_kicks_a_circle_exists_and_the_boundary_is_not_infinite(size):
+def test_under_the_weakest_kicks_a_circle_exists_and_no_value_is_infinite(size):
     result = verdict((size, 0.0))
     assert (result.answer, result.evidence) == (Answer.BARRIER, Evidence.CIRCLE)
     if size == 1e-300:
@@ -161,7 +161,7 @@ def test_a_proof_is_a_separate_kind_of_evidence(kappa, evidence):
 @pytest.mark.parametrize(
     ("kappa", "evidence"), [((0.3, 0.45), Evidence.CIRCLE), ((-0.75, 0.6), Evidence.CONVERSE_KAM)]
 )
-def test_a_failed_proof_changes_nothing_but_its_reason_is_reported(kappa, evidence):
+def test_a_failed_proof_leaves_the_evidence_unchanged_and_gives_its_reason(kappa, evidence):
     result = verdict(kappa, prove=True, settings=replace(ONE_TOLERANCE, proof_seconds=1e-9))
     assert result.evidence is evidence
     assert not result.proof.proved
@@ -316,7 +316,7 @@ def test_more_steps_eliminate_starts_that_survive_beyond_bands_of_breakup():
     assert (answer.answer, answer.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
 
 
-def test_a_table_says_when_no_scale_was_proved():
+def test_a_table_states_if_no_scale_was_proved():
     result = verdict((0.3, 0.2))
     assert "barrier proved up to" not in result._repr_html_()
     assert "0.5 times the forcing" in replace(result, proved_below=0.5)._repr_html_()

@@ -1,4 +1,4 @@
-"""Speed against accuracy: errors fall as they should, and estimates of errors are right."""
+"""Speed against accuracy: errors decrease as expected, and error estimates are reliable."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ EFFORTS = {
     "residue": [30, 100, 300, 1000],
     "barriers": [1e-2, 3e-3, 1e-3],
 }
-ORDERS = {  # exponent of the effort in the error, and its tolerance
+ORDERS = {  # the exponent in error ~ effort^exponent, and its tolerance
     "converse KAM, upper bound": (-1, 0.1),
     "residue, last crossing": (-2, 0.25),
     "last certified circle": (-1, 0.25),

@@ -120,7 +120,7 @@ def records(place):
 
 
 def run(client, out, plan, wanted=None, **functions):
-    """Sweep the cube silently into a place without another driver; return the result of `sweep`."""
+    """Sweep the cube silently into a place that no other driver uses; return the outcome."""
     place, job = store.place_of(out), Job(plan, compute, predict, no_warm_up)
     job = of_one_code(replace(job, **functions))
     with store.driver_lock(place):
@@ -151,7 +151,7 @@ def wait_until(condition, patience=60):
 
 
 def kept_memory():
-    """Return how many megabytes this process keeps after it used 128 temporarily."""
+    """Return how many megabytes this process keeps after using 128 temporarily."""
 
     def resident():
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -167,7 +167,7 @@ def peak_memory():
 
 
 def line(n_tiles):
-    """Return a Job with tiles in a row, of 2 kB each, that take no time to compute."""
+    """Return a Job with tiles of 2 kB along one axis, which take no time to compute."""
     coords = {dim: xr.Variable(dim, np.arange(n)) for dim, n in (("tile", n_tiles), ("cell", 256))}
     template = xr.Dataset({"level": blank(coords, "level")}, coords)
     return Job(Cube("line", template, {"tile": 1}, {}), level, nothing, no_warm_up)

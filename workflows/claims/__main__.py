@@ -1,7 +1,8 @@
 """Does each claim of the paper hold? A page and tables to read beside the paper.
 
-For every claim of arXiv:1606.04824: our value with its error, the verdict that a rule derives from
-it (`claims.rules`), and the command that shows it; the errata; and the envelope of all CB_ω.
+The page lists, for every claim of arXiv:1606.04824, our value with its error, the verdict that a
+rule derives from it (`claims.rules`), and the command that shows it. It also lists the errata and
+the envelope of all CB_ω.
 
 A page, three tables and eight cubes in OUT. About four CPU minutes, or one with --n-rays 19
 --n-cusp-rays 8 --tol 1e-3 --n-max 20000 --n-orbits 64.

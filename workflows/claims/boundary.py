@@ -28,7 +28,7 @@ _SCALE = {"value": "value", "error": "error"}
 
 
 def boundary_claims(bias, n_max, n_orbits):
-    """Judge the claims of Sec. V; `bias` is `direct_iteration.direct_bias` at 45°."""
+    """Judge the claims of Sec. V; `bias` is the result of `direct_iteration.direct_bias` at 45°."""
     gamma, mirrored = (periodic.critical_scale(parse(n), (1.0,)) for n in ("gamma", "1-gamma"))
     error = gamma.error + mirrored.error + abs(gamma.value - mirrored.value)
     amplitude = largest_amplitude()
@@ -125,7 +125,7 @@ def _exponents(bias):
 
 
 def _insets(n_orbits):
-    """Judge "close" by the loosest boundary of the figure, that of N = 10⁵."""
+    """Judge "close" by the loosest boundary of the figure, the one for N = 10⁵."""
     n_max, claims = 100_000, {}
     for number, point in enumerate(INSETS, 1):
         answer = verdict(point)

@@ -24,7 +24,7 @@ _POINTS = 512
 
 
 def golden_circle(kappa):
-    """Compute the circle of γ to rounding error by Newton's method, with its certificate."""
+    """Compute the circle of γ by Newton's method, to rounding accuracy, with its certificate."""
     gamma, u = parse("gamma"), np.zeros((len(kappa), _POINTS))
     for _ in range(10):
         u, _ = parameterization.newton_step(gamma, kappa, u)
@@ -97,14 +97,14 @@ def _step_seconds(omega, n):
     step = partial(parameterization.newton_step, omega, _KAPPA, np.zeros((2, n)))
     return min(
         repeat(step, timer=thread_time, number=1)
-    )  # the first call computes tables of the grid
+    )  # the first call also computes tables for the grid
 
 
 def _symmetries():
     gamma, two_gamma = parse("gamma"), parse("2gamma")
     standard, other = golden_circle((0.5,)), golden_circle(_KAPPA)
     double = circles.symmetries.repeat(standard, 2)
-    # K of S_κ∘R_{-1/2} is a circle of (-κ, -κ) up to y → y + 1/2, which turns 2ω into 2ω + 1.
+    # A circle K of S_κ∘R_{-1/2} is one of (-κ, -κ) up to y → y + 1/2, which turns 2ω into 2ω + 1.
     opposite = circles.symmetries.alternate(circles.symmetries.negate(double))
     single = circles.symmetries.interleave(standard)
     one_less = moebius(gamma, 1, 1)
@@ -152,11 +152,11 @@ def _carried(*cases):
 
 
 def largest_amplitude():
-    """Find the largest max y - min y of circles, before the first and the second kick.
+    """Find the largest max y - min y over circles, before the first and the second kick.
 
-    The circles are the last one, at 0.999 of its breakup or as near as it is certified, and circles
-    with other noble ω where they exist. A circle and its translate by y = 1 confine an orbit to
-    |Δy| ≤ 1 + amplitude.
+    On each of six rays the circles are the last one, at 0.999 of its breakup or as close to it as
+    it can be certified, and circles of seven noble ω at smaller scales, where they exist. A circle
+    and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
     """
     others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]
     heights = []

@@ -1,4 +1,4 @@
-"""CB_gt as the envelope of the CB_ω: which circle is the last at which angles, and by how much?
+"""CB_gt as the envelope of the CB_ω: the last circle at each angle, and how early others break.
 
 The rays are those of the fundamental domain 0° ≤ φ ≤ 45°; all others are their images. CB_gt has a
 cusp at 45°, where the last circles alternate faster and faster; rays next to it are spaced
@@ -18,7 +18,7 @@ def ranges(circles, barrier):
 
     from, to : angles of the first and the last ray of the range, degrees.
     circle : exact text of ω; "" where the methods do not identify it.
-    bracket : the widest (upper - lower)/value; NaN if one is unknown.
+    bracket : the largest (upper - lower)/value; NaN if any is unknown.
     each of NAMES : smallest distance by which this circle of the paper's six breaks before CB_gt,
         relative to CB_gt; NaN without a value.
     """
@@ -35,7 +35,7 @@ def ranges(circles, barrier):
 
 
 def _shortfalls(circles, barrier):
-    """Return CB_gt in the fundamental domain, and the relative distances of the six below it."""
+    """Return CB_gt in the fundamental domain, and by what fraction the six CB_ω lie below it."""
     domain = barrier.sel(angle=slice(0, 45))
     six = circles.critical_scale.sel(circle=[str(parse(name)) for name in NAMES])
     six = six.sel(angle=domain.angle.values, method="nearest")
@@ -68,7 +68,7 @@ def summary(circles, barrier, rows):
     return [
         f"On {domain.angle.size} rays there are {len(rows)} ranges and "
         f"{len({row['circle'] for row in rows if row['circle']})} different last circles. "
-        f"One of the paper's six is the last on {len(of_six)} of the ranges. The best of them "
+        f"One of the paper's six is the last circle on {len(of_six)} of the ranges. The best "
         f"falls short of CB_gt by {short[worst]:.3%} at φ = {domain.angle.values[worst]:.6g}°, "
         f"where the last circle is {domain.circle.values[worst]}; averaged over the rays, by "
         f"{np.nanmean(short):.3%}.",

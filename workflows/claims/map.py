@@ -11,7 +11,7 @@ from nasm.orbits import orbit, rotation_number
 from workflows.claims.rules import identity, rounding
 from workflows.shared.judgement import grade
 
-_STEPS = 3  # after which orbits are compared
+_STEPS = 3  # number of steps after which orbits are compared
 _CIRCLE = 1e-10  # error allowed for a rotation number after 10 000 steps
 
 
@@ -47,7 +47,7 @@ def iterated(kappa, x, y):
 
 
 def map_claims():
-    """Judge the claims of Sec. II: {name: (value, verdict)}, as all `…_claims` do."""
+    """Judge the claims of Sec. II; like all `…_claims`, return {name: (value, verdict)}."""
     composition = apart(
         lambda kappa, x, y: np.array([x + 2 * y, y]) + closed_form(kappa, x, y), both_kicks
     )
@@ -132,7 +132,7 @@ _F_SYMMETRIES = {
     "sym_5": (1, _SYMMETRIES["shift1"][0]),
 }
 ROBUST = np.array([0.3, 0.2]), 0.1, np.array([0.31, 0.19])
-"""A forcing and two starts on circles, whose rotation numbers 10 000 steps determine."""
+"""A forcing and two starts on circles; 10 000 steps determine the rotation numbers."""
 
 
 def omega(kappa, x, y):
@@ -167,7 +167,7 @@ def _deviation(function, image, expected):
 
 
 def ome5_deviations():
-    """Measure how ω changes from z₀ to S_κ2(z₀), and to S_κ2⁻¹(z₀), under the swapped kicks."""
+    """Measure how far ω of S_κ2(z₀), and of S_κ2⁻¹(z₀), under swapped kicks is from ω of z₀."""
     kappa, x, y = ROBUST
     moved = [omega(kappa[::-1], *image(kappa[1], x, y)) for image in (kick, unkick)]
     return [float(np.abs(after - omega(*ROBUST)).max()) for after in moved]

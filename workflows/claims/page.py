@@ -14,8 +14,8 @@ from workflows.shared.page import render
 def write(run, claims, errata, rows, sentences, command):
     """Write OUT/claims.html, its tables claims.csv and claims_*.csv, and the summary claims.txt.
 
-    rows, sentences : of `envelope`. command : the command that made them. Claims that do not hold
-    are printed.
+    rows, sentences : as returned by `study.envelope`. command : the command line of the run. Claims
+    that do not hold are also printed.
     """
     counts, shown = Counter(claim.verdict for claim in claims), sum(each.shown for each in errata)
     verdicts = ", ".join(f"{verdict.value}: {counts[verdict]}" for verdict in Verdict)

@@ -5,10 +5,10 @@ written by hand. Each rule returns the value, as text or numbers, and the Verdic
 
     identity   the two sides of an equation differ by no more than rounding
     agrees     a value and a printed number differ by no more than the errors of both
-    grade      the claim holds; or only in the weaker sense of the note; or not at all
+    grade      the claim holds, or holds only in the weaker sense of the note, or does not hold
                (both in `workflows.shared.judgement`)
 
-NaN is UNDECIDED.
+The verdict on NaN is UNDECIDED.
 """
 
 import tomllib
@@ -27,8 +27,8 @@ class Claim:
     statement: str
     value: str  # our result, as text
     verdict: Verdict  # derived from the value by a rule
-    command: str  # that shows it
-    note: str = ""  # in which sense it holds, or why not
+    command: str  # command that shows it
+    note: str = ""  # the sense in which it holds, or why it does not
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Erratum:
     corrected: str
     printed_off: float  # error of the printed form
     corrected_off: float  # error of the corrected form
-    bound: float  # on rounding errors
+    bound: float  # bound on rounding errors
     measured: str  # description of the errors
     command: str
 
@@ -70,7 +70,7 @@ def as_texts(results):
 
 
 def claims_of(results):
-    """Return the Claims of {name: (text of value, verdict)}, as `as_texts` returns them."""
+    """Convert {name: (text of value, verdict)}, the result of `as_texts`, to a list of Claims."""
     texts = printed_texts("claims")
     return [
         Claim(**texts[name] | {"value": value, "verdict": verdict})
@@ -79,7 +79,7 @@ def claims_of(results):
 
 
 def rounding(kicks):
-    """Bound the rounding error of some kicks with |κ| ≤ 2: 4·10⁻¹⁵ each, and ‖DS‖ ≤ 4."""
+    """Bound the rounding error of kicks with |κ| ≤ 2: each adds 4·10⁻¹⁵, and ‖DS‖ ≤ 4."""
     return 4e-15 * 4.0**kicks
 
 

@@ -22,7 +22,7 @@ from workflows.shared.judgement import Verdict
 from workflows.shared.rays import PAPER_CIRCLES, by_phase, with_ratio
 from workflows.shared.tables import dataset
 
-_STEP = 7.5  # degrees, of rays around the half plane, for mirror images and tori
+_STEP = 7.5  # degrees between the rays around the half plane, for mirror images and tori
 _OFF = {
     "printed_off": "error of the printed form",
     "corrected_off": "error of the corrected form",
@@ -54,7 +54,7 @@ def planned(n_rays, n_cusp_rays, tol, n_max, n_orbits):
 
 
 def examine(cubes, rays, n_max, n_orbits):
-    """Judge all claims and measure all errata: a Dataset with dims (claim) and (erratum)."""
+    """Judge all claims and measure all errata; return a Dataset with dims (claim) and (erratum)."""
     barrier = unfolded(cubes["barrier"], rays)
     tori, angles = cubes["tori"], cubes["tori"].angle.values
     three = by_phase({phase: unfolded(cubes[phase], angles) for phase in _THREE})
@@ -76,7 +76,7 @@ def examine(cubes, rays, n_max, n_orbits):
 
 
 def recorded(claims, errata):
-    """Return claims, as from `as_texts`, and all errata as a Dataset, which `judgement` reads."""
+    """Return claims, in the form of `as_texts`, and all errata as a Dataset for `judgement`."""
     values, verdicts = zip(*claims.values(), strict=True)
     off = {name: [getattr(one, name) for one in errata] for name in _OFF}
     return dataset(

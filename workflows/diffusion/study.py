@@ -11,10 +11,11 @@ _NEAR = 0.13  # distance up to which the exponent of D is fitted
 
 
 def law(barrier, fluxes, measured):
-    """Compare D on rays with the flux: `measured`, dims (angle, excess), with more variables.
+    """Compare D with the flux: return `measured`, dims (angle, excess), with more variables.
 
-    one_cantorus is ΔW over the number of last circles per unit of y: ω and 2 - ω, and on the axes
-    the circles degenerate with them; prefactor is one_cantorus over excess^3.01172 at the breakup.
+    one_cantorus is ΔW divided by the number of last circles per unit of y: ω and 2 - ω, and on the
+    axes the circles degenerate with them. ratio is D divided by one_cantorus; prefactor is
+    one_cantorus divided by excess^3.01172, close to the breakup.
     """
     of_flux = fluxes.flux / xr.where(barrier.tied.sel(angle=fluxes.angle) != "", 4, 2)
     prefactor = of_flux.sel(excess=NEAREST, drop=True) / NEAREST**ETA
@@ -23,7 +24,7 @@ def law(barrier, fluxes, measured):
 
 
 def findings(law):
-    """Judge the predictions; lines of text."""
+    """Judge the predictions; return lines of text."""
     ratio = law.ratio.sel(excess=slice(0, 1)).values
     ratio = ratio[np.isfinite(ratio)]
     first = law.ratio.isel(excess=law.ratio.notnull().argmax("excess")).values
@@ -33,8 +34,8 @@ def findings(law):
         finding(
             "the cantorus of the last circle is the only obstacle, D = ΔW/m",
             f"D is {span(ratio)} times ΔW/m under {ratio.size} forcings up to twice the breakup, "
-            f"and {span(first)} times at the forcings closest to the boundary at which D is "
-            "resolved; where it is smaller, the cantori of other circles, which break at almost "
+            f"and {span(first)} times at the forcings with a resolved D closest to the "
+            "boundary; where it is smaller, the cantori of other circles, which break at almost "
             "the same scale, are stronger obstacles",
             bool((abs(ratio - 1) < 0.2).all()),
             bool((ratio < 1.2).all()),
@@ -54,7 +55,7 @@ def findings(law):
 
 
 def _exponent(near):
-    """Fit one slope of log D to rays, each with a prefactor of its own: slope, error, rays."""
+    """Fit one slope of log D to rays, each with its own prefactor; return slope, error, rays."""
     known = near.diffusion.where(near.diffusion.notnull().sum("excess") > 1)
     x, y = np.log(near.excess).where(known.notnull()), np.log(known)
     x = x - x.mean("excess")

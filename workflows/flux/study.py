@@ -1,4 +1,4 @@
-"""The flux beyond the breakup, ΔW ~ (s/s_c - 1)^η: η by a fit."""
+"""The flux beyond the breakup, ΔW ~ (s/s_c - 1)^η, and a fit of η."""
 
 import numpy as np
 import xarray as xr
@@ -10,7 +10,7 @@ from workflows.shared.rays import with_degenerate
 def law(excess, flux):
     """Fit flux = C·x^η·exp(bx + cx²) in the logarithms, where x is the excess, up to 3%.
 
-    The exponential holds the first corrections to the law: without them the fitted η is 0.01 too
+    The exponential contains the first corrections to the law: without them the fitted η is 0.01 too
     small, and without c it is 10⁻⁵ too small. Returns C, η and the standard errors of the fit;
     NaN for too few points.
     """

@@ -1,7 +1,7 @@
 """When does transport begin under the kicks of laboratory experiments? Signs, pairs and bursts.
 
-κ_n = s·profile_n for profiles of 1, -1 and 0, as in experiments with cold atoms: the sign flipped
-after every M kicks (arXiv:2202.02820) or of one kick in P; pairs of kicks a fraction ε of the
+κ_n = s·profile_n for profiles of 1, -1 and 0, as in experiments with cold atoms: signs that flip
+after every M kicks (arXiv:2202.02820) or for one kick in P; pairs of kicks a fraction ε of the
 period apart, the 2δ-kicked rotor (arXiv:physics/0408088, physics/0703105); bursts of kicks.
 
 Pairs, in units of their period: p' = p + K sin 2πx/2π, then x' = x + εp', and once more with 1 - ε.

@@ -42,14 +42,14 @@ def findings(cube):
         f"and {width.size} a bracket, at most {100 * float(width.max()):.2g}% wide, whose middle "
         "is "
         "drawn. K is in units of the period, κ in units of the time between kicks; for cold atoms "
-        "K is 8ω_r times that time times the phase depth of a pulse, ω_r the recoil frequency.",
+        "K is 8ω_r times the period times the phase depth of a pulse (ω_r: recoil frequency).",
         finding(
             "pairs a third of the period apart lose their last barrier first",
             f"their last barrier breaks below K = {third_upper.item():.4g}; for the {others.size} "
             f"other spacings circles are certified up to {others.min():.4g} or more. To first "
             "order "
-            "the resonances of 1/3 are all at least as strong as K, while even P lack the one at "
-            "p = P/2",
+            "the resonances of the spacing 1/3 are all at least as strong as K, while for even P "
+            "the one at p = P/2 is absent",
             bool((third_upper < others).all()),
             known=bool(np.isfinite([*third_upper, *others]).all()),
         ),

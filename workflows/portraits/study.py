@@ -47,9 +47,10 @@ def images(kappa, x, y):
 
 
 def symmetric_dataset(n_orbits, n_max):
-    """Iterate four symmetric forcings: x, y with dims (forcing, step, orbit), marked_x, marked_y.
+    """Iterate T under four forcings related by symmetry.
 
-    `difference` is how far the marked orbits are from the images of the first forcing's.
+    x, y with dims (forcing, step, orbit); marked_x, marked_y (forcing, step, marked); and
+    `difference`, the largest distance of marked orbits from images of the first forcing's orbits.
     """
 
     def iterated(x, y):

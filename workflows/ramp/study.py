@@ -1,4 +1,4 @@
-"""Lifetimes of families of invariant graphs, and escapes: in ramps, and against smoothness."""
+"""Lifetimes of invariant graphs, and escapes, in ramps and as a function of smoothness."""
 
 import numpy as np
 
@@ -112,8 +112,9 @@ def findings(ramp, irregular):
             "with jumps (square, Fibonacci, Thue-Morse and random kicks) graphs are excluded "
             f"within {lifetimes} kicks under {int(excluded.sum())} of {excluded.size} forcings, "
             f"and orbits cross within {crossed} kicks under {int(through.sum())}; with Fourier "
-            f"coefficients that fall like k^-2 or faster graphs persist for {kicks // 2} kicks and "
-            f"no orbit crosses in {20 * kicks} kicks, under {int(persist.sum())} of {persist.size}",
+            f"coefficients that fall like k^-2 or faster, graphs persist for {kicks // 2} kicks "
+            f"and no orbit crosses in {20 * kicks} kicks, under {int(persist.sum())} of "
+            f"{persist.size}",
             bool(excluded.all() and through.all() and persist.all()),
             float(excluded.mean()) > 0.5 and bool(persist.all()),
         ),

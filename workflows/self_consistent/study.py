@@ -40,7 +40,7 @@ _VERDICTS = {
 
 
 def fields(couplings, n_particles, n_max):
-    """Follow the self-consistent map for each coupling: kappa, theta with dims (coupling, kick).
+    """Iterate the self-consistent map for each coupling: kappa, theta with dims (coupling, kick).
 
     Also spectrum (coupling, frequency) of the second half of kappa; x, y (coupling, particle) after
     the last kick, x relative to the phase of the wave; and escape (coupling), the kick after which
@@ -127,7 +127,7 @@ def verdicts(fields):
 
 
 def _orbit(kappa, theta, site, x, y, lifetime, drift):
-    """Return x - θ_n and y - drift of a start before the kick of `site`, up to its elimination."""
+    """Follow a start before the kick of `site` up to its elimination: x - θ_n and y - drift."""
     end = int(min(site + lifetime, kappa.size))
     points = [(x, y)]
     for strength, phase in zip(kappa[site:end], theta[site:end], strict=True):
@@ -139,8 +139,9 @@ def _orbit(kappa, theta, site, x, y, lifetime, drift):
 def settling():
     """Pull the golden circle of κ = 0.9 back through κ_n = 0.9 + 0.5 e^(-n/5).
 
-    x, y with dims (curve, point): before the first kick, before kick `asked`, and the circle;
-    excluded: 1 if converse KAM, applied at the first kick, excludes the point.
+    The curves x, y, dims (curve, point), are the pulled-back circle, before the first kick and
+    before kick `asked`, and the circle itself. excluded (point) is 1 if converse KAM, applied at
+    the first kick, excludes the point.
     """
     kappa = LIMIT + EXCESS * np.exp(-np.arange(40 * TIME) / TIME)
     angle = np.arange(POINTS) / POINTS

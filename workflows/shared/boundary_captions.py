@@ -101,7 +101,7 @@ def describe_direct_iteration(direct: xr.Dataset, barrier: xr.Dataset, n_orbits:
 
 
 def describe_escape_field(field: xr.Dataset) -> str:
-    """Describe in what part of the plane of the cube `escape` each ensemble escapes, and when."""
+    """Describe in which part of the plane each ensemble of the cube `escape` escapes, and when."""
     times, n_max = field.escape_time.load(), field.attrs["n_max"]
     steps = sorted({max(1, n_max // 10), n_max})
     parts = []

@@ -132,8 +132,9 @@ def command_line() -> str:
 def command(**settings: Any) -> Decorator:
     """Turn a function into a click command, and run it if its module is run by `python -m`.
 
-    The help is the docstring of the module. --out defaults to out/COMMAND unless `settings` have
-    another default. Exit codes: 130 after Ctrl-C, 1 if FLINT is missing, 2 if Numba's compiler is.
+    The help is the docstring of the module. --out defaults to out/COMMAND unless `settings`
+    contain another default. Exit codes: 130 after Ctrl-C, 1 if FLINT is missing, 2 if the compiler
+    of Numba is missing.
     """
 
     def decorate(function: Callable[..., Any]) -> Any:
@@ -150,7 +151,7 @@ def command(**settings: Any) -> Decorator:
             words = ["python", "-m", f"workflows.{name}", *meta[_ARGUMENTS]]
             meta[_LINE] = shlex.join(words)
             keep_freed_memory()
-            os.environ.pop("MPLBACKEND", None)  # figures go to files; an unknown backend fails
+            os.environ.pop("MPLBACKEND", None)  # figures go to files; an unknown backend would fail
             # A user's matplotlibrc that is not a text file would break the import of matplotlib.
             origin = Path(str(find_spec("matplotlib").origin))  # type: ignore[union-attr]
             os.environ["MATPLOTLIBRC"] = str(origin.parent / "mpl-data" / "matplotlibrc")
@@ -287,7 +288,7 @@ def parsed(
     multiple : bool
         Whether the option may be repeated.
     shown : bool or str
-        Whether --help shows the default, or what it shows in its place.
+        Whether --help shows the default, or the text that it shows instead.
     """
 
     def callback(context: click.Context, parameter: click.Parameter, text: Any) -> Any:
@@ -315,7 +316,7 @@ def several(
     help: str,
     shown: bool | str = True,
 ) -> Decorator:
-    """Make an option that may be repeated: {text: number}, in increasing order.
+    """Make an option that may be repeated; its value is {text: number}, in increasing order.
 
     `read` parses one text and raises ValueError for a bad one; equal numbers count once. The other
     parameters are those of `parsed`.
@@ -403,7 +404,8 @@ def ray_options(default: int) -> Decorator:
     return together(
         whole(
             *("--n-rays", default, 2, 10**6),
-            "Rays, from 0 to 180 degrees, or to 360 where κ and -κ differ, as in three-kicks:0.2.",
+            "Rays, from 0 to 180 degrees, or to 360 where κ and -κ are not equivalent, as in "
+            "three-kicks:0.2.",
         ),
         whole(
             *("--n-cusp-rays", 8, 0, 1000),
@@ -467,7 +469,7 @@ class _Directory(click.ParamType):
             self.fail("it is empty (an unset variable?); write . for the current directory")
         if "://" not in value:
             return _at_home(value)
-        if not self.url:  # the message does not repeat a URL, which may hold a password
+        if not self.url:  # the message does not repeat a URL, which may contain a password
             self.fail(
                 "a directory is needed, also for tables and figures; cubes can go to a --store"
             )
@@ -537,7 +539,7 @@ def shortening(context: click.Context) -> str:
 
 
 def announce_kernels(quiet: bool = False) -> None:
-    """Load what kernels need, and announce it if they have to be compiled first."""
+    """Load what kernels need; print a message if they have to be compiled first."""
     from nasm.arithmetic.kernels import are_missing, begin_without_scipy
 
     begin_without_scipy()

@@ -36,7 +36,7 @@ def steps_up_to(n_max: int) -> IntArray:
 def bias_job(plane: Plane, scales: Mapping[float, float], sizes: Sequence[int], n_max: int) -> Job:
     """Return the job of the cube `escape_rays`: excesses from 1% to 100%, sixty per decade.
 
-    scales : {angle: critical scale}. sizes : of the nested ensembles.
+    scales : {angle: critical scale}. sizes : sizes of the nested ensembles.
     """
     excesses = geometric(0.01, 1, 121)
     return escape_times("escape_rays", plane, scales, excesses, sizes, n_max)  # type: ignore[arg-type]
@@ -66,7 +66,7 @@ def sweep_inwards(run: Run, job: Job) -> xr.Dataset:
 def estimate_tiles(
     plane: Plane, angles: Sequence[float], n_max: int, n_orbits: int
 ) -> tuple[Job, set[tuple[int, int]]]:
-    """Return a job like that of `boundary_job`, and the tiles that `sweep_inwards` will want.
+    """Return a job like that of `boundary_job`, and the tiles that `sweep_inwards` will need.
 
     The estimate assumes that the bias of direct iteration falls like N^(-1/3).
     """
@@ -77,7 +77,7 @@ def estimate_tiles(
 
 
 def direct_bias(cube: xr.Dataset, steps: ArrayLike) -> xr.DataArray:
-    """Find the bias κ_N/κ_c - 1 for each N: the excess above which orbits always escape within N.
+    """Find the bias κ_N/κ_c - 1: the excess above which orbits always escape within N steps.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def direct_bias(cube: xr.Dataset, steps: ArrayLike) -> xr.DataArray:
     escaped = (cube.escape_time <= n).isel(excess=slice(None, None, -1))
     beyond = escaped.cumprod("excess").astype(bool)
     bias = cube.excess.where(beyond).min("excess")
-    # Where even the least excess escapes, or the largest does not, the boundary is not on the grid.
+    # The boundary is off the grid if orbits escape at every excess, or not at the largest.
     known = beyond.any("excess") & ~beyond.all("excess")
     label = "boundary of n* <= N, relative to the breakup, minus 1"
     return bias.where(known).rename("bias").assign_attrs(described(label))
@@ -126,8 +126,8 @@ def boundary_dataset(escapes: xr.Dataset, barrier: xr.Dataset, steps: Sequence[i
     Returns
     -------
     xarray.Dataset
-        Dims (n, angle). `critical_scale` is s_N, `bias` is s_N/s_c - 1; `resolution` is how much
-        smaller s_N might be on the cube's grid.
+        Dims (n, angle). `critical_scale` is s_N, `bias` is s_N/s_c - 1; `resolution` is the
+        spacing of the cube's grid: s_N might be smaller by as much.
     """
     plane = plane_of(escapes.attrs)
     breakup, angle = barrier.critical_scale.values, escapes.angle.values

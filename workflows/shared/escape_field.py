@@ -81,7 +81,7 @@ def grid_of(
     follow: list[int] | None,
     precision: str,
 ) -> Grid:
-    """Return the Grid of `cli.plane_options`; raise ValueError if they contradict each other."""
+    """Return the Grid for `cli.plane_options`; raise ValueError if options are inconsistent."""
     follow = follow or [n_max]
     for axis in first, second:
         axis.coarsened(2 ** (levels - 1))

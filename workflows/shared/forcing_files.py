@@ -10,10 +10,10 @@ from nasm.types import FloatArray
 
 
 def read_forcings(words: Sequence[float | Path]) -> tuple[list[FloatArray], bool]:
-    """Return the forcings of KAPPA ..., strengths or one file, and whether the file is a table.
+    """Return the forcings of KAPPA ..., strengths or one file, and True if the file is a table.
 
-    ValueError if a file comes with other arguments, or contains anything but numbers, comments and
-    the names of columns.
+    Raise ValueError if a file is combined with other arguments, or if it contains anything but
+    numbers, comments and the names of columns.
     """
     paths = [word for word in words if isinstance(word, Path)]
     if not paths:
@@ -41,7 +41,7 @@ def forcings_in(content: bytes) -> tuple[list[FloatArray], bool]:
 
     A file with one number per line, or with a single line, is one forcing. In a table, commas or
     spaces separate the numbers, lines may differ in length, and column names in the first line are
-    skipped. ValueError, with the line number, for anything else.
+    skipped. For anything else, raise ValueError with the line number.
     """
     lines = [(n, _words(line)) for n, line in enumerate(_decoded(content).splitlines(), 1)]
     lines = [(n, words) for n, words in lines if words]
@@ -64,7 +64,7 @@ def _decoded(content: bytes) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise ValueError("not a text in UTF-8, perhaps one in UTF-16; save it as UTF-8") from None
+        raise ValueError("not UTF-8 text, perhaps UTF-16; save it as UTF-8") from None
 
 
 def _words(line: str) -> list[str]:

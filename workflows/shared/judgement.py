@@ -30,7 +30,7 @@ def grade(
     measured : str or dict
         What was measured; returned unchanged.
     literal, weaker : bool
-        Whether the claim holds as it is written, and in a weaker sense.
+        Whether the claim holds as written, and whether it holds in a weaker sense.
     known : bool
         Whether the measurement decides at all.
 
@@ -49,9 +49,9 @@ def grade(
 def agrees(
     value: float, error: float, expected: float, uncertainty: float = 0.0
 ) -> tuple[str, Verdict]:
-    """Judge a value by another number: they agree if they differ by no more than both errors.
+    """Compare a value with a number: they agree if they differ by at most the sum of their errors.
 
-    NaN is UNDECIDED.
+    The verdict on NaN is UNDECIDED.
     """
     holds, known = abs(value - expected) <= error + uncertainty, isfinite(value + error)
     text = f"{value:.12g} ± {error:.1g}, compared with {expected:.12g}"

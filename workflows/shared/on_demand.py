@@ -1,4 +1,4 @@
-"""Computed on demand: an ensemble that spreads from a box, the resonance of p/q, residues."""
+"""Computations on demand: an ensemble that spreads from a box, the resonance of p/q, residues."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -17,11 +17,11 @@ from pipeline.sweep.progress import plural
 from workflows.shared.phase_space import in_box
 
 MANIFOLDS = {"unstable": manifolds.unstable, "stable": manifolds.stable}
-_TOTAL_LENGTH = 8.0  # turns of all branches of one kind
+_TOTAL_LENGTH = 8.0  # in turns, of all branches of one kind together
 _SIDE_STARTS, _DOUBLINGS = 48, 13  # starts along a side; doublings of the number of periods
-_FRAME_SECONDS = 0.15  # so that one sees it spread
-_MAX_Q = 60  # of the convergents whose residues are followed
-_N_RESIDUES, PLACES = 3, 60  # places along a segment, besides its start
+_FRAME_SECONDS = 0.15  # pause between frames, so that the spreading is visible
+_MAX_Q = 60  # largest q of the convergents whose residues are computed
+_N_RESIDUES, PLACES = 3, 60  # number of convergents; places along a segment, besides its start
 
 
 def spreading(

@@ -18,14 +18,14 @@ As κ - κ_G shrinks by a factor δ, times grow by 1/γ, and r shrinks by δ/γ.
 
 _PLACES = np.array(
     [0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3]
-)  # of the lines, in units of r^-0.497 kicks
+)  # positions of the lines, in units of r^-0.497 kicks
 
 Lifetime = Callable[[FloatArray, int], float]
 """(kappa, site) → kicks until all starts on the line before that kick are eliminated."""
 
 
 def lines(rate: float) -> list[int]:
-    """Return the kicks after κ_G before which the lines lie."""
+    """Return the numbers, counted from κ_G, of the kicks before which the lines lie."""
     return np.unique(np.rint(_PLACES * rate**-EXPONENT).astype(int)).tolist()
 
 
@@ -35,7 +35,7 @@ def longest_lived(kappa: FloatArray, site: int, effort: int = 1) -> float:
 
 
 def lost(critical: float, rate: float, lifetime: Lifetime = longest_lived) -> float:
-    """Return the kicks after κ_G until all graphs are excluded, on the line with the fewest.
+    """Return the number of kicks after κ_G until all graphs are excluded, minimized over lines.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def lost(critical: float, rate: float, lifetime: Lifetime = longest_lived) -> fl
     rate : float
         Growth of κ per kick.
     lifetime : callable
-        How the lifetime on a line is found.
+        Function that computes the lifetime on a line.
     """
     reach = int(5 * rate**-EXPONENT)
     n = np.arange(-reach, reach + 1, dtype=np.float64)

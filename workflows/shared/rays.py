@@ -25,7 +25,8 @@ def ray_angles(plane: Plane, n: int, n_cusp_rays: int) -> FloatArray:
     plane : Plane
         The plane of forcings.
     n : int
-        Rays that are evenly spaced from 0 to 180 degrees, or to 360 where κ and -κ differ.
+        Number of rays, evenly spaced from 0 to 180 degrees, or to 360 where κ and -κ are not
+        equivalent.
     n_cusp_rays : int
         For two kicks: extra rays on either side of the cusps at 45° and 135°, spaced
         logarithmically from 2 to 0.02 degrees away. The rays of the cusps themselves are included.

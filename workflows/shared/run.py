@@ -33,9 +33,9 @@ from workflows.shared.tables import write
 Wanted = set[tuple[int, ...]] | None
 """Indices of tiles; None for all."""
 
-MAX_REASONS = 10  # failed tiles whose reasons are printed
+MAX_REASONS = 10  # maximum number of failed tiles whose reasons are printed
 _MIN_ANNOUNCED_SECONDS = 5  # predicted CPU time from which a run is announced
-_DRAWING_SECONDS = 7  # typical CPU time of findings, one or two figures, stopping workers
+_DRAWING_SECONDS = 7  # typical CPU time of findings, of one or two figures, and of stopping workers
 LONGEST = 600  # seconds that a run may take without --yes
 
 # Cubes without tiles depend on the mathematics and on this package, except the figures, which only
@@ -89,7 +89,7 @@ class Run:
     out : str or Path
         Directory of tables and figures; it must exist when something is written.
     place : Place
-        Of the cubes.
+        Place of the cubes.
     cluster : dict
         Arguments of `cluster.connect`.
     dry : bool
@@ -171,7 +171,7 @@ class Run:
         Parameters
         ----------
         jobs : Job
-            Of the sweeps.
+            Jobs of the sweeps.
         later : iterable of (Job, set of tiles or None)
             Further sweeps that depend on the results of these: a job of about the same cost, and
             the tiles it will want, or None for all.
@@ -285,7 +285,7 @@ class Run:
         return not any(store.verify(self.place, cube.name))
 
     def kept(self, cube: Cube, compute: Callable[[], xr.Dataset], *parts: str) -> xr.Dataset:
-        """Return a cube that is computed without a sweep: from the place, if it `holds` the cube.
+        """Return a cube that needs no sweep; compute it unless the place `holds` it.
 
         Parameters
         ----------

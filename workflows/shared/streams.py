@@ -1,4 +1,4 @@
-"""Standard output and error in any state that a session leaves them in.
+"""Standard output and error, made safe in whatever state a session leaves them.
 
 Characters that a stream's encoding lacks, e.g. κ in latin-1, are written as \\u03ba. If the reader
 (`| head -1`) or the terminal disappears, the run continues: later output is dropped, and files are
@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-_READER_GONE = errno.EPIPE, errno.EIO, errno.ECONNRESET  # or the terminal
+_READER_GONE = errno.EPIPE, errno.EIO, errno.ECONNRESET  # the reader or the terminal disappeared
 
 
 class _Stream(io.FileIO):

@@ -29,7 +29,7 @@ def dataset(
     Parameters
     ----------
     title : str
-        Of the Dataset.
+        Title of the Dataset.
     coords : dict
         {dimension: (values, label)}, or labelled Variables, or coordinates of another Dataset.
     variables : dict
@@ -43,7 +43,7 @@ def dataset(
 
     Notes
     -----
-    A label is the long name of a number without unit, or the attributes by `described`.
+    A label is the long name of a number without unit, or the attributes returned by `described`.
     """
 
     def labelled(dims: Any, values: ArrayLike, label: str | dict[str, Any]) -> tuple:

@@ -105,7 +105,7 @@ def steps_text(kappa: FloatArray, steps: float) -> str:
 
 
 def lifetime_text(kappa: FloatArray, steps: float) -> str:
-    """Return a lifetime in kicks, since a start may be eliminated within a step: "1 kick"."""
+    """Return a lifetime in kicks as text, e.g. "1 kick"; it may be shorter than a step."""
     return plural(round(steps * kappa.size), "kick")
 
 

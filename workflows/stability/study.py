@@ -32,7 +32,7 @@ _PAIRS = {  # (ω, Ω) at a distance δ from a resonance
 
 
 def near_cusp(quick):
-    """1. Compare values and errors next to the cusp at 45° with longer runs.
+    """1. Compare values and errors next to the cusp at 45° with those of longer runs.
 
     The methods are `periodic` and `circles.continuation` for the circle of γ, and
     `converse_kam.symmetry_line` and `barriers` for the last circle. The references are residues
@@ -103,10 +103,11 @@ def past_boundary(quick):
 
 
 def disguised_fractions(quick):
-    """3. Compute breakups on (0.3, 0.2) of circles close to fractions p/q, [0;1,…,1,a,(1)].
+    """3. Compute breakups, on the ray of (0.3, 0.2), of circles with ω = [0;1,…,1,a,(1)] near p/q.
 
-    They lie 1/(aq²) from p/q and, for large a, break long before the golden circle, whose first
-    convergents they share. The reference is the breakup by residues of longer orbits.
+    Each ω is at a distance 1/(aq²) from p/q. For large a, the circles break long before the golden
+    circle, whose first convergents they share. The reference is the breakup by residues of longer
+    orbits.
     """
     kappa, large = np.array([0.3, 0.2]), (10, 100, 10**6)
     ones = range(3, 10 if quick else 17)
@@ -179,7 +180,7 @@ def _first_escape(kappa, n_max, precision="double"):
 
 
 def missed_survivors(quick):
-    """5. Count how often beam searches of converse KAM miss the longest lifetime found by any."""
+    """5. Count how often each beam search of converse KAM misses the longest lifetime found."""
     kept, n_max = 2 ** np.arange(6), 20_000
     random = np.random.default_rng(6)
     n_rays = 20 if quick else 150
@@ -208,7 +209,7 @@ def missed_survivors(quick):
 
 
 def disordered_orbits(quick):
-    """6. Start Newton's method for the orbit of 13/21 far from it, and classify the results.
+    """6. Start Newton's method far from the orbit of 13/21, and classify the results.
 
     The forcing increases from below the last breakup to far beyond it. Starts are the rotation with
     random deviations of 0.03 and 0.1 turns.

@@ -67,10 +67,10 @@ def steps(period):
 
 
 def finer(circle, period, mode):
-    """Return the circle (text, per period) and the mode that h renormalisations map to these."""
+    """Return the circle (text, per period) and mode that h renormalisations map to those given."""
     omega, h = parse(circle), steps(period)
     a, b, c = map(fibonacci, (h - 1, h, h + 1))
-    sign = 1 if float(omega) > period / 2 else -1  # take ω per kick, or 1 - ω: the one near γ
+    sign = 1 if float(omega) > period / 2 else -1  # take ω per kick, or 1 - ω, whichever is near γ
     per_kick = moebius(omega, sign, period * (sign < 0), 0, period)
     image = next(k for k in range(1, period) if k * c % period in (mode, period - mode))
     return str(moebius(per_kick, period * a, period * b, b, c)), min(image, period - image)
@@ -85,9 +85,10 @@ def modes(period):
 
 
 def growth(period, mode):
-    """Return the growth of ln of the response over h renormalisations, and whether signs change.
+    """Return by how much ln |response| grows in h renormalisations, and whether signs change.
 
-    The growth is that of the longest orbits, and of the next shorter ones, NaN without these.
+    The growth is returned for the longest orbits and for the next shorter ones; NaN if there are no
+    shorter ones.
     """
     h, (_, image) = steps(period), finer("gamma", period, mode)
     pairs = [

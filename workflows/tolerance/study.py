@@ -50,11 +50,11 @@ def laws(cube):
     """Predict the exponent of the loss by cosine ripples of P = 2 to 8, and measure it.
 
     predicted : from δ^h, by which the loss grows in the h renormalisations of each mode of the
-    cycle, and from the growth of the ripple by the responses; its error is the change when longer
-    orbits are used. measured : from the losses of the last circle under a ripple of the cube, and
-    of the `finer` one; its error is that of the losses plus the larger of two terms: the change
-    from a larger ripple, and 2.5 times the first loss. orbits : the period from which orbits
-    resolve the renormalised ripple of 1%.
+    cycle, and from the growth of the ripple, measured by the responses; its error is the change
+    when longer orbits are used. measured : from the losses of the last circle under a ripple of the
+    cube, and of the `finer` one; its error is that of the losses plus the larger of two terms: the
+    change from a larger ripple, and 2.5 times the first loss. orbits : the shortest period at which
+    orbits resolve the ripple to which a ripple of 1% is renormalised.
 
     Corrections are large: for P = 4 the law extrapolates from 0.3% to a loss of 0.00173, where
     residues of the finer circle give 0.00301 up to periods of 46 000, and that circle is certified
@@ -149,13 +149,15 @@ def _law(laws):
 def _conjecture(tried):
     upper = tried.upper.values / golden()
     random, ends = (upper[tried.family == family] for family in ("random", "climb"))
-    beaten, stay = int(np.isinf(upper).sum()), ends > 1
+    beaten = int(np.isinf(upper).sum())
+    by_converse_kam = [(part > 1) & np.isfinite(part) for part in (random, ends)]
     text = (
         f"{beaten} of {random.size} random forcings of 2 to 8 kicks and {ends.size} hill climbs "
         "have a barrier at 1.001 times the rms strength of constant kicks. Orbits escape under "
         f"{int((random <= 1).sum())} of the random forcings; converse KAM excludes all circles "
-        f"under the others, and at the ends of {stay.sum()} climbs without escape. At the ends of "
-        f"the other climbs orbits escape, at {ends[~stay].max(initial=0):.2f} κ_G or less"
+        f"under {by_converse_kam[0].sum()}, and at the ends of {by_converse_kam[1].sum()} climbs "
+        "where no orbit escapes. At the ends of other climbs orbits escape, at "
+        f"{ends[ends <= 1].max(initial=0):.2f} κ_G or less"
     )
     claim = "constant kicks keep a barrier up to the largest rms strength"
     return finding(claim, text, beaten == 0, known=ends.size > 0)

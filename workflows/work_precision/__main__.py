@@ -1,7 +1,7 @@
 """How much CPU time does each method need for a given accuracy? All methods on six rays.
 
-The reference is Greene's residue with periods up to 30 000. Circles and residues need ω as input:
-that of the last circle by `nasm.barriers`. Five rays are of two kicks, the sixth of three kicks,
+The reference is Greene's residue with periods up to 30 000. Circles and residues need ω as input;
+`nasm.barriers` finds that of the last circle. Five rays are of two kicks, the sixth of three kicks,
 (1, 0.7, 0.3), which have no symmetry line. Times are CPU seconds of one thread, medians of several
 runs; the first run, which compiles the kernels, is measured separately. Single precision is used
 only in direct iteration, whose error is far above rounding.
@@ -20,7 +20,7 @@ _ALL = "may be repeated.  [default: all]"
 
 
 @command()
-@flag("--full", "Also the largest effort of each method: 15 CPU minutes.")
+@flag("--full", "Include the largest effort of each method: 15 CPU minutes.")
 @choice("--method", NAMES, NAMES, f"Method to measure; {_ALL}", True)
 @choice("--ray", RAYS, RAYS, f"Ray, in degrees, or three-kicks; {_ALL}", True)
 @writes

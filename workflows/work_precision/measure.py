@@ -70,7 +70,7 @@ def measure(rays, names, quick, show):
 
 
 def order(data, method):
-    """Fit the slope of log error against log effort: median over the rays, NaN without a ray."""
+    """Fit the slope of log error against log effort; return the median over rays, or NaN."""
     slopes = []
     for ray in range(data.ray.size):
         levels = data.isel(ray=ray, method=method)
@@ -87,8 +87,9 @@ def order(data, method):
 def seconds_for(data, accuracy):
     """Find the CPU seconds that each method needs for an accuracy of the last breakup on every ray.
 
-    They are those of the least effort from which on all errors are that small, on the slowest ray;
-    NaN if the accuracy is not reached on a ray. Rays on which a method has no answer are skipped.
+    On each ray the time is that of the least effort from which on all errors are within the
+    accuracy; the slowest ray counts. NaN if the accuracy is not reached on a ray. Rays on which a
+    method has no answer are skipped.
     """
     failed = (data.error > accuracy) | data.error.isnull() & data.effort.notnull()
     from_here = ~failed.values[..., ::-1].cumsum(axis=-1)[..., ::-1].astype(bool)
@@ -109,8 +110,9 @@ def fastest(data):
     parts = [f"{accuracy:.0e} by {name} in {s}" for (name, s), accuracy in cheapest.items()]
     rays = ", ".join(f"{name}°" if name.isdigit() else name for name in data.ray.values)
     return (
-        "CPU time to reach a given relative error of the last breakup on every ray with an answer, "
-        f"of {rays}; reference: Greene's residue, to {float(data.judge_error.max()):.0e}. Fastest: "
+        "CPU time to reach a given relative error of the last breakup on every ray with an answer; "
+        f"rays: {rays}; reference: Greene's residue, with a relative error of "
+        f"{float(data.judge_error.max()):.0e}. Fastest: "
         f"{'; '.join(parts) or 'none'}. Circles and residues need ω as input, proofs need a "
         "forcing; barriers and converse KAM need neither."
     )

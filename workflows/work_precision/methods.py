@@ -92,7 +92,7 @@ def of_circle(critical_scale):
 
 
 def last_circle(ray, n_points):
-    """Find the last circle that is certified with that many points."""
+    """Find the last circle that is certified with `n_points` points."""
     start = None
 
     def exists(scale):
@@ -102,15 +102,16 @@ def last_circle(ray, n_points):
         start = circle.u if circle.certified else start
         return circle.certified
 
-    largest = 2 / max(map(abs, ray.profile))  # where there is no circle
+    largest = 2 / max(map(abs, ray.profile))  # no circle exists there
     return ((_last(exists, 0.0, largest, 0.1 / n_points), nan),)
 
 
 def birkhoff(ray, n):
     """Find the last scale at which converse KAM's longest-lived orbit looks quasiperiodic.
 
-    It does if its rotation number has five digits and is not a fraction with q ≤ 200, as in
-    islands. That does not show a circle: island chains of longer period and cantori look the same.
+    An orbit looks quasiperiodic if its rotation number is known to five digits and is not a
+    fraction with q ≤ 200, as in islands. That does not show that a circle exists: island chains of
+    longer period and cantori look the same.
     The search stays within 10% of the value by converse KAM, because regular orbits exist beyond
     it. NaN without a symmetry line.
     """
