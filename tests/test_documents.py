@@ -145,7 +145,7 @@ def test_a_copy_that_is_not_installed_shows_its_versions_too(monkeypatch, capsys
 
 @pytest.mark.parametrize("page", sorted((ROOT / ".docs").rglob("*.md")), ids=lambda path: path.stem)
 def test_python_on_a_page_is_run_by_the_build(page):
-    """Pages have no plain Python blocks, which nothing would run; their cells are valid Python."""
+    """Pages have no plain Python blocks, because nothing would run them; cells are valid Python."""
     text = page.read_text(encoding="utf-8")
     assert blocks("python", text) == []
     cells = blocks(r"\{code-cell\} python", text)

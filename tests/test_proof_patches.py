@@ -19,7 +19,7 @@ from nasm.proofs.certificate_checker import check
 from nasm.symmetries import ray
 
 GAMMA, N = parse("gamma"), 256
-TRIANGLE = (0.5, 0.25), (0.0625, -0.125)  # profile, tilt; for γ, from 12.5° to 40.6°
+TRIANGLE = (0.5, 0.25), (0.0625, -0.125)  # profile, tilt: rays from 12.5° to 40.6°, used with γ
 
 
 @pytest.mark.parametrize(
@@ -279,7 +279,7 @@ def test_constants_bound_those_of_all_forcings_of_a_patch(program, case):
 def test_both_programs_allow_the_same_error_of_interpolation(case):
     """Both programs use one more point than there are degrees.
 
-    The checker always does; the other program does because zeros are added to its modes.
+    The checker always does; the other program does here, because zeros are added to its modes.
     """
     profile, tilt, high, (Q, R), moves = made_case(case)
     across, nothing = R + (R > 1), [[[[], []]] * len(profile)]
@@ -366,7 +366,7 @@ def test_an_omission_in_the_check_of_a_patch_is_noticed(changes):
         ((0.0, 0.1), 0, 1, (8, 1)),
     ],
 )
-def test_patches_of_invalid_scales_or_shapes_are_refused(tilt, low, high, shape):
+def test_patches_with_invalid_scales_or_shapes_are_refused(tilt, low, high, shape):
     with pytest.raises(ValueError, match="out of range"):
         patch((1.0, 0.5), tilt, low, high, shape)
 
@@ -420,7 +420,7 @@ def test_the_interpolation_constants_of_the_checker_are_lebesgue_constants():
             assert 0.999 < on_a_grid / float(checker.lebesgue(n)) < 1 + 1e-12
 
 
-def test_coefficients_as_small_as_rounding_are_omitted():
+def test_coefficients_as_small_as_rounding_errors_are_omitted():
     """Coefficients decay with the sum of the degrees; the rounding errors added to them do not."""
     rng, (Q, R) = np.random.default_rng(2), (12, 16)
     largest = [4.0 ** (20 - m - n) for m, n in product(range(Q), range(R))]

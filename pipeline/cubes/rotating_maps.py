@@ -115,7 +115,7 @@ def ripples(fractions: Sequence[Fraction], depths: Sequence[float], tol: float) 
     depths : sequence of float
         Depths d of the modulation.
     tol : float
-        Relative width of the brackets, up to 64 kicks a period.
+        Relative width of the brackets, which exist only up to 64 kicks a period.
 
     Examples
     --------

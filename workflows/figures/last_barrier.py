@@ -1,4 +1,4 @@
-"""CB_gt in the colours of the last circles, one colour for each class under the symmetry.
+"""CB_gt coloured by its last circles: one colour for each class under the symmetry.
 
 Its caption is in `workflows.shared.boundary_captions`.
 """
@@ -9,7 +9,7 @@ from workflows.figures import planes, style
 
 
 def draw_last_barrier(barrier):
-    """Draw CB_gt, the last circles by angle, and the cusp (of two kicks) or else the bracket."""
+    """Draw CB_gt, the last circles by angle, and the cusp for two kicks, otherwise the bracket."""
     figure, plane, strip, cusp = _canvas(around=barrier.angle[-1] > 180)
     reflection = planes.whole_of(barrier)
     styles = style.circle_styles(barrier.circle.values, reflection)
@@ -31,7 +31,7 @@ def draw_last_barrier(barrier):
 
 
 def _canvas(around):
-    """Return a figure and its axes. The plane is a wide half plane, or square if `around`."""
+    """Return a figure and its axes; those of the plane are wide, or square if `around`."""
     if style.in_column():
         figure = style.canvas(0, 0, 2.3 if around else 2)
         return figure, *figure.subplots(3, height_ratios=[2 if around else 1.3, 1, 1])
@@ -50,7 +50,7 @@ def _draw_arcs(axes, barrier, classes, styles):
 
 
 def _draw_bracket(axes, barrier):
-    """Draw the certified circle below and converse KAM above, relative to the value."""
+    """Draw the bracket relative to the value: certified circle below, converse KAM above."""
     lower, upper = (1e5 * (barrier[end] / barrier.critical_scale - 1) for end in ("lower", "upper"))
     axes.fill_between(barrier.angle, lower, upper, color="0.6", lw=0)
     axes.plot(barrier.angle, upper, color=style.VERMILION, lw=0.8)
@@ -66,7 +66,7 @@ def _draw_bracket(axes, barrier):
 
 
 def _draw_cusp(axes, barrier, classes, styles):
-    """Draw the distance of the boundary below the cusp at 45° on logarithmic axes, and a fit."""
+    """Draw how far the boundary is below the cusp at 45°, on logarithmic axes, and a fit."""
     (side,) = np.nonzero((barrier.angle.values < 45) & (barrier.angle.values > 25))
     cusp = barrier.critical_scale.sel(angle=[45.0], method="nearest").values
     below, away = cusp - barrier.critical_scale.values[side], 45 - barrier.angle.values[side]

@@ -42,7 +42,7 @@ def draw_kicks(portraits):
 
 
 def _island_orbit(portraits):
-    """Return x in [-1/4, 3/4), which does not cut an island, y and the kicks of the orbit."""
+    """Return x, y and the kicks of the orbit; x in [-1/4, 3/4), so that no island is cut."""
     x, y, kick = (portraits[name].values for name in ("island_x", "island_y", "kick"))
     return (x + 0.25) % 1 - 0.25, y, kick
 

@@ -25,7 +25,7 @@ PROFILES["three-kicks"] = 1.0, 0.7, 0.3
 
 @dataclass(frozen=True)
 class Ray:
-    """A problem: on κ = s·profile the last circle, of omega, breaks at s = value ± error."""
+    """A problem: on κ = s·profile the last circle, that of omega, breaks at s = value ± error."""
 
     profile: tuple
     omega: RotationNumber
@@ -39,12 +39,12 @@ class Method:
 
     answers: tuple[str, ...]  # names of its results
     effort: str  # letter or name of its effort
-    efforts: list  # values to measure, the last one in full runs only
+    efforts: list  # its values, the last one in full runs only
     run: Callable  # (ray, effort) → (scale, estimated error) for each of `answers`
 
 
 def judged(name):
-    """Return the Ray of that name, with the reference by residues."""
+    """Return the Ray of that name, with its reference value from residues."""
     profile = PROFILES[name]
     omega = barriers.critical_scale(profile, 1e-2).omega
     judge = periodic.critical_scale(omega, profile, JUDGE)
@@ -110,10 +110,10 @@ def birkhoff(ray, n):
     """Find the last scale at which converse KAM's longest-lived orbit looks quasiperiodic.
 
     An orbit looks quasiperiodic if its rotation number is known to five digits and is not a
-    fraction with q ≤ 200, as in islands. That does not show that a circle exists: island chains of
-    longer period and cantori look the same.
-    The search stays within 10% of the value by converse KAM, because regular orbits exist beyond
-    it. NaN without a symmetry line.
+    fraction with q ≤ 200, as it is in islands. That does not show that a circle exists: island
+    chains of longer period and cantori look the same.
+    The search stays within 10% of the value from converse KAM, because regular orbits also exist
+    beyond it. The result is NaN if the ray has no dominant symmetry line.
     """
     profile = np.array(ray.profile)
     if not symmetry_line.has_dominant_line(profile):
@@ -146,7 +146,7 @@ def barrier(ray, tol):
 
 
 def transport_proof(ray, excess):
-    """Prove that transport is global at a relative excess beyond the breakup."""
+    """Prove that transport is global at a scale that exceeds the breakup by a relative excess."""
     scale = (1 + excess) * ray.value
     proof = proofs.transport.prove(scale * np.array(ray.profile), 1000.0)
     return ((scale if proof.proved else nan, excess * ray.value),)
