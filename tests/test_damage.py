@@ -195,7 +195,7 @@ def test_the_same_command_restores_edited_metadata_and_computes_no_tile(on_disk,
         EDITS[edit](on_disk)
         ((index, what),) = store.verify(on_disk, "toy", repair=True)
         assert index == ()
-        assert "run again the command that computed it" in what
+        assert "rerun the command that computed it" in what
         assert ("row/c/0" if edit == "coordinate" else "zarr.json") in what
         (state,) = store.status(on_disk)
         assert state.damage == what

@@ -578,7 +578,7 @@ def test_the_rate_is_that_of_recent_tiles_and_damaged_cubes_hide_no_others(on_di
     fill(on_disk, dataclasses.replace(toy.cube(), name="other"))
     put(on_disk, "other.zarr/zarr.json", b"{")
     other, state = store.status(on_disk)
-    assert "run again the command that computed it" in other.damage
+    assert "rerun the command that computed it" in other.damage
     assert (state.done, state.damage) == (12, "")
     assert state.rate == pytest.approx(0.1)
 

@@ -57,8 +57,8 @@ def kicks_caption(portraits):
         "first) "
         f"from x = 0 and x = 1/2; and of the nonautonomous map at {_forcing(first)} (c), from the "
         f"same starts, with all {kick.size - 1} kicks drawn. (d) and (e): the orbit of "
-        f"({around[0]:g}, {y[0]:g}) under the nonautonomous map, after even kicks blue, after odd "
-        f"ones vermilion. After even kicks it stays within {even:.2f} of x = 0, in the island of "
+        f"({around[0]:g}, {y[0]:g}) under the nonautonomous map, in blue after even kicks, in "
+        f"vermilion after odd ones. After even kicks it stays within {even:.2f} of x = 0, in the island of "
         f"(0, 1/2) in (a); after odd kicks within {odd:.2f} of x = 1/2, in the island of "
         "(1/2, 1/2) in (b)."
     )
@@ -87,7 +87,7 @@ def symmetry_caption(portraits):
     return (
         f"Phase portraits of T at (κ1, κ2) = {', '.join(map(_forcing, forcings))} (a-d), "
         f"{portraits.orbit.size} orbits of {portraits.step.size - 1} steps. Panels (b), (c) and "
-        "(d) are panel (a) shifted by (1/2, 0), (1/2, 1/2) and (0, 1/2). In colours: the orbits of "
+        "(d) are panel (a) shifted by (1/2, 0), (1/2, 1/2) and (0, 1/2). In colour: the orbits of "
         f"{', '.join(f'({x:g}, {y:g})' for x, y in marked)} in (a), and those of their images in "
         "the other panels, iterated independently; they agree with the symmetries to "
         f"{float(portraits.difference.max()):.0e}."

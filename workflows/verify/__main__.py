@@ -18,7 +18,7 @@ from workflows.shared.cli import command, flag, place_options, real
 
 _NO_DIGESTS = (
     "its metadata cannot be checked, so its tiles are not repaired: an earlier version stored no "
-    "digests; run again the command that computed it, which adds them"
+    "digests; rerun the command that computed it; this adds them"
 )
 
 
@@ -73,7 +73,7 @@ def main(out, store, repair, proofs, max_cpu_seconds):
             n_damaged, n_repairable = n_damaged + damaged, n_repairable + repairable
     n_left = n_damaged - n_repairable if repair else n_damaged
     if n_damaged:
-        again = "run the commands that computed these cubes again"
+        again = "rerun the commands that computed these cubes"
         if repair:
             click.echo(f"{'not everything is ' if n_left else ''}repaired: now {again}", err=True)
         else:
