@@ -161,8 +161,8 @@ def work_precision(folder: Path) -> Iterator[Finding]:
         barriers.critical_scale: ["last barrier, value"],
     }
     for method, names in answers.items():
-        part = ratio.sel(method=names)
-        measured = study.effort.sel(method=names).notnull().broadcast_like(part)
+        part = ratio.sel({"method": names})  # `method` is also an argument of sel
+        measured = study.effort.sel({"method": names}).notnull().broadcast_like(part)
         asked = part.values[measured.transpose(*part.dims).values]
         yield by_ratio(
             method, "value ± error", f"{study.ray.size} rays, at all efforts", xr.DataArray(asked)

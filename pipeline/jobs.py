@@ -125,7 +125,7 @@ def over_plane(
     seconds: float = 1e-3,
     tile: int = 8,
 ) -> Job:
-    """Return the Job of your own function over a plane of forcings, in a cube of the same name.
+    """Return the Job of your own function over a plane of forcings; the cube is named after it.
 
     Parameters
     ----------

@@ -151,14 +151,14 @@ def used(value, bound):
 
 
 def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
-    """Compare the state after one kick with what it must be, in multiprecision arithmetic.
+    """Compare the state after one kick with what it should be, in multiprecision arithmetic.
 
     strengths : k, and in cells also h, and k and h of the next kick. Returns, by name, the share
     of each bound that is used; it exceeds 1 if the bound is too small. For a bad box, these shares
     are not computed.
 
     1. Any orbit of the box satisfies the chain up to a defect; A and B grow by its components.
-    2. `rest` grows by all that may increase Q beyond the sums; the payments cover both.
+    2. `rest` grows by all that may increase Q beyond the sums; the payments cover sums and `rest`.
     3. A box that is too large, or whose Wronskian is no longer accurate, is reported as bad.
     4. The kick changes y and the last differences of all solutions by the right amounts.
     """
@@ -219,7 +219,7 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     needed = kernel.largest([b[name] for name in sums1]) + b["rest"]
     payment = a["V"] * (b["W"] - a["W"] - k * cosine * a["V"])
     paid = a["paid"] + payment + of_V
-    # The kick has changed y and all last differences as it should.
+    # Check that the kick has changed y and all last differences by the right amounts.
     turned = b["y"] + b["y_low"] - a["y"] - a["y_low"] - k * h
     right = abs(turned - round(float(turned))) < 1e-15
     changes = zip(("v", *moves), ("w", *steps), ("w", *steps1), (arb(0), *sources), strict=True)

@@ -117,9 +117,9 @@ def ready(tab, but="nothing"):
 
 
 def insist(gesture, happened):
-    """Repeat a gesture until happened(timeout=…), which waits for its effect, returns.
+    """Repeat a gesture until happened(timeout=…), which waits for the effect, does not time out.
 
-    On a busy machine the mouse may pause for 0.3 s, which Bokeh takes for a long press.
+    On a busy machine the mouse may pause for 0.3 s, which Bokeh interprets as a long press.
     """
     from playwright.sync_api import TimeoutError
 

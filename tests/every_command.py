@@ -57,7 +57,7 @@ SMALLEST = {
     "work_precision": "--method barriers --method barrier-proof --ray 45",
 }
 AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # these two keep no cubes
-LOOKING = "claims", "convergence", "proved_map"  # to plan, compute some rays for a second or two
+LOOKING = "claims", "convergence", "proved_map"  # to plan, these compute rays for a second or two
 COMPUTING = {
     "pipeline.store": ["replace"],
     "pipeline.sweep.sweep": ["_Run"],

@@ -1,4 +1,4 @@
-"""Find what is wrong with a saved figure as a reader sees it: `faults`."""
+"""Find the faults that a reader would see in a saved figure: `faults`."""
 
 from itertools import combinations
 
@@ -65,7 +65,7 @@ def _cut(figure, texts, renderer):
 
 
 def _overprinted(texts, renderer):
-    """Yield texts that are printed over each other; slanted texts are left out."""
+    """Report texts that are printed over each other; slanted texts are left out."""
     straight = [text for text in texts if text.get_rotation() % 90 == 0]
     boxes = [text.get_window_extent(renderer).padded(-1.5) for text in straight]
     for (one, box), (other, place) in combinations(zip(straight, boxes, strict=True), 2):
@@ -98,7 +98,7 @@ def _points(axes):
 
 
 def _on_data(figure, texts, renderer):
-    """Yield legends and texts within axes that lie on points or curves of these axes."""
+    """Report legends and texts within axes that lie on points or curves of these axes."""
     for axes in figure.axes:
         points = _points(axes)
         own = [text for text in axes.texts if text in texts]
@@ -112,7 +112,7 @@ def _on_data(figure, texts, renderer):
 
 
 def _covered(figure, texts, renderer):
-    """Yield texts that lie under a legend and are not part of it."""
+    """Report texts that lie under a legend and are not part of it."""
     for legend in figure.findobj(Legend):
         box, own = legend.get_window_extent(renderer).padded(-2), legend.findobj(Text)
         for text in texts:
@@ -151,7 +151,7 @@ def look(handle):
 
 
 def _alike(figure):
-    """Yield entries of one legend that differ only in their text."""
+    """Report entries of one legend that differ only in their text."""
     for legend in figure.findobj(Legend):
         seen = {}
         for handle, text in zip(legend.legend_handles, legend.get_texts(), strict=True):

@@ -12,7 +12,7 @@ TABLE = Path(__file__).with_name("judged_forcings.csv")
 
 @dataclass(frozen=True)
 class Row:
-    """One judged ray κ = start + s·profile; the head of the table explains its columns."""
+    """One judged ray κ = start + s·profile; comments in the table explain its columns."""
 
     number: int
     kind: str
@@ -33,7 +33,7 @@ class Row:
 
     @property
     def image_of(self):
-        """Number of the row whose exact image this is, and operations (see `image`); or None."""
+        """Number of the row of which this is an exact image, and operations (`image`); or None."""
         if not self.method.startswith("image of "):
             return None
         number, operations = self.method.removeprefix("image of ").split(": ")

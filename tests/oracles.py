@@ -107,7 +107,7 @@ def invariance_error(circle):
 def _residue_along(kappa, x, y, p):
     """Return R of the product of tangent maps along an orbit, and the largest error of a step.
 
-    R is inf where the product overflows.
+    R is inf if the product overflows.
     """
     a, b, c, d, worst = 1.0, 0.0, 0.0, 1.0, 0.0
     for i in range(x.size):
@@ -147,7 +147,7 @@ RESOLVED = 1e-4  # error of residues in floats, for orbits of some 10⁴ kicks
 
 
 def residues_fall(omega, kappa, q):
-    """Return whether the residues of minimax orbits fall, as they do if a circle exists.
+    """Return True if the residues of minimax orbits fall, as they do if a circle exists.
 
     They must at least halve from the first convergent of period q or longer to the convergent one
     tail later. Return None if an orbit is not found, unless the later one has a residue > 1.

@@ -54,7 +54,7 @@ class Score:
 
 
 def contradictions(row, found):
-    """Return which of value, lower and upper of a CriticalScale a row contradicts."""
+    """Return which of the fields value, lower and upper of a CriticalScale the row contradicts."""
     rounding = 1e-14 * abs(row.value)
     false = {
         "value": abs(found.value - row.value) > found.error + row.error + rounding,

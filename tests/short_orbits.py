@@ -91,7 +91,7 @@ def _forces(kappa, p, x, force):
 
 @njit
 def _minimize_others(kappa, p, x):
-    """Minimize the action over all sites but x_0, in place; return whether that converges.
+    """Minimize the action over all sites but x_0, in place; return True if it converges.
 
     Newton's method is used where the action is convex; elsewhere sites are moved one by one.
     """

@@ -10,7 +10,7 @@ SAVE = Figure.savefig
 
 @contextmanager
 def sketches():
-    """Draw figures at low resolution; leave PDFs empty, as they would take as long again."""
+    """Draw figures at low resolution; leave PDFs empty, because they would double the time."""
 
     def save(figure, file, **how):
         if how["format"] != "pdf":

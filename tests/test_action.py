@@ -1,4 +1,4 @@
-"""Ordered orbits by the action, compared with high precision, brute force and continuation."""
+"""Ordered orbits from the action, checked in high precision, by brute force and continuation."""
 
 import mpmath
 import numpy as np
@@ -82,8 +82,8 @@ def test_the_residue_of_period_two_is_kappa_squared_over_4_on_every_call():
 
 
 def test_a_minimax_orbit_that_is_not_a_maximum_along_any_site_is_found():
-    # This is 2/5 of the standard map beyond R = 1, treated as two kicks. Two sites go downhill at
-    # once: with either of them held fixed, a negative curvature remains.
+    # This is 2/5 of the standard map beyond R = 1, treated as two kicks. The action can
+    # decrease at two sites: with either of them held fixed, a negative curvature remains.
     kappa, p, q = (1.1723, 1.1723), 4, 5
     for kind, orbit in enumerate(action.ordered_orbits(kappa, p, q)):
         assert not short_orbits.misses(orbit, kappa, p, q, kind)
@@ -91,7 +91,7 @@ def test_a_minimax_orbit_that_is_not_a_maximum_along_any_site_is_found():
 
 
 def _random_cases(n_profiles, kicks, n_fractions, seed):
-    """Yield kappa, p, q up to twice the breakup of the last circle; some forcings repeat kicks."""
+    """Yield (kappa, p, q), kappa up to twice the breakup of the last circle; some repeat kicks."""
     random = np.random.default_rng(seed)
     for n in range(n_profiles):
         period = kicks[n % len(kicks)]

@@ -107,7 +107,7 @@ def test_a_file_with_conflicting_arguments_is_refused(words, reason, tmp_path, m
     assert (result.exit_code, reason in " ".join(result.output.split())) == (2, True), result.output
 
 
-def test_upper_for_a_long_period_is_just_above_the_breakup_for_the_short():
+def test_upper_for_a_long_period_is_just_above_the_short_period_breakup():
     short, long = critical_scale(SHORT, 1e-3), critical_scale(lengthened(SHORT), 1e-3)
     assert long.status is Status.TOO_LONG
     assert np.isnan([long.value, long.error, long.lower]).all()

@@ -1,4 +1,4 @@
-"""The last barrier compared with κ_G, other circles, methods and symmetries; misled searches."""
+"""The last barrier compared with κ_G, other circles and methods; symmetries; misled searches."""
 
 import time
 from dataclasses import replace
@@ -224,7 +224,7 @@ def test_near_antiperiodic_forcing_no_circle_breaks_above_upper(away, omega, q, 
     ids=str,
 )
 def test_where_circles_break_and_reappear_the_bracket_is_still_narrow(profile, known):
-    """Residues show circles up to `known`, although searches miss the survivors there."""
+    """Residues show that circles exist up to `known`, although searches miss survivors there."""
     result = critical_scale(profile, 1e-3)
     assert max(known, result.lower) < result.value < result.upper < result.lower * (1 + 4e-3)
     assert (result.status is Status.WIDE) == (result.upper - result.lower > 2e-3 * result.value)
@@ -278,7 +278,7 @@ def test_a_wrong_breakup_by_residues_does_not_mislead_the_search(case, monkeypat
 
 
 def misled(monkeypatch, candidates):
-    """Make the first rounds of the search use these candidates, a list for each round.
+    """Make the first rounds of the search use these candidates, one list per round.
 
     Returns the list that collects the forcing of every round.
     """

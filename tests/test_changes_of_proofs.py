@@ -10,7 +10,7 @@ from changes_of_proofs import draw, source, table
 NOTICED = [row["number"] for row in table() if "noticed" in row]
 
 
-def test_a_seed_always_draws_the_same_changes_each_of_a_single_line():
+def test_a_seed_always_draws_the_same_changes_and_each_affects_one_line():
     drawn = draw(53, 30)
     assert drawn == draw(53, 30) != draw(54, 30)
     assert len({change[:3] for change in drawn}) == 30

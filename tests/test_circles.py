@@ -131,7 +131,10 @@ def test_a_circle_without_a_symmetry_centre_is_shifted_by_a_whole_period():
 
 
 def naive_circle(n, kappa_end, step):
-    """Return κ, u of the last circle of the standard map that n modes and small updates suggest."""
+    """Return κ and u of the last circle of the standard map that seems to exist.
+
+    This accepts a circle once the updates of Newton's method with n modes are small.
+    """
     u, kappa = np.zeros((1, n)), 0.0
     while kappa < kappa_end:
         trial, change, steps = u, 1.0, 0

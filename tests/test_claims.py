@@ -63,7 +63,7 @@ def test_wrong_equations_do_not_hold(monkeypatch):
 
 
 def three_rays(ours, circle, six):
-    """Return the six circles of the paper, which break at `six`·CB_gt, and CB_gt, on three rays."""
+    """Return, on three rays, the paper's six circles, which break at `six`·CB_gt, and CB_gt."""
     angles = np.array([0.0, 20.0, 45.0])
     names = [str(parse(name)) for name in NAMES]
     small = np.full((6, 3), 1e-10)

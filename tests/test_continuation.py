@@ -21,7 +21,7 @@ SAMPLES += [pytest.param(tol, 360, 77, 0.98, marks=pytest.mark.slow) for tol in 
 
 @pytest.mark.parametrize(("tol", "n", "seed", "part"), SAMPLES)
 def test_the_error_covers_the_difference_from_the_breakup_by_residues(tol, n, seed, part):
-    # A coverage of 98% is claimed. The seed is fixed, so the test is about exactly these n rays.
+    # A coverage of 98% is claimed. The seed is fixed, so the test covers exactly these n rays.
     covered = []
     for i, angle in enumerate(np.random.default_rng(seed).uniform(0, 180, n)):
         omega = parse(NAMES[i % 6])

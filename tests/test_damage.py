@@ -239,7 +239,7 @@ def test_a_store_without_digests_is_read_but_not_repaired(on_disk):
     put(on_disk, chunk, get(on_disk, chunk)[::-1])
     result = invoke("verify", on_disk, "--repair")
     assert (result.exit_code, "toy: 1 tile damaged\n" in result.output) == (1, True)
-    assert "not everything is repaired: now run the commands" in result.output
+    assert "not everything is repaired: now rerun the commands" in result.output
     assert missing(on_disk, plan) == set()
     store.create(on_disk, plan, US)
     result = invoke("verify", on_disk, "--repair")

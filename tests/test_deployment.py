@@ -99,9 +99,9 @@ def committed(place):
 
 
 def sweep_with_interruptions(folder, side):
-    """Stop a sweep in four ways, and resume it each time.
+    """Interrupt a sweep in four ways, and let it finish.
 
-    Returns its cube, its last report and the damage found.
+    Returns its cube, the report of the last driver, and any damage found in the cube.
     """
     with seaweed.serving(folder) as (kill_server, start_server), cluster(folder) as here:
         url = "s3://cubes/run"

@@ -14,7 +14,7 @@ HELP = "-m", "workflows.rotating", "--help"
 
 
 def python(*words, shell="", **environment):
-    """Run Python in the project, with environment variables, after the commands in `shell`."""
+    """Run Python in the project after the commands in `shell`; `environment` adds variables."""
     command = ["sh", "-c", f'{shell} exec "$@"', "sh", sys.executable, *map(str, words)]
     environment = {**os.environ, **environment}
     return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=120)
@@ -154,7 +154,7 @@ SETTINGS = {
 
 @pytest.mark.slow
 def test_a_sweep_runs_under_the_settings_of_other_programs(tmp_path):
-    """All settings apply at once, in a session in which sitecustomize makes further settings."""
+    """All SETTINGS apply at once; a sitecustomize.py changes further settings of the session."""
     (tmp_path / "sitecustomize.py").write_text(SESSION)
     (tmp_path / "matplotlibrc").write_bytes("# größer\nfont.size: 20".encode("latin-1"))
     paths = {"PYTHONPATH": f"{tmp_path}:{ROOT}", "MATPLOTLIBRC": f"{tmp_path}/matplotlibrc"}

@@ -19,8 +19,8 @@ from nasm.escape import boundary, ensemble, escape_time, first_escape
 from nasm.results import Status
 from nasm.symmetries import ray
 
-# (strengths under which all orbits are chaotic, steps): too few steps for rounding to matter. If
-# the 1000 starts of the ensemble are moved by 1e-12, all escape times stay the same.
+# (strengths under which all orbits are chaotic, steps): too few steps for rounding to matter.
+# All escape times stay the same if the 1000 starts of the ensemble are moved by 1e-12.
 SHORT = [((8.0,), 10), ((6.0, 5.0), 8), ((4.0, -5.0, 6.0), 5)]
 
 FORCINGS = [(2.5,), (1.5, 1.4), (1.2, -1.3, 1.6)]

@@ -230,7 +230,7 @@ def test_a_page_that_cannot_connect_says_so(opened, chromium, served):
     assert not opened[0].get_by_text(words).is_visible()
 
 
-# Returns the name that a screen reader announces for the focused element, in shadow roots too.
+# Returns the name that a screen reader announces for the focused element, even in a shadow root.
 _FOCUS = """() => {
     let at = document.activeElement
     while (at.shadowRoot?.activeElement) at = at.shadowRoot.activeElement
@@ -509,14 +509,14 @@ def test_on_a_phone_panels_are_stacked_and_a_zoom_shows_escape_times(opened):
     for n in (200, 500):
         tab.get_by_role("slider").press("ArrowRight")
         until(tab, n=n)
-    browser.zoom(tab, PLANE, (0.98, 0.47), *[-600] * 5)  # each turn zooms in by a factor of ten
+    browser.zoom(tab, PLANE, (0.98, 0.47), *[-600] * 5)  # each turn of the wheel zooms in tenfold
     shown = "Bokeh.documents[0].get_model_by_name('times').data"
     wait(tab, f"{shown}.da[0] < 1e-4 && {shown}.values[0].some(Number.isFinite)")
     ready(tab, "boundary|circle")
     shape = tuple(tab.evaluate(f"{shown}.values[0].shape"))
     times = np.reshape(columns(tab, "times")["values"][0], shape)
     assert np.isfinite(times).mean() > 0.9
-    # n* depends on the last bit of a forcing.
+    # n* depends on the last bit of a forcing, so `View` must reproduce the forcings exactly.
     view = View(*(tuple(map(float, asked(tab)[side].split(":"))) for side in "ab"), shape)
     where = range(0, min(shape), 5)
     assert [times[i, i] for i in where] == [escapes(view, i, i, n) for i in where]

@@ -1,6 +1,6 @@
-"""The Farey tree of residues finds circles that searches miss, but no circle beyond breakup.
+"""The Farey tree of residues finds circles that other searches miss, but none beyond breakup.
 
-Just beyond breakup, the last circle is among its candidates.
+Just beyond breakup, the last circle is still among its candidates.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ MISSED = [((1, 0.45, 1), 0.551), (1 + 1.7084e-5 * RIPPLE, 0.9648), (1 + 1.78e-4 
 
 
 @pytest.mark.parametrize("case", thirds(MISSED))
-def test_the_tree_finds_circles_whose_survivors_searches_miss(case):
+def test_the_tree_finds_circles_that_searches_for_survivors_miss(case):
     kappa = np.multiply(*case)
     omega, nobles, _ = farey.find_existing_circle(kappa)
     assert oracles.residues_fall(omega, kappa, 3000)
@@ -49,7 +49,7 @@ def test_the_tree_finds_circles_whose_survivors_searches_miss(case):
     ],
 )
 def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega, scale, exists):
-    # In each case the residues of two or three convergents fall; only the residues of ten decide.
+    # In each case the residues of two or three convergents fall; those of ten are needed to decide.
     kappa = scale * np.array(profile)
     assert farey.circle_exists(omega, kappa) == exists
     assert oracles.residues_fall(omega, kappa, 3000) is exists

@@ -72,7 +72,7 @@ assert "sources of nasm have changed" in str(given[0].message)
 
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
-    """Yield the kernel directory of a new process, and a function that sets another one."""
+    """Yield the kernel directory as a new process sets it, and a function to set another one."""
 
     def at(folder):
         monkeypatch.setattr(config, "CACHE_DIR", str(folder))

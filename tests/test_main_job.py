@@ -1,4 +1,4 @@
-"""A small run of the main job, in which three methods bracket the boundary, and the examples."""
+"""The examples, and a small run of the main job, in which three methods bracket the boundary."""
 
 import json
 import os

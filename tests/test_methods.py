@@ -1,10 +1,11 @@
 """Properties that every method must have.
 
-- It reproduces the exact breakup of the golden circle in all its disguises.
+- It reproduces the exact breakup of the golden circle under forcings that are equivalent to the
+  standard map.
 - It gives the same answer for all symmetric images of a forcing.
-- Its errors are honest, even close to cusps and to fractions.
+- Its errors are honest, even close to cusps and for ω close to fractions.
 - For random nobles and forcings it returns a number, or a reason why there is no number.
-- The size of a ray affects only the unit of the scale.
+- Rescaling the profile of a ray changes only the unit of the scale.
 
 NumPy's warnings are errors in this suite, so that no overflow goes unnoticed.
 """
@@ -38,8 +39,8 @@ def is_honest(found):
 
 
 # P equal kicks κ are P steps of the standard map at κ. A single kick κ in a period of P kicks is
-# one step of the standard map at Pκ, for which ω matters only modulo 1. The last circles have one
-# of the rotation numbers `omegas`.
+# one step of the standard map at Pκ, for which ω matters only modulo 1. The last circle has one of
+# the rotation numbers `omegas`.
 @pytest.mark.parametrize(
     ("profile", "exact", "omegas"),
     [
@@ -142,7 +143,7 @@ def test_next_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
         if offset >= 5e-4:
             assert [one.status for one in results] == [Status.OK] * 2
         by_residues = periodic.critical_scale(omega, profile)
-        # Within 1e-4 degrees of the cusp, orbits are lost before they resolve it.
+        # Within 1e-4 degrees of the cusp, orbits long enough to resolve it are lost.
         assert (by_residues.status is Status.NEAR_CUSP) == (offset <= 1e-4)
         for one in (*results, by_residues):
             assert is_honest(one)
@@ -201,10 +202,10 @@ METHODS = {
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_the_size_of_a_ray_affects_only_the_unit_even_for_tiny_rays(name):
+def test_rescaling_a_profile_changes_only_the_unit_even_for_tiny_profiles(name):
     expected = METHODS[name](PROFILE, 1.0)
     assert expected.status is Status.OK
-    for size in (2.0**-996, 2.0**13):  # powers of 2; otherwise rounding would change escapes
+    for size in (2.0**-996, 2.0**13):  # powers of 2, so that rounding changes no escape time
         result = METHODS[name](size * PROFILE, size)
         assert (result.status, result.omega) == (expected.status, expected.omega)
         assert result.error * size == pytest.approx(expected.error, rel=0.3)

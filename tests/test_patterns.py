@@ -32,7 +32,7 @@ def test_pairs_drive_resonances_of_the_strength_that_the_command_states(q):
     assert results == pytest.approx(K / 2 * abs(np.cos(np.pi * np.arange(q) / q)), abs=K**2)
 
 
-def test_pairs_a_third_of_a_period_apart_have_the_threshold_of_residues():
+def test_residues_confirm_the_threshold_of_pairs_a_third_of_a_period_apart():
     result = barriers.critical_scale((1, 1, 0), 1e-2)
     assert 3 * result.value == pytest.approx(0.90382345, abs=1e-7)
     assert periodic.critical_scale(result.omega, (1, 1, 0), 2000).value == pytest.approx(

@@ -87,7 +87,7 @@ def test_the_error_covers_the_change_with_longer_periods_in_hard_cases(case):
 
 
 def next_to_a_shorter_one(distance):
-    """Return triples (forcing, the shorter one that it becomes at distance 0, rotation number).
+    """Return triples (forcing, shorter forcing equivalent to it at distance 0, rotation number).
 
     The golden circle of the shorter forcing has this rotation number under the longer one.
     """

@@ -242,7 +242,7 @@ def settled(omega, kappa, u):
 
 
 def proofs_above(profile, omega, breakup, n, beyond):
-    """Return, for each of two starts, whether a circle that does not exist is proved.
+    """Return, for each of two starts, whether `prove` accepts a circle that does not exist.
 
     The starts are the best Newton iterate, and a certified circle 2% below the breakup.
     """
@@ -288,7 +288,7 @@ def test_more_time_proves_a_circle_nearer_to_the_breakup(monkeypatch):
     assert scales[0] < scales[1] < breakup
 
 
-def test_a_lower_scale_is_proved_if_different_strengths_become_equal():
+def test_a_lower_scale_is_proved_if_rounding_makes_strengths_equal():
     profile, values = np.array([0.7, np.nextafter(0.7, 1)]), (0.9, 0.92)
     first = [(1 - 0.05) * value * profile for value in values]
     assert {len(set(kappa)) for kappa in first} == {1, 2}

@@ -63,7 +63,7 @@ def test_a_box_is_bisected_exactly_or_not_at_all(split, changes, exact):
     assert proofs.transport_cells._bisect(np.zeros((4, 9)), 0, np.array(box), split) == exact
 
 
-def test_cells_with_a_circle_are_not_proved():
+def test_transport_is_not_proved_in_cells_that_reach_below_the_breakup():
     for angle in (0, 20, 30):
         for widths in (-2, -0.5, 0):
             kappa, half_width = cell_beyond(angle, widths, 2.0**-7)
@@ -98,8 +98,8 @@ KERNEL = audit.Kernel(
 
 @pytest.mark.parametrize("a", [0, 0.5])
 @pytest.mark.parametrize("k0", [0.25, 0.0, -0.25])
-def test_half_the_strength_counts_at_the_symmetry_line_whatever_its_sign(a, k0):
-    """In a box of a wide cell the kick at the line may differ in sign from that of the centre."""
+def test_on_the_symmetry_line_half_the_strength_counts_whatever_its_sign(a, k0):
+    """In a box of a wide cell, kicks on the line may differ in sign from the one at the centre."""
     start = np.zeros((proofs.transport_cells._ROWS, 1))
     box = np.array([0.3, 2.0**-12, k0, 2.0**-8, 0.5, 2.0**-8, 0, 0, 0])
     proofs.transport_cells._start(start, 0, a - 0.25, box)
@@ -108,7 +108,7 @@ def test_half_the_strength_counts_at_the_symmetry_line_whatever_its_sign(a, k0):
     after, cosine = dict(zip(KERNEL.names, state, strict=True)), math.cos(2 * math.pi * a)
     assert bad == 0
     assert after["lq"] == pytest.approx(2.0**-8 * cosine / 2)  # a kick swaps p and q
-    assert after["W"] == pytest.approx(k0 * cosine / 2 + 2.0**-8 / 2)  # with the payment for it
+    assert after["W"] == pytest.approx(k0 * cosine / 2 + 2.0**-8 / 2)  # including h0's payment
 
 
 def test_a_kick_of_cells_allows_for_what_it_has_to_and_no_more():

@@ -51,7 +51,7 @@ def worst_error(polynomial, series, is_odd, pieces=8192):
     """
     ulp, tail = arb(2) ** -53, arb(10) ** -40  # the series' next term is below 10⁻⁵⁰
     difference, worst = arb_poly(polynomial) - arb_poly(series), 0.0
-    slope = difference.derivative()  # by v
+    slope = difference.derivative()  # with respect to v
     for i in range(pieces):
         middle, radius = fmpq(2 * i + 1, 8 * pieces), fmpq(1, 8 * pieces)
         u, middle = arb(middle, radius), arb(middle)
@@ -342,7 +342,7 @@ def test_an_independent_program_accepts_the_certificate(angle, excess):
         checker.check(json.loads(json.dumps(proof.certificate())))
 
 
-def test_every_lifetime_shorter_than_the_true_one_is_refused():
+def test_a_lifetime_shorter_than_the_true_one_is_refused():
     """A start in the box is known to survive longer than the lifetime that is checked."""
     proof = prove(beyond(30, 0.1))
     kappa = np.roll(proof.kappa, -proof.site)

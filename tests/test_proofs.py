@@ -22,7 +22,7 @@ from pipeline.cubes.proved import proved_barrier, proved_map, proved_triangles, 
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _compiled():  # compiling counts in the CPU time allowed for a proof
+def _compiled():  # compilation would count towards the CPU time of a proof
     proofs.critical_scale((1, 0), 0.1)
 
 

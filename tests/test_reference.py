@@ -155,7 +155,7 @@ def test_without_correlations_diffusion_is_quasilinear():
     assert 0 < error < 0.05 * value
 
 
-def test_escapes_computed_by_transport_agree_with_those_of_orbits():
+def test_escapes_by_transport_between_cells_agree_with_those_of_orbits():
     mean, factor = spreading.escapes((8.0,), (-2.0, 2.3), 0.3, 30)
     times = nasm.escape_time((8.0,), *nasm.escape.ensemble(20_000), 10_000)
     assert mean == pytest.approx(times.mean(), rel=0.05)

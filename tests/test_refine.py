@@ -37,7 +37,7 @@ def test_a_fifth_of_the_finest_cells_suffices_for_a_smooth_boundary():
     assert level.min() == 0
 
 
-def test_a_cell_is_from_the_finest_level_computed_for_any_ensemble():
+def test_a_cell_is_from_the_finest_level_computed_for_some_ensemble():
     coarse = np.array([[[1.0, 2.0]], [[3.0, 4.0]]])
     fine = np.full((2, 2, 4), np.nan)
     fine[0, 0, 1] = 5.0

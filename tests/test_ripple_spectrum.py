@@ -70,11 +70,11 @@ FREQUENCIES = [0.005, 0.01, 0.2, 0.3, 0.4]
 def results(loss, upper, predicted=(0.2, 0.25, 0.1, 0.3, 0.2)):
     """Return the cube and the theory of five frequencies, of which the first two are slow.
 
-    Both depths have the same values, which makes eight steps between neighbouring frequencies; all
-    would agree with the theory by chance in one of 256 cases.
+    Both depths have the same values, so there are eight steps between neighbouring frequencies. By
+    chance, all of them would agree with the theory in one of 256 cases.
 
-    loss : NaN where there is only an upper bound. upper : bounds at the
-    first two, relative to κ_G/(1 + d).
+    loss : at each frequency; NaN where there is only an upper bound. upper : bounds at the two slow
+    frequencies, relative to κ_G/(1 + d).
     """
     dims, scale = ("frequency", "depth"), (1 - np.array(loss)) * KAPPA_G
     ends = scale * 1.001
@@ -108,7 +108,7 @@ def test_findings_are_judged_by_the_numbers(loss, upper, verdicts):
     assert tuple(claims) == verdicts
 
 
-def test_only_frequencies_with_bounds_alone_are_drawn_as_arrows():
+def test_arrows_are_drawn_only_at_frequencies_that_have_only_a_bound():
     figure = draw_ripple_spectrum(*results((np.nan, 0.25, 0.1, 0.3, 0.2), (1.05, 1.02)))
     for axes, marker in zip(figure.axes, "^v", strict=True):
         arrows = [line for line in axes.lines if line.get_marker() == marker]

@@ -17,7 +17,7 @@ SEGMENTS = [((0.1, 0.5), (1.0, -0.3)), ((0.2, -0.1), (0.0, 1.0))]
 
 
 @pytest.mark.parametrize("segment", thirds([*SEGMENTS, ((0.0, 0.0, 0.2), (0.9, 0.4, 0.0))]))
-def test_the_ray_through_the_breakup_on_a_segment_has_its_breakup_there(segment):
+def test_the_breakup_on_a_segment_is_also_that_on_the_ray_through_it(segment):
     start, profile = segment
     result = barriers.critical_scale(profile, 1e-3, start)
     assert result.status is Status.OK

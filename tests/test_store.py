@@ -336,7 +336,7 @@ def test_repair_removes_damaged_and_misplaced_tiles_but_no_others(place, tmp_pat
     put(place, f"toy.zarr/{COMMIT}/c/0/2/4", flipped(record, 0))
     put(place, f"toy.zarr/{COMMIT}/c/0/1/1", b"")
     damaged = {(1, 2), (0, 0), (3, 4), (2, 4), (1, 1)}
-    moved = {"wave/c/0/0/1": "wave/c/0/1/0", "wave/c/0/1/0": "wave/c/0/0/1"}  # one of two variables
+    moved = {"wave/c/0/0/1": "wave/c/0/1/0", "wave/c/0/1/0": "wave/c/0/0/1"}  # in one variable only
     for key in ("wave/c/0/2/", "sign/c/2/", f"{COMMIT}/c/0/2/"):  # a tile with its record
         moved[f"{key}1"] = f"{key}2"
     chunks = {to: get(place, f"toy.zarr/{key}") for key, to in moved.items()}
@@ -600,7 +600,7 @@ def test_committing_a_tile_takes_at_most_1_5_times_as_long_as_zarr(on_disk, caps
     assert each < 1.5 * 2 * zarrs  # two arrays: the data and the record
 
 
-def test_the_recorded_code_is_that_of_all_modules_of_nasm_and_of_the_cubes():
+def test_the_recorded_code_covers_all_modules_of_nasm_and_of_the_cubes():
     assert f"numba {version('numba')}, " in store.COMPUTED_BY
     modules = {*EVERYTHING.modules}
     assert {"nasm.maps", "nasm.circles.newton", "pipeline.cubes.escape"} <= modules

@@ -256,7 +256,7 @@ def test_certificates_whose_boxes_have_invalid_lifetimes_are_not_checked(lives):
         proved.seconds_to_check({"lives": lives})
 
 
-def test_the_longest_function_at_any_position_sets_a_certificate_s_cost():
+def test_the_longest_function_sets_a_certificate_s_cost_wherever_it_is():
     short, long = [[0], [0]], [[0], [0] * 1000]
     cost = {
         name: proved.seconds_to_check({"kappa": ["0x1p0"], "moves": {"numbers": numbers}})

@@ -93,7 +93,7 @@ def test_all_starts_are_eliminated_above_upper_but_not_slightly_below_it():
 
 @pytest.mark.parametrize("degrees", thirds([14, 30, 44.4, 44.99]))
 def test_a_dense_scan_finds_no_longer_lifetime(degrees):
-    # Cells are 0.01/T² ≈ 5e-8 wide at the end of the search, and 2.4e-7 wide in the scan.
+    # With the lifetime T, the search ends at cells of width 0.01/T² ≈ 5e-8; the scan has 2.4e-7.
     kappa = 1.003 * critical_scale(ray(degrees), 5000).value * ray(degrees)
     _, time = longest_lived(kappa, 10**6)
     dense = elimination_time(kappa, (np.arange(2**21) + 0.3) / 2**22, 10**6).max()

@@ -62,7 +62,10 @@ def test_the_measured_and_predicted_laws_of_alternating_ripples_agree():
 
 
 def test_other_forcings_lose_barriers_before_constant_kicks_of_equal_rms():
-    """Under (1.1, 0.9) breakup is at an rms of 0.66; constant kicks leave a survivor at κ_G."""
+    """Under (1.1, 0.9) breakup is at an rms of 0.66; constant kicks leave a survivor at 0.971.
+
+    That is just below κ_G.
+    """
     ripple = np.array([1.1, 0.9]) / np.hypot(1.1, 0.9) * 2**0.5
     assert 0.66173460 < scale_without_barrier(ripple, KAPPA_G) <= 1.001 * KAPPA_G
     assert scale_without_barrier(np.ones(1), 0.97) == np.inf
@@ -76,8 +79,8 @@ def test_other_forcings_lose_barriers_before_constant_kicks_of_equal_rms():
 def results(measured, upper):
     """Return the arguments of `findings` and of the figure.
 
-    measured : exponents of the loss of the golden circle. upper : bounds for random forcings, and
-    last the bound for a climb.
+    measured : exponents of the loss of the golden circle. upper : bounds for random forcings,
+    followed by the bound for a climb.
     """
     ripples = [("cosine", d, 1 + d * study.ripple(2)) for d in (1e-3, 1e-2)]
     cube = xr.Dataset(coords=labels(ripples, "")).assign(loss=("forcing", [0.02, 0.09]))

@@ -93,7 +93,7 @@ def test_each_newton_step_squares_the_error():
 
 
 @pytest.mark.parametrize("n_max", [2**14, 2**16])  # n = 256 and 1024
-def test_circles_past_kappa_g_are_refused_as_tori(n_max):
+def test_at_zero_amplitude_no_torus_is_certified_past_kappa_g(n_max):
     # On 1024 points, Newton's method converges at 0.97251 if it checks only its own modes.
     vector, mean = (float(GAMMA), np.e), 0.97251
     torus = tori.invariant_torus(*vector, mean, 0.0, n_max)
@@ -142,7 +142,7 @@ def test_a_torus_1_per_cent_below_breakup_is_certified_by_continuation():
         ),
     ],
 )
-def test_tori_are_certified_up_to_near_the_breakup_that_residues_predict(angle, tol, known):
+def test_tori_are_certified_close_to_the_breakup_predicted_by_residues(angle, tol, known):
     result = tori.critical_scale(*TRIBONACCI, *ray(angle), tol)
     residue = periodic.torus_scale("3136/5768", "4841/5768", *ray(angle))
     assert known < result.lower < result.value
@@ -159,7 +159,7 @@ def test_graphs_persist_at_a_certified_torus_and_are_excluded_far_beyond():
 
 # One period of each forcing, the breakup of its last circle by residues or continuation, and the
 # relative distance beyond it at which no graph is left. This distance is larger without a symmetry,
-# because minimizing orbits then cross the lines.
+# because minimizing orbits then cross the lines on which survivors are sought.
 KNOWN = ((1.0,), KAPPA_G, 0.01), ((0.3, 0.2, 0.25), 1.79656, 0.05)
 
 

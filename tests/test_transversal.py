@@ -15,14 +15,14 @@ FORCINGS = [(1.03,), (0.71, 0.46), (0.2, 0.5, 0.36), (0.1, 0.7, -0.3, 0.2)]
 
 
 def elimination_time(kappa, site, x, y, n_kicks):
-    """Return how many kicks in either direction eliminate starts that precede kick `site`."""
+    """Return after how many kicks in either direction starts before kick `site` are eliminated."""
     x, y = np.array(np.broadcast_arrays(x, np.atleast_1d(y)), float)
     return transversal.elimination(np.roll(kappa, -site), x, y, n_kicks)[0]
 
 
 @pytest.mark.parametrize("kappa", FORCINGS)
 def test_a_start_is_eliminated_once_its_orbit_is_not_minimizing(kappa):
-    # Check the definition, not by tangent vectors but by the second variation of the piece |k| < n.
+    # Check the definition by the second variation of the piece |k| < n, not by tangent vectors.
     period, rng = len(kappa), np.random.default_rng(len(kappa))
     n_max, eliminated = 25, 0
     for x, y in rng.uniform(0, 1, (40, 2)):

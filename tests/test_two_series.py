@@ -1,4 +1,4 @@
-"""Two series of kicks: symmetries of the delay, resonances, and findings that can fail."""
+"""Two series of kicks: symmetries of the delay, resonances, and the judgement of findings."""
 
 import re
 from fractions import Fraction
@@ -143,7 +143,7 @@ def test_thresholds_and_panels_are_legible(column):
 
 
 @pytest.mark.parametrize("delay", ["1", "3/2", "1/65", "0.3x"])
-def test_a_delay_must_be_a_fraction_of_the_period_with_few_kicks(delay, tmp_path):
+def test_a_delay_must_be_a_proper_fraction_with_a_small_denominator(delay, tmp_path):
     ended = invoke("two_series", tmp_path / "out", "--delay", delay)
     assert ended.exit_code == 2
     assert f"delay={delay}" in ended.output.replace("'", "")

@@ -53,7 +53,7 @@ def test_errors_fall_with_effort_and_their_estimates_cover_them(rays, monkeypatc
         assert np.nanmax(errors[1] / errors[0]) < 0.2
 
 
-def test_times_count_from_the_effort_beyond_which_all_errors_are_small():
+def test_time_is_that_of_the_least_effort_from_which_on_errors_are_small():
     dims = "ray", "method", "level"
     errors = [[[1e-1, 1e-3, 1e-4]], [[1e-3, 1e-2, 1e-4]]]  # 1e-3 is first reached by chance
     seconds = [[[1.0, 2.0, 3.0]], [[1.0, 2.0, 4.0]]]

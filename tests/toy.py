@@ -49,7 +49,10 @@ def job(*args, compute=None, predict=None, **settings):
 
 
 def of_one_code(job):
-    """Return the job with all modules as its code: jobs with other functions can share its cube."""
+    """Return the job, with all modules declared as its code.
+
+    Jobs with other functions can then share its cube.
+    """
     vars(job)["code"] = EVERYTHING
     return job
 
@@ -94,7 +97,10 @@ def watched_sweep(client, place, plan, events=()):
 
 @contextmanager
 def workers_here():
-    """Yield what `connect` yields, for a Client whose worker has two threads of this process."""
+    """Yield a function that returns a Client, as `connect` does; its worker is in this process.
+
+    The worker has two threads.
+    """
     how = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "protocol": "tcp"}
     how |= {"processes": False, "n_workers": 1, "threads_per_worker": 2}
     # The preload of `connect` is meant for worker processes.
@@ -151,7 +157,7 @@ def wait_until(condition, patience=60):
 
 
 def kept_memory():
-    """Return how many megabytes this process keeps after using 128 temporarily."""
+    """Return how many of 128 temporarily used megabytes this process keeps."""
 
     def resident():
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")

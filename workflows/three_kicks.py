@@ -20,7 +20,7 @@ MANY = ("0", "1/60", "1/30", "1/20", "1/15", "1/12")
 
 
 def parse_phase(text):
-    """Return the Fraction of a turn that a text spells, from 0 to below 1."""
+    """Parse a phase, in turns, as a Fraction; reduce it to [0, 1)."""
     from nasm.checks import fraction
 
     return fraction("phase", text) % 1

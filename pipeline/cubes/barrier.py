@@ -58,7 +58,7 @@ def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barri
     >>> job.cube.template.angle.values
     array([10., 30.])
     """
-    is_short = len(plane.origin) <= 2  # with longer periods, some rays repeat after 1 or 2 kicks
+    is_short = len(plane.origin) <= 2  # else the forcings of some rays have period 1 or 2
     warm_up = partial(load_search, sum(plane.ray(30.0))) if is_short else load_searches
     seconds = 0.1 + 1.8e-5 / tol if is_short else 0.6 + 3e-4 / tol  # for P = 3 if not short
     seconds *= (min(max(len(plane.origin), 3), 16) / 3) ** 2
@@ -163,7 +163,7 @@ def boundary(angles: ArrayLike, tol: float = 1e-4, plane: Plane | None = None) -
 
 
 def unfolded(barrier: xr.Dataset, angles: ArrayLike) -> xr.Dataset:
-    """Return the cube `barrier` on rays whose images it holds.
+    """Return the cube `barrier` unfolded: on rays whose images under the symmetries it holds.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def with_circles(
 
 
 def degenerate_circle(plane: Plane, circle: str, angle: float, scale: float) -> str:
-    """Return, as a string, the ω whose circle breaks with `circle` by symmetry; "" if none does.
+    """Return, as a string, the ω of the circle degenerate with `circle` by symmetry; "" if none is.
 
     Parameters
     ----------

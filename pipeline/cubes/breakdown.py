@@ -84,7 +84,8 @@ def continued_or_by_residue(
 
 
 _CONTINUED = f"{continuation.METHOD}, else {periodic.METHOD}"
-_METHODS: dict[str, tuple[Callable[..., CriticalScale], Settings]] = {  # and its cheapest settings
+# The function of each method, and its cheapest settings.
+_METHODS: dict[str, tuple[Callable[..., CriticalScale], Settings]] = {
     _CONTINUED: (continued_or_by_residue, {"tol": 0.1, "q_max": 10}),
     periodic.METHOD: (periodic.critical_scale, {"q_max": 10}),
     escape.METHOD: (escape.critical_scale, {"n_max": 64, "n_orbits": 1}),

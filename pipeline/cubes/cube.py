@@ -171,7 +171,7 @@ class Job:
 
 
 def plain_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return attributes in types that every format keeps: text, numbers, arrays, lists, else JSON.
+    """Return attributes in types that every format can store: text, numbers, arrays, lists, JSON.
 
     Examples
     --------
@@ -183,7 +183,7 @@ def plain_attributes(attributes: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return one attribute as a text, a number, an array or list of numbers, or JSON."""
+    """Return one attribute as text, a number, an array or list of numbers, or JSON."""
     if isinstance(value, np.ndarray):
         return value
     if isinstance(value, list | tuple) and all(isinstance(each, Real) for each in value):
@@ -254,7 +254,7 @@ def blank(
     Parameters
     ----------
     coords : mapping of str to xr.Variable
-        A coordinate whose one dimension has its own name adds that dimension; others are ignored.
+        Each dimension coordinate adds its dimension; other coordinates are ignored.
     long_name : str
         What the variable is; `attrs` are further attributes.
     fill : float or NumPy scalar
@@ -279,7 +279,7 @@ def flags(meanings: Iterable[str]) -> dict[str, Any]:
 
 
 def flag_attributes(meanings: Mapping[int, str]) -> dict[str, Any]:
-    """Return the CF attributes that list codes, int8 like their variable, and their meanings.
+    """Return the CF attributes that list codes (int8, like their variable) and their meanings.
 
     Examples
     --------

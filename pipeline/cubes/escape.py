@@ -63,10 +63,10 @@ def over_plane(
     axes : sequence of two Axis
         Cells along the plane's axes, in its order.
     sizes : sequence of int
-        Increasing numbers of orbits of the nested ensembles.
+        Numbers of orbits in the nested ensembles, in increasing order.
     n_max : int
-        Maximum number of steps (periods of the forcing); orbits inside the window up to then count
-        as not escaping.
+        Maximum number of steps (periods of the forcing); orbits that stay inside the window for
+        all of them count as not escaping.
     tile : int
         Cells along each side of a tile.
     precision : {"double", "single"}
@@ -174,6 +174,6 @@ def _predict_plane(coords: Coords, settings: Settings) -> float:
 
 
 def seconds(coords: Coords, settings: Settings, steps: float) -> float:
-    """Return the CPU seconds in which every orbit of the ensemble takes this number of steps."""
+    """Return the CPU seconds that all orbits of the ensemble take for this number of steps each."""
     n_kicks = steps * len(plane_of(settings).origin)
     return SECONDS_PER_KICK[settings["precision"]] * n_kicks * int(coords["ensemble"][-1])

@@ -36,7 +36,7 @@ from pipeline.cubes.cube import (
 )
 from pipeline.cubes.warm_up import load_searches
 
-_MAX_KICKS = 4000  # an orbit must escape within these
+_MAX_KICKS = 4000  # within which an orbit must escape
 _MAX_PERIODS = 100, 300, 1_000, 10_000  # limits for converse KAM, tried in turn
 _MIN_SCALE = 0.02  # relative to the critical scale of constant kicks; the search begins here
 
@@ -157,7 +157,7 @@ def scale_without_barrier(profile: FloatArray, golden: float) -> float:
     golden : float
         The critical strength of constant kicks.
     """
-    low, high = _MIN_SCALE * golden, 1.001 * golden  # a barrier at high beats constant kicks
+    low, high = _MIN_SCALE * golden, 1.001 * golden  # a barrier at `high` would beat constant kicks
     if not any_orbit_escapes(profile, high):
         is_excluded = any(survivors.eliminates(high * profile, n) for n in _MAX_PERIODS)
         return high if is_excluded else np.inf

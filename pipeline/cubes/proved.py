@@ -40,7 +40,7 @@ Certificate: TypeAlias = dict[str, Any]
 REACH = 1.125
 """Largest strength of either kick in `proved_map`; CB_gt ends below it."""
 
-_MAX_RATIO = 100  # maximum ratio of unpacked to packed size; certificates have 27 at most
+_MAX_RATIO = 100  # maximum ratio of unpacked to packed size; at most 27 for certificates
 _MAX_WINDOW = 2**26  # bytes of memory for unpacking; files of `pack_certificates` need 2**19
 _BLOCKS = 36  # tiles along an axis of a map
 _CORNERS = "kappa1_low", "kappa2_low", "kappa1_high", "kappa2_high"  # far corners of a triangle
@@ -102,7 +102,7 @@ def _compute_rays(coords: Coords, settings: Settings) -> Arrays:
 
 
 def uncertified_rays(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
-    """Report a bound in a tile of `proved_barrier` without a certificate; "" if all have one."""
+    """Report a bound in a tile of `proved_barrier` that lacks a certificate; "" if all have one."""
     claims: set[tuple[str | None, tuple[float, ...]]] = set()
     rays: dict[tuple[float, ...], list[tuple[float, ...]]] = {}
     for certificate in certificates:
@@ -192,7 +192,7 @@ def uncertified_cells(tile: xr.Dataset, certificates: Iterable[Certificate]) -> 
 
 
 def _predict_cells(coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds: a twentieth of the time limit for each finest cell near CB_gt."""
+    """Predict CPU seconds: a twentieth of the limit per cell of the finest level near CB_gt."""
     kappa1, kappa2 = np.meshgrid(coords["kappa1"], coords["kappa2"])
     distance = proofs.cells.distance(settings["rays"], kappa1, kappa2)
     size = 1 / settings["cells"]

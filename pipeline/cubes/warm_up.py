@@ -1,4 +1,4 @@
-"""The first computations of a worker: they compile the kernels of a job before any tile.
+"""The first computations of a worker: they compile a job's kernels before any tile is computed.
 
 Otherwise compilation would count towards the time of a tile, and workers would wait for each other.
 """
@@ -11,7 +11,7 @@ from nasm.action import ordered_orbits
 
 def load_orbits() -> None:
     """Compile the kernels of ordered orbits and their residues."""
-    ordered_orbits((2.0, -2.5, 1.0), 1, 1)  # only its last method finds these orbits
+    ordered_orbits((2.0, -2.5, 1.0), 1, 1)  # found only by its last method, after all others
     periodic.critical_scale("gamma", (0.3, 0.1), 10)
 
 

@@ -189,7 +189,7 @@ def module_of(item: Any) -> str:
 
 
 def is_own(module: str) -> bool:
-    """Return True for a module that belongs neither to Python nor to an installed package or nasm.
+    """Return True for a module outside Python, installed packages, `nasm` and `pipeline`.
 
     Modules of `workflows` count as the user's own, installed or not: workers need not have them.
 

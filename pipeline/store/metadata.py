@@ -2,7 +2,7 @@
 
 The first driver to write the group's zarr.json creates the cube; any other driver must agree with
 it. A second file, NAME.zarr/digests.json, holds the same attributes, and a digest of each file that
-is not written by a tile. It shows whether metadata or coordinates were changed, and which
+does not belong to a tile. It shows whether metadata or coordinates were changed, and which
 settings the cube has. If both files are lost, the checksums in the commit records show with which
 settings the tiles were computed.
 """
@@ -175,7 +175,7 @@ def _brief(setting: Any) -> Any:
 
 
 def _attributes(place: Place, name: str) -> dict[str, Any]:
-    """Return the attributes of the cube, {} if it is missing, damaged, or of another program."""
+    """Return the attributes of the cube, {} if it is missing, damaged or another program's."""
     with suppress(*DAMAGED):
         return _parsed(place.read(_key(name), MAX_METADATA))
     return {}
@@ -238,7 +238,7 @@ def _digest(data: bytes) -> str:
 
 
 def _check_tiles(place: Place, cube: "Cube", computed_by: str) -> None:
-    """Check tiles without metadata, which workers leave if the cube is deleted during a sweep.
+    """Check tiles without metadata: workers leave them behind if a cube is deleted during a sweep.
 
     Raise Refused unless the checksums in their records show that all tiles with data belong to this
     cube and were computed by the same code.
@@ -295,10 +295,10 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
     computed = cube.computed
     for key, array in variables.items():
         if computed:
-            tile = {} if array.dims == (key,) else cube.tile  # readers need a whole index
+            tile = {} if array.dims == (key,) else cube.tile  # one chunk: readers need all of it
             chunks = [tile.get(str(dim), n) for dim, n in array.sizes.items()]
             encoding["/"][key] = _encoding(array.dtype, chunks)
-        else:  # the same length along a dim in all variables
+        else:  # chunks of the same length along a dim in all variables
             chunks = [min(n, _MAX_CHUNK) for n in array.shape]
             encoding["/"][key] = _encoding(array.dtype, chunks, ZstdCodec())
     if computed:

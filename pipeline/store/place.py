@@ -45,7 +45,7 @@ class StoreFailed(OSError):
 
 
 def printable(text: str) -> str:
-    """Return a text on one line, without the control characters that a foreign store may contain.
+    """Return the text as one line, without control characters, which a foreign store may contain.
 
     Examples
     --------
@@ -95,7 +95,7 @@ class Place:
         return _opened(path)
 
     def read(self, key: str, most: int = MAX_FILE) -> bytes:
-        """Return the bytes of a file, b"" if it is missing; Refused if it has more than `most`."""
+        """Return the bytes of a file, b"" if it is missing; Refused if it exceeds `most` bytes."""
         with store_errors(self), suppress(*_NOT_THERE):
             file = self.objects().get(key)
             if (size := file.meta["size"]) > most:

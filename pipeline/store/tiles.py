@@ -46,7 +46,7 @@ FORMAT = 2
 """Version of the format of cubes; version 1 had no checksum of a tile's data."""
 
 _CRC_BYTES = 4  # size of the checksum after the numbers of a chunk
-_MAX_REASON = 500  # characters that are kept of the reason for a failure
+_MAX_REASON = 500  # maximum number of characters kept of the reason for a failure
 
 DAMAGED = ArithmeticError, AttributeError, FileNotFoundError, LookupError, RecursionError
 DAMAGED += TypeError, ValueError  # type: ignore[assignment]
@@ -328,7 +328,7 @@ def damage(place: Place, arrays: dict[str, Array], index: Sequence[int]) -> str:
     except ValueError as error:
         return str(error)
     checksum = values.pop(COMMIT).flat[1]
-    # In tiles without certificates, or of earlier versions, the checksum covers only the data.
+    # In tiles without certificates, or of earlier versions, the checksum covers no certificates.
     if checksum == _checksum(arrays, index, values):
         return ""
     name = arrays[COMMIT].path.split("/")[0].removesuffix(".zarr")

@@ -92,7 +92,7 @@ def _state(place: Place, name: str) -> State:
     span = np.ptp(recent) if recent.size else 0
     rate = float((recent.size - 1) / span) if span > 0 else nan
     n_done, n_tiles = int(done.sum()), done.size
-    with suppress(ValueError):  # all are wanted
+    with suppress(ValueError):  # without a number, all are wanted
         # A number below that of the done tiles is outdated, e.g. in a copy of a running sweep.
         if n_done <= (wanted := int(place.read(tiles.wanted_key(name)))) <= n_tiles:
             n_tiles = wanted
@@ -113,7 +113,7 @@ def verify(place: Place, name: str, repair: bool = False) -> Iterator[tuple[tupl
         Name of the cube.
     repair : bool
         If True, damaged tiles become missing, provided that digests show the metadata to be as
-        they were written: with wrong metadata, intact tiles look damaged. See `has_digests`.
+        they were written: with wrong metadata, intact tiles would look damaged. See `has_digests`.
     """
     tiles.forget()
     try:

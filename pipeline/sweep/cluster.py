@@ -31,7 +31,7 @@ from pipeline.sweep.progress import plural
 NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
 _QUIET = {
     # A task is suspect as soon as its worker dies, not after it has killed three more workers;
-    # the sweep reruns suspects alone. (A scheduler elsewhere has its own setting, 3 deaths.)
+    # the sweep reruns each suspect alone. (A scheduler elsewhere has its own setting, 3 deaths.)
     "distributed.scheduler.allowed-failures": 0,
     # With dask's defaults, measurements for its dashboard take 4% of the CPU time.
     "distributed.worker.profile.enabled": False,
@@ -107,8 +107,8 @@ def connect(
         logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = _QUIET
     if address is None:
-        # The user's configuration files and environment may set forked workers, or timeouts, for
-        # other clusters. These could hang this one, so it uses dask's own defaults.
+        # The user's configuration files and environment may select forked workers, or set
+        # timeouts, for other clusters. These could make this one hang: use dask's own defaults.
         settings = dask.config.merge(*dask.config.defaults) | _LOCAL | _QUIET
     with dask.config.set(settings), ExitStack() as stack:
         connection = _local(n_workers or CPU_COUNT) if address is None else _remote(address, tls)
@@ -127,7 +127,7 @@ def _local(n_workers: int) -> Iterator[Client]:
         cluster = LocalCluster(
             n_workers=n_workers,
             threads_per_worker=1,
-            # Tiles need little memory, so that monitoring it is not worth its cost.
+            # Tiles need so little memory that monitoring it is not worth the cost.
             memory_limit=0,
             host="127.0.0.1",
             # Dask executes what it is sent, and any user of this machine can send to loopback. A

@@ -80,7 +80,7 @@ def fill(
     """Compute what is missing from the job's cube in `out`, and return the cube.
 
     If nothing is missing, the cube is read and no worker is started. `fill` may be called in a
-    script, a notebook or a thread, also while an event loop is running. After Ctrl-C it waits for
+    script, a notebook or a thread, even while an event loop is running. After Ctrl-C it waits for
     the tiles in flight, and a second Ctrl-C abandons them; a call outside the main thread does not
     receive Ctrl-C.
 
@@ -116,7 +116,7 @@ def fill(
     store.StoreFailed
         If the disk or the object store fails.
     ClusterError
-        If no worker is fit to compute, or client and workers contradict each other.
+        If no worker is fit to compute, or if `client` is unusable or given together with `workers`.
     ConnectionError
         If workers cannot be started, or all of them are gone.
 

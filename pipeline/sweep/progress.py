@@ -5,7 +5,7 @@ The remaining time of the sweeps is their remaining predicted CPU time, multipli
     pace = seconds in which workers had work / predicted CPU seconds of the completed tiles
 
 Predictions need only be right relative to each other: a slow processor, other programs on it, and
-waiting between tiles raise the pace for all tiles alike. The time until a first worker has loaded
+waiting between tiles raise the pace for all tiles alike. The time until the first worker has loaded
 its kernels is not counted. The driver's own work after the sweeps is added separately, in seconds.
 """
 
@@ -173,7 +173,7 @@ class Progress(AbstractContextManager):
         return self.begun - self.done + sum(self.predicted.values())
 
     def remaining(self) -> float | None:
-        """Estimate the seconds until the run ends; None until a first batch is completed."""
+        """Estimate the seconds until the run ends; None until the first batch is completed."""
         if not (self.done and self.used):
             return None
         # When a batch is completed, the other workers are halfway through theirs, on average.
@@ -213,7 +213,7 @@ class Progress(AbstractContextManager):
                     print(self.line(), end=end, file=self.stream, flush=True)
 
     def _keep_writing(self) -> None:
-        """Write the line at regular times until the run is over."""
+        """Write the line at regular intervals until the run is over."""
         interval, end = (0.5, "\r") if self.is_terminal else (10.0, "\n")
         while not self.over.wait(interval):
             self.write(end)

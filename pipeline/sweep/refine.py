@@ -5,7 +5,7 @@ question differs between it and one of its eight neighbours; the tiles of level 
 such a cell are computed next. Levels are composed into one array at the finest resolution, in which
 every cell holds the value of the finest level that was computed there.
 
-Arrays have the shape (…, rows, columns). The sides of tiles have the same number of cells at every
+Arrays have the shape (…, rows, columns). Each side of a tile has the same number of cells at every
 level.
 """
 
@@ -39,7 +39,7 @@ def refine(
     ----------
     compute : callable
         (level, set of tiles or None for all) → field of that level, NaN where not computed. If
-        called again for a level with more tiles, it returns them all.
+        called again for a level with more tiles, it returns the field on all of them.
     ask : callable
         field → bool array, shape (questions, rows, columns).
     levels : int

@@ -19,7 +19,7 @@ from pipeline.sweep.cluster import NO_SCHEDULER, are_on_this_machine, are_starti
 
 _ROLL_CALL = 1  # seconds after which the workers are counted again
 _PATIENCE = 30  # seconds without any worker, after which to give up
-_STARTING = 300  # the same while workers are starting, which takes a minute at load 20
+_STARTING = 300  # the same while workers are starting, which takes a minute at a load average of 20
 _FETCHING = 5  # seconds to fetch the result of a call that has ended
 
 

@@ -52,7 +52,7 @@ _MIN_BATCH_SECONDS = 0.5  # predicted CPU time of a batch: long compared with 2 
 _BATCH_SECONDS_PER_WORKER = 0.005  # so that the driver spends less than half its time scheduling
 _MAX_PREDICTED = 10_000  # tiles; a prediction takes a millisecond, while workers wait
 _SIGHT = 2  # seconds that a file system shared by several machines may take to show a file
-_ATTEMPTS_ALONE = 2  # worker deaths after which a tile has failed; one may have another cause
+_ATTEMPTS_ALONE = 2  # worker deaths after which a tile has failed; the first may have another cause
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def sweep(
     wanted: set[tuple[int, ...]] | None = None,
     call: str = "",
 ) -> Outcome:
-    """Compute the missing tiles of the job's cube into the store.
+    """Compute the missing tiles of the job's cube and commit them to the store.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ class _Run:
         for batch, result in filter(None, as_completed(self.client, next_call)):
             if isinstance(result, KilledWorker):
                 suspects += batch.tolist()
-            elif isinstance(result, store.Refused):  # the driver had accepted the cube
+            elif isinstance(result, store.Refused):  # the driver accepted the cube earlier
                 self.fail(result)
             elif isinstance(result, Exception):
                 raise result
@@ -227,7 +227,7 @@ class _Run:
         raise store.StoreFailed(f"{self.place} was moved, or deleted, during the sweep") from reason
 
     def retire(self, address: str, complaint: str) -> None:
-        """Remove an unfit worker from the scheduler; ClusterError if no fit one remains."""
+        """Remove an unfit worker from the scheduler; ClusterError if no fit worker remains."""
         cube, message = self.job.cube, f"the worker {address} {complaint}"
         if not store.is_visible(self.place, cube.name, cube.config_hash):
             self.fail()
@@ -271,7 +271,7 @@ def _compute_batch(
                 store.commit(place, name, index, arrays, time.thread_time() - start)
         except (store.StoreFailed, store.Refused, KeyboardInterrupt, SystemExit):
             raise  # it is not the tile's fault
-        except BaseException as exception:  # if it is not an Exception, dask would hang
+        except BaseException as exception:  # dask would hang if it is not an Exception
             reason = "".join(format_exception_only(exception))
             errors[index] = store.record_failure(place, name, index, reason)
     return _Report(errors, time.thread_time() - used, time.monotonic() - began)
@@ -286,7 +286,7 @@ def _call_once(warm_up: bytes) -> None:
 def _complaint(place: Place, name: str, config_hash: str, code: Code, computed_by: str) -> str:
     """Return why this worker must not compute the cube; "" if it may.
 
-    computed_by : as on the driver, whose files and libraries may differ.
+    computed_by : the value on the driver, whose files and libraries may differ from the worker's.
     """
     ours, theirs = code.computed_by.split(", "), computed_by.split(", ")
     if ours != theirs:
@@ -303,7 +303,7 @@ def _complaint(place: Place, name: str, config_hash: str, code: Code, computed_b
 def _pack(costs: FloatArray, n_workers: int) -> Iterator[IntArray]:
     """Yield batches of tiles, the most expensive first; cheap tiles share a batch.
 
-    Tiles of equal predicted cost are in random order, so that the first are representative.
+    Tiles of equal predicted cost are in random order, so that the first to run are representative.
     """
     shuffled = np.random.default_rng(0).permutation(costs.size)
     order = shuffled[np.argsort(-costs[shuffled], kind="stable")]

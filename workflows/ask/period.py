@@ -12,16 +12,16 @@ from workflows.shared.verdict_sentences import forcing_text, lifetime_text, sent
 
 _STARTS, _STEPS = 64, 10**6  # of direct iteration, which only illustrates the verdict
 _POINTS = 2**20  # total length of the orbits searched for one that escapes
-_NEAR = 0.96  # a boundary above this is too close for escapes: 4% beyond it, 12 rays showed none
+_NEAR = 0.96  # no escape is sought if the boundary is above this: 12 rays showed none 4% beyond it
 _TRACED = 5000  # maximum number of steps drawn from the longest-lived start
 
 
 def escaping_orbit(kappa):
     """Return x, y of an orbit up to its escape from the paper's window, or None.
 
-    The orbits that escape first are iterated again by `orbits.orbit`, whose rounding differs. As
-    they are chaotic, few of them escape at the same step again, but if there are many, some escape
-    soon.
+    The orbits that escape first are iterated again by `orbits.orbit`, whose rounding differs.
+    Because they are chaotic, few of them escape at the same step again; but if there are many of
+    them, some escape soon.
     """
     x, y = escape.ensemble(_STARTS)
     times = escape.escape_time(kappa, x, y, _STEPS)

@@ -104,7 +104,8 @@ def _symmetries():
     gamma, two_gamma = parse("gamma"), parse("2gamma")
     standard, other = golden_circle((0.5,)), golden_circle(_KAPPA)
     double = circles.symmetries.repeat(standard, 2)
-    # A circle K of S_κ∘R_{-1/2} is one of (-κ, -κ) up to y → y + 1/2, which turns 2ω into 2ω + 1.
+    # A circle K of S_κ∘R_{-1/2} is also a circle of the forcing (-κ, -κ), up to y → y + 1/2, which
+    # turns 2ω into 2ω + 1.
     opposite = circles.symmetries.alternate(circles.symmetries.negate(double))
     single = circles.symmetries.interleave(standard)
     one_less = moebius(gamma, 1, 1)
@@ -154,8 +155,8 @@ def _carried(*cases):
 def largest_amplitude():
     """Find the largest max y - min y over circles, before the first and the second kick.
 
-    On each of six rays the circles are the last one, at 0.999 of its breakup or as close to it as
-    it can be certified, and circles of seven noble ω at smaller scales, where they exist. A circle
+    The circles on each of six rays are the last one, at 0.999 of its breakup or as close to it as
+    it can be certified, and those of seven noble ω at smaller scales, where they exist. A circle
     and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
     """
     others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]

@@ -104,7 +104,7 @@ def generating_function(kappa, x, y):
     return change
 
 
-# Image (κ', x', y'), and its orbit after n steps.
+# Image (κ', x', y') of (κ, x, y); and its orbit after n steps, from that of (κ, x, y).
 _SYMMETRIES = {
     "refl": (lambda kappa, x, y: (kappa, -x, -y), lambda n, x, y: (-x, -y)),
     "trans": (lambda kappa, x, y: (kappa, x + 2, y - 1), lambda n, x, y: (x + 2 - 2 * n, y - 1)),
@@ -123,7 +123,7 @@ _ROTATIONS = {
     "ome3": ("shift1", lambda omega: omega + 1),
     "ome4": ("int", lambda omega: 2 - omega),
 }
-# The sign of F_i at the image.
+# The sign of F_i at the image, relative to F_i; and the image.
 _F_SYMMETRIES = {
     "sym_1": (-1, _SYMMETRIES["refl"][0]),
     "sym_2": (1, lambda kappa, x, y: (kappa, x + 2, y - 3)),
@@ -167,7 +167,7 @@ def _deviation(function, image, expected):
 
 
 def ome5_deviations():
-    """Measure how far ω of S_κ2(z₀), and of S_κ2⁻¹(z₀), under swapped kicks is from ω of z₀."""
+    """Measure how far ω at S_κ2(z₀) and at S_κ2⁻¹(z₀), under swapped kicks, is from ω at z₀."""
     kappa, x, y = ROBUST
     moved = [omega(kappa[::-1], *image(kappa[1], x, y)) for image in (kick, unkick)]
     return [float(np.abs(after - omega(*ROBUST)).max()) for after in moved]

@@ -1,9 +1,9 @@
 """Claims about the boundaries CB_ω of circles (Sec. VI.D), and those of the discussion (Sec. VII).
 
 circles : the cube `breakdown_residue` of the paper's six ω. barrier : CB_gt on the same rays.
-tori : the cube `rotating_tori`. three : the cubes of three kicks, joined by phase. Both contain
-`ratio`, the ratio of their scales to those of two kicks. three also contains `ratio_lower`, the
-ratio of its lower bound to the upper bound of two kicks.
+tori : the cube `rotating_tori`. three : the cubes of three kicks, joined along `phase`. These
+two contain `ratio`, the ratio of their scales to those of two kicks. three also contains
+`ratio_lower`, the ratio of its lower bounds to the upper bounds of two kicks.
 """
 
 import numpy as np

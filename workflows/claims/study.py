@@ -58,7 +58,7 @@ def examine(cubes, rays, n_max, n_orbits):
     barrier = unfolded(cubes["barrier"], rays)
     tori, angles = cubes["tori"], cubes["tori"].angle.values
     three = by_phase({phase: unfolded(cubes[phase], angles) for phase in _THREE})
-    # κ1, κ2 = κ̄ ± Δκ turn a ray at ψ into one at 45° - ψ, √2 times as long.
+    # With κ1, κ2 = κ̄ ± Δκ a ray at ψ in (κ̄, Δκ) becomes one at 45° - ψ, √2 times as long.
     two = unfolded(cubes["barrier"], 45 - angles)
     scale, upper = two.critical_scale.values / np.sqrt(2), two.upper.values / np.sqrt(2)
     tori, three = (with_ratio(cube, scale, "that of two kicks") for cube in (tori, three))

@@ -5,7 +5,7 @@ ensembles are too slow, the flux ΔW through the cantorus of the last circle is 
 cantorus were the only obstacle, D would be ΔW/m, with m such cantori per unit of y, and vary like
 (s/s_c - 1)^3.01.
 
-Three cubes, a table, a figure in OUT. The defaults take about six CPU minutes, --quick one.
+Three cubes, a table and a figure in OUT. The defaults take about six CPU minutes, --quick one.
 """
 
 from workflows.shared.cli import command, flag, sweeps, whole

@@ -6,12 +6,12 @@ import xarray as xr
 from workflows.shared.judgement import finding, span
 from workflows.shared.power_law import FLUX as ETA
 
-NEAREST = 1e-3  # distance beyond the breakup at which the prefactor is read from the flux
+NEAREST = 1e-3  # distance beyond the breakup at which the flux determines the prefactor
 _NEAR = 0.13  # distance up to which the exponent of D is fitted
 
 
 def law(barrier, fluxes, measured):
-    """Compare D with the flux: return `measured`, dims (angle, excess), with more variables.
+    """Compare D with the flux: return `measured`, dims (angle, excess), with further variables.
 
     one_cantorus is ΔW divided by the number of last circles per unit of y: ω and 2 - ω, and on the
     axes the circles degenerate with them. ratio is D divided by one_cantorus; prefactor is

@@ -19,7 +19,7 @@ from pipeline.sweep.refine import boundary_cells
 from workflows.explore.work import spread
 
 BLOCKS = (27, 9, 3, 1)  # pixels along each side
-_CUT = 3  # parts of a block along each side
+_CUT = 3  # number of parts into which each side of a block is divided
 ORBITS = 64
 _FIRST_STEPS = 1000  # of the first pass, if N is larger
 _MIN_BATCH, _MAX_BATCH = 0.02, 0.1  # CPU seconds of a task
@@ -55,7 +55,7 @@ class Field:
     times: object  # array or DataArray (b, a); inf: no escape within `steps`, NaN: not known
     steps: int
     cells: int = 1  # cells that share a value, along each side
-    stays: float = 1.1  # largest size of a cell, in pixels of a view, that is not recomputed
+    stays: float = 1.1  # cells up to this size, in pixels of a view, are not recomputed
     apart: int = 1  # like `cells`, away from the boundary of {n* ≤ steps}
 
     def on(self, view, steps):
@@ -68,7 +68,7 @@ class Field:
         times = np.pad(part, (0, 1), constant_values=np.nan)[np.ix_(row, column)]
         times[np.isinf(times) & (self.steps < steps)] = np.nan
         cell = max((self.a[1] - self.a[0], self.b[1] - self.b[0]) / view.pixel)
-        # With fewer steps the boundary is a different one.
+        # With fewer steps the boundary lies elsewhere, where cells may share a value.
         return times, cell * max(self.cells, self.apart if steps < self.steps else 1)
 
     def at(self, a, b):
@@ -195,7 +195,7 @@ class Quadtree:
         self._computed = cells = np.unique(self._images[wanted])
         self._results, calls = np.full(self._images.size, np.nan), deque()
         likely = self._times.ravel()[cells]
-        seconds = np.cumsum(self._seconds(np.where(likely <= steps, likely, steps)))  # also if NaN
+        seconds = np.cumsum(self._seconds(np.where(likely <= steps, likely, steps)))  # NaN → steps
         batch = seconds // np.clip(seconds[-1:] / 4, _MIN_BATCH, _MAX_BATCH)
         a, b = self.view.centres(self.block)
         for part in np.split(cells, np.flatnonzero(np.diff(batch)) + 1) if cells.size else ():

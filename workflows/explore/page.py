@@ -110,7 +110,7 @@ def _rounded(value):
 
 
 def _show_status(line, document, work, shared):
-    """Keep up to date a line that shows what is being prepared or computed, and what failed."""
+    """Keep a status line up to date: what is being prepared or computed, and what failed."""
 
     def show():
         busy = sorted(work.busy.items())

@@ -28,7 +28,7 @@ _PIXELS = 640  # along each side, until the browser reports its size
 _MAX_PIXELS = 1024
 _GROUND_PIXELS = 256  # along each side, of the grey areas; the boundary line hides their edge
 _MAX_FIELDS = 8  # kept for all tabs, in case a view is shown again
-_MAX_CELL_PIXELS = 3  # size of a cell of OUT that is not recomputed
+_MAX_CELL_PIXELS = 3  # cells of OUT up to this size are not recomputed
 _MIN_EXCESS = 1e-3  # relative distance from the boundary that is resolved between rays
 _ON_BOUNDARY = "on the boundary, or very close to it"
 _COLOURS = Magma256[:232]  # without the lightest, which resemble the greys
@@ -215,7 +215,8 @@ def side_text(answer, scale, place):
         return ""
     if answer is Answer.UNDECIDED:
         return f"undecided: too close to the boundary, which is at {place}"
-    if answer is not None and (answer is Answer.BARRIER) != (scale > 1):  # within its error
+    # If `answer` and `scale` disagree, the scale is 1 within its error.
+    if answer is not None and (answer is Answer.BARRIER) != (scale > 1):
         return _ON_BOUNDARY
     return f"{'inside' if scale > 1 else 'beyond'} the boundary, which is at {place}"
 
@@ -235,7 +236,7 @@ def _mark_of(point, ends):
     size = high - low
     at = np.clip(point, low + _MARGIN * size, high - _MARGIN * size)
     across, up = (point - at) / size
-    angle = float(np.arctan2(up, across) - np.pi / 2)  # the triangle points up
+    angle = float(np.arctan2(up, across) - np.pi / 2)  # at angle 0 the marker points up
     return {"x": [at[0]], "y": [at[1]], "marker": ["triangle"], "angle": [angle]}
 
 

@@ -29,10 +29,10 @@ _CUSP_OFFSETS = np.geomspace(2.0, 0.02, 6)  # degrees from the diagonals, where 
 _PARTS = 8  # groups of the rays of a circle, each computed separately
 _BRACKET = 1e-3  # relative
 _WIDE_VIEW = 0.2  # width of a view above which a wide bracket suffices
-_MIN_RAYS = 8  # in a view; with no more, the legend also names circles outside it
+_MIN_RAYS = 8  # with at most this many in a view, the legend also names circles outside it
 _PICTURE_PAUSE = 1.0  # seconds between two pictures
 _START_DELAY = 0.5  # seconds without a new view, as the computation of a ray cannot be stopped
-_MAX_NUMBER, _PRECISION = 1e6, 2.0**-50  # of decimal rotation numbers; the latter is relative
+_MAX_NUMBER, _PRECISION = 1e6, 2.0**-50  # size and relative precision of decimal rotation numbers
 _MAX_GAP = 25.0  # degrees between rays that a line connects
 
 _COLUMNS = {
@@ -181,7 +181,7 @@ def computed(client, rays, view):
 
 
 def circle(client, plane, omega, view):
-    """Yield the line on which the circle of ω (text) breaks, increasingly complete, or None."""
+    """Yield the line on which the circle of ω (text) breaks, as far as it is known, or None."""
     angles, _ = _across(view, 1.0)
     alike = [shift == 0 for *_, shift in plane.symmetries]  # symmetries that preserve ω
     folded, where = np.unique(plane.unfold(angles)[alike].min(axis=0), return_inverse=True)

@@ -2,9 +2,9 @@
 
 One process serves all tabs and runs short computations in threads; dask workers run the long ones.
 A page of another site may be open in the same browser. It can neither read this page nor connect to
-it, even if the name of its host is made to point at this machine: a request must name this machine,
-with any port, as ssh may forward one, and must not come from a page of another name or port. Links
-to this page may be on any site. The address of a page starts no computation until the page is
+it, even if the name of its host is made to point at this machine: a request must name this machine
+(with any port, because ssh may forward one) and must not come from a page of another name or port.
+Links to this page may be on any site. The address of a page starts no computation until the page is
 connected: until then its texts are only parsed, and `nasm.texts` limits the numbers in them.
 """
 
@@ -43,7 +43,7 @@ from workflows.shared.phase_space import portrait
 _HOST = "127.0.0.1"
 _NAMES = "localhost", _HOST, "[::1]"
 _OF_THE_TERMINAL = "browsh", "carbonyl", "elinks", "links", "links2", "lynx", "w3m", "www-browser"
-_LIFETIME = 10_000  # milliseconds for which an unconnected page is kept; making it takes only a few
+_LIFETIME = 10_000  # milliseconds for which an unconnected page is kept; creating one takes a few
 _SLOWEST = 20  # seconds within which a request, or the next one of a connection, must be complete
 _BODY = 1000  # maximum bytes of a request after its headers; the page needs none
 _GRACE, _CLOSING = 10, 60  # seconds for the event loop to stop, and for the workers to end
@@ -214,7 +214,7 @@ def server_of(shared, sockets, port):
 
 
 class _Ours(HostMatches):
-    """Matches requests to hosts of these names, from a page of that host or by following a link.
+    """Matches requests to these hosts, made by a page of the same host or by following a link.
 
     Browsers state in the headers where a request comes from and what it is for.
     """
@@ -255,7 +255,7 @@ class _Refusal(RequestHandler):
 
 
 class _Web(BokehTornado):
-    """Bokeh's web application; its pages begin to compute when they are connected."""
+    """Bokeh's web application, whose pages start to compute once the browser has connected."""
 
     def new_connection(self, protocol, socket, application_context, session):
         session.document.session_context.begin()

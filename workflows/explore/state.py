@@ -1,6 +1,6 @@
 """The state of one tab: a point in a plane of forcings, N and two views; and its address.
 
-The address contains the point, and each part of the state that differs from its first value:
+The address contains the point, and each part of the state that differs from its initial value:
 `k1=0.3&k2=0.2&a=0.1:0.3&b=0:0.2&omega=gamma&orbits=0.5,0.3;0.5,0.4&show=boundary,cycles`.
 """
 

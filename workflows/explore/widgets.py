@@ -16,10 +16,10 @@ _DELAY = 20  # milliseconds, within which the browser reports changes that belon
 _TOOLS = "box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save"
 _ATTRIBUTES = {
     "Toolbar": {"logo": None, "styles": {"min-width": "230px"}}
-}  # narrower, it would hide a tool
+}  # a narrower toolbar would hide a tool
 _ATTRIBUTES["Axis"] = {"axis_label_text_font_style": "normal"}
 _ATTRIBUTES["Row"] = {"stylesheets": [":host { flex-wrap: wrap; gap: 4px 16px }"]}  # for phones
-_ATTRIBUTES["Figure"] = {"border_fill_color": None}  # a white one would flash in dark mode
+_ATTRIBUTES["Figure"] = {"border_fill_color": None}  # a white border would flash in dark mode
 THEME = Theme(json={"attrs": _ATTRIBUTES})
 
 
@@ -63,7 +63,7 @@ def boxes(state, labels, **options):
 def picture(state, names, labels, max_zoom=ZOOM[1], **options):
     """Return a figure that shows two ranges of the state, "ab" or "xy", and can be reset.
 
-    labels : of its axes. max_zoom : largest ranges, relative to the first ones.
+    labels : labels of its axes. max_zoom : largest ranges, relative to the initial ones.
     """
     for axis, name, label in zip("xy", names, labels, strict=True):
         low, high = getattr(State(state.plane), name)
@@ -78,7 +78,7 @@ def picture(state, names, labels, max_zoom=ZOOM[1], **options):
 
 
 def add_bar(plot, mapper, title):
-    """Add a colour bar to a figure, with a title along its middle; return the bar."""
+    """Add a colour bar to a figure, with a title centred beside it; return the bar."""
     bar = models.ColorBar(color_mapper=mapper, width=10, padding=4)
     plot.add_layout(bar, "right")
     plot.add_layout(models.Title(text=title, align="center", text_font_style="normal"), "right")
@@ -88,8 +88,8 @@ def add_bar(plot, mapper, title):
 def show(plot, marks, name, columns, tips=None):
     """Show columns of data as marks in a figure; None clears the marks.
 
-    The marks are created with the first data. marks : {name: function → [Glyph, …]}, the lowest
-    first. tips : tooltips of the marks.
+    The marks are created when data are first shown. marks : {name: function → [Glyph, …]}, in
+    drawing order. tips : tooltips of the marks.
     """
     existing = [one for one in plot.renderers if one.tags == [name]]
     if existing:

@@ -12,7 +12,7 @@ from threading import Thread
 from pipeline.store import Refused
 from pipeline.sweep.submit import as_completed
 
-_YIELD_SECONDS = 0.1  # between the yields of a generator, at which it can be closed
+_YIELD_SECONDS = 0.1  # time between the yields of a generator; it can be closed only at a yield
 
 
 class Work:
@@ -50,13 +50,13 @@ class Work:
         self.closed = True
 
     def tick(self, callback):
-        """Call back on the event loop, from any thread, unless the tab is closed."""
+        """From any thread, run `callback` on the event loop, unless the tab is closed."""
         if not self.closed:
             with suppress(AttributeError):  # Bokeh dismantles the document of a closed tab
                 self.document.add_next_tick_callback(callback)
 
     def progress(self, name, text=None):
-        """Record the progress of a computation; None when it ends."""
+        """Record the progress of a computation; `text` is None when it ends."""
         self.busy[name] = text
         if text is None:
             del self.busy[name]

@@ -20,9 +20,9 @@ def draw_circle_boundaries(breakdown, barrier):
 def circle_boundaries_caption(breakdown, residues, barrier):
     """Compare CB_ω with CB_gt.
 
-    breakdown : computed by continuation, or, if the rays do not start at zero, again `residues`.
+    breakdown : the result of continuation, or `residues` again if the rays do not start at zero.
     """
-    scales = ["critical_scale", "error"]  # by residues, where they have an answer
+    scales = ["critical_scale", "error"]  # of `residues`, else of `breakdown`
     best = residues[scales].load().fillna(style.known(breakdown)[scales].load())
     ratio = 100 * best.critical_scale / barrier.critical_scale
     beyond = best.critical_scale - best.error > barrier.critical_scale + barrier.error
@@ -116,7 +116,7 @@ def draw_circles(axes, breakdown, **more):
 
 
 def _looks(circles, reflection):
-    """Return each circle's style: that of its class, or its own if two circles share a class."""
+    """Return each circle's style: that of its class, or its own if two of them share a class."""
     classes = [style.circle_class(text, reflection) for text in circles]
     if len({*classes}) < len(classes):
         reflection, classes = 0, [style.circle_class(text, 0) for text in circles]

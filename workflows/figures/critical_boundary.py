@@ -17,14 +17,14 @@ from workflows.figures.style import INSIDE, NO_ESCAPE, outer_legend, power
 def draw_critical_boundary(plane, circles, barrier):
     """Draw the escape field and CB_ω of the circles behind what `draw_last_barrier` draws."""
     figure = draw_last_barrier(barrier)
-    axes = figure.axes[0]  # of the plane
+    axes = figure.axes[0]  # those of the plane
     draw_field(axes, plane)
     draw_circles(axes, circles, lw=0.7)
     xlim, ylim = (_ends(c.values) for c in in_plane(plane))
     axes.set(xlim=xlim, ylim=ylim)
     steps = power(plane.attrs["n_max"])
     behind = f"in colour, first escape of {int(plane.ensemble[-1])} orbits within ${steps}$ steps"
-    join = " " if barrier.angle[-1] <= 180 else "\n"  # of the upper half plane, which is wide
+    join = " " if barrier.angle[-1] <= 180 else "\n"  # the upper half plane is wide
     axes.set_title(f"Where the last barrier breaks;{join}{behind}")
     title = r"Lines: $\mathit{CB}_\omega$ of single circles"
     lines, _ = axes.get_legend_handles_labels()

@@ -6,7 +6,7 @@ from matplotlib.colors import LogNorm
 from workflows.figures import style
 from workflows.figures.planes import in_plane, label_plane
 
-# Offsets, in points, of the letters that mark the panels' forcings: away from the line.
+# Offsets, in points, of the letters beside the panels' forcings, so that they avoid the line.
 _PLACES = {"b": (-5, -3), "c": (5, 3), "d": (5, -11), "e": (-5, 3)}
 # The paper's green triangles, red circles and blue squares, in colours that anyone can tell apart.
 _MARKS = [*zip("^osDv", np.take([*style.COLOURS, style.VERMILION], [2, 7, 0, 4, 5]), strict=True)]
@@ -90,7 +90,7 @@ def _draw_boundaries(axes, boundary, barrier):
 
 
 def _draw_cell(axes, inset, norm):
-    """Draw how often an orbit visits the parts of the cell; return the image."""
+    """Draw how often an orbit visits each pixel of the unit cell; return the image."""
     visits = inset.visits.where(inset.visits > 0)
     image = axes.imshow(visits, extent=(0, 1, 0, 1), origin="lower", cmap="Blues", norm=norm)
     axes.set(xlabel="$x$", ylabel="$y$", xticks=[0, 0.5, 1], yticks=[0, 0.5, 1])

@@ -11,7 +11,7 @@ BESIDE = ".part"  # suffix of the name of a file that is being written
 def write(path, content):
     """Write text or bytes to a temporary file beside the file, and rename it.
 
-    After a kill or on a full disk the file of an earlier run remains complete.
+    If the process is killed or the disk is full, the file of an earlier run remains complete.
     """
     path = Path(path)
     beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{BESIDE}")
@@ -21,6 +21,6 @@ def write(path, content):
     except BaseException as error:
         with suppress(OSError):
             beside.unlink()
-        if isinstance(error, OSError) and error.filename is None:  # as on a full disk
+        if isinstance(error, OSError) and error.filename is None:  # e.g. if the disk is full
             error.filename = str(path)
         raise

@@ -7,8 +7,8 @@ import numpy as np
 from workflows.figures.style import colour_of, outer_legend, panels
 
 _NUMBER = {"fontsize": "x-small", "ha": "center"}
-_BRACKET = {"fmt": "_", "color": colour_of(0), "lw": 2, "ms": 6, "mew": 2}  # some are narrow
-_BEYOND = 1.15  # end of the axis, relative to the largest end of a bracket
+_BRACKET = {"fmt": "_", "color": colour_of(0), "lw": 2, "ms": 6, "mew": 2}  # visible even if narrow
+_BEYOND = 1.15  # upper end of the axis, relative to that of the highest bracket
 
 
 def draw_frequencies(cube):
@@ -33,7 +33,7 @@ def draw_frequencies(cube):
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
     outer_legend(figure, 2)
     _draw_convergents(near, limits, fractions)
-    # The axis ends above all brackets; a label there gives the value of phases that lie beyond.
+    # The axis ends above all brackets; labels at its end give the largest values that lie beyond.
     top = _BEYOND * np.fmax(limits.upper.max(), fractions.upper.max())
     for Ω, most in fractions.most[fractions.most > top].items():
         side, x = ("left", 5) if np.mean(wide.get_xlim()) > Ω else ("right", -5)
@@ -50,7 +50,7 @@ def _brackets(cube):
     """
     ends = {"lower": ("lower", "min"), "upper": ("upper", "min"), "most": ("upper", "max")}
     table = cube.to_dataframe().groupby("frequency").agg(**ends, phases=("phase", "count"))
-    return table[table.phases == 0], table[table.phases > 0]  # NaN does not count
+    return table[table.phases == 0], table[table.phases > 0]  # phases: NaN is not counted
 
 
 def frequencies_caption(cube):

@@ -49,7 +49,7 @@ def draw_secondary_points(secondary):
     figure.colorbar(image, ax=axes, label=r"error of the cubic estimate of $z_*$ (radians)")
     border = np.linspace(2.01, float(shown.kappa1.max()), 1000)  # R of (1/2, 0) is 0
     birth, ends = 2 * border / (border - 2), {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
-    # The cells would end in a staircase there, where the error tends to 0.
+    # At the border, where the error tends to 0, the cells would end in a staircase.
     axes.fill_between(border, birth, ends["ylim"][1], color=image.cmap(0), lw=0, zorder=0.5)
     axes.fill_between(border, 0, birth, color="white", lw=0, zorder=1.5)
     axes.plot(border, birth, color="0.5", lw=1, label="where they are born")
@@ -71,7 +71,7 @@ def _square_of_residue(secondary):
     """Return R², to be contoured; dims (kappa2, kappa1).
 
     Where a pair of orbits is born nearer to (1/2, 0), one of them takes over: R jumps to 0, and R²
-    grows linearly from there. It is continued backwards by a cell, so that its zero appears.
+    grows linearly from there. R² is extrapolated backwards by one cell, so that its zero appears.
     """
     square = secondary.residue.values**2
     continued = 2 * square[:, 2:-1] - square[:, 3:]

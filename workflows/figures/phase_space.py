@@ -11,11 +11,11 @@ COLOURS = [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 0.93
 """Colours of ω from lowest to highest: perceptually uniform, safe for colour-blind readers, and
 never as pale as the page."""
 
-_SURVIVORS = 48  # points of the longest-lived start, at most
+_SURVIVORS = 48  # maximum number of points drawn for the longest-lived start
 
 
 def ends(orbits):
-    """Return ω of the first and the last colour: 0 and P/2, or the extremes in a part of the cell.
+    """Return ω of the first and the last colour: 0 and P/2, or the extremes for a part of the cell.
 
     orbits : Dataset returned by `workflows.shared.phase_space.portraits`.
     """
@@ -34,7 +34,7 @@ def places(orbits):
 
 
 def draw_orbits(axes, orbits):
-    """Draw the points of the orbits, the chaotic ones grey and behind, and a colour bar."""
+    """Draw the points of the orbits, chaotic ones in grey behind the others, and a colour bar."""
     omega = orbits.near.values[orbits.which.values]
     order = np.argsort(np.isfinite(omega), kind="stable")
     (low, high), size = ends(orbits), 0.6 if in_column() else 1.2

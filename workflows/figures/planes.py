@@ -17,7 +17,10 @@ _SYMBOLS = {
 
 
 def symbols(axes, plain=False):
-    """Return the symbols of the axes of a plane, {name: description}; or the description itself."""
+    """Return the symbol of each axis of a plane, or the description of an axis without a symbol.
+
+    axes : {name: description}. plain : True for plain text, False for TeX.
+    """
     return [_SYMBOLS.get(text, (text, text))[plain] for text in axes.values()]
 
 
@@ -27,7 +30,7 @@ def of_two_kicks(dataset):
 
 
 def whole_of(dataset):
-    """Return the sum of ω and its image under the plane's symmetries, 0 without an image."""
+    """Return the sum of ω and its image under the plane's symmetries, 0 if ω has no image."""
     return max(shift for *_, shift in plane_of(dataset.attrs).symmetries)
 
 

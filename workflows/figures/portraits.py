@@ -58,8 +58,8 @@ def kicks_caption(portraits):
         f"from x = 0 and x = 1/2; and of the nonautonomous map at {_forcing(first)} (c), from the "
         f"same starts, with all {kick.size - 1} kicks drawn. (d) and (e): the orbit of "
         f"({around[0]:g}, {y[0]:g}) under the nonautonomous map, in blue after even kicks, in "
-        f"vermilion after odd ones. After even kicks it stays within {even:.2f} of x = 0, in the island of "
-        f"(0, 1/2) in (a); after odd kicks within {odd:.2f} of x = 1/2, in the island of "
+        f"vermilion after odd ones. After even kicks it stays within {even:.2f} of x = 0, in the "
+        f"island of (0, 1/2) in (a); after odd kicks within {odd:.2f} of x = 1/2, in the island of "
         "(1/2, 1/2) in (b)."
     )
 

@@ -1,4 +1,4 @@
-"""Kicks until invariant graphs are excluded and orbits cross: on a ramp, and by smoothness."""
+"""Kicks until invariant graphs are excluded, and until orbits cross, on ramps and by smoothness."""
 
 import re
 

@@ -6,7 +6,7 @@ _MARKERS = "os^Dv"
 
 
 def draw_ripple_spectrum(cube, theory):
-    """Draw the loss against Ω with the prediction, and κ_c(1 + d)/κ_G with the limit of slow ones.
+    """Draw the loss against Ω with the prediction, and κ_c(1 + d)/κ_G with the slow-ripple limit.
 
     Where only an upper bound on κ_c is known, an arrow points to the side on which the value lies.
     """

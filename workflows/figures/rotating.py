@@ -32,7 +32,7 @@ def draw_rotating_tori(tori, two, direct):
     """Draw the breakup of tori by residues of long orbits, against CB_gt of T, Fig. 11."""
     title = "Tori of rotating standard maps, and the last circle of $T$"
     figure, parts = _plane(title, two, direct, tori.critical_scale, 0.4)
-    x, y = outline(tori.assign_attrs(two.attrs))  # in the plane of T, despite other frequencies
+    x, y = outline(tori.assign_attrs(two.attrs))  # in T's plane, though frequencies differ
     for part in parts:
         for i, vector in enumerate(tori.vector.values):
             look = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
@@ -100,9 +100,9 @@ def _outside(two, direct):
 
 
 def where_above(angle, ratio):
-    """Return the rays on which the ratio exceeds 1, "12°-14.5° (by 3.1% at 13°)", or its maximum.
+    """Return as text where the ratio exceeds 1, "12°-14.5° (by 3.1% at 13°)", or else its maximum.
 
-    Rays without a ratio (NaN) end a stretch.
+    A ray without a ratio (NaN) ends a range of angles.
     """
     if not np.isfinite(ratio).any():
         return "unknown"
@@ -117,12 +117,12 @@ def where_above(angle, ratio):
 
 
 def _tips(axes, inner):
-    """Return insets of the corners on both axes, from `inner` to 1; none in a column."""
+    """Return insets that magnify the corners on both axes, from `inner` to 1; () in a column."""
     if in_column():
         return ()
     right, top = axes.inset_axes([0.7, 0.7, 0.27, 0.27]), axes.inset_axes([0.06, 0.7, 0.27, 0.27])
     along, across = (inner, 1), ((inner - 1) / 2, (1 - inner) / 2)
     for tip, x, y in ((right, along, across), (top, across, along)):
-        tip.set(xlim=x, ylim=y, xticks=[], yticks=[])  # the main axes have them
+        tip.set(xlim=x, ylim=y, xticks=[], yticks=[])  # the main axes have ticks
         axes.indicate_inset_zoom(tip, edgecolor="0.4", lw=0.6)
     return right, top

@@ -5,7 +5,7 @@ import numpy as np
 from workflows.figures.style import COLOURS, VERMILION, dots, legend_below, line_of, panels
 
 _BLUE, _, _GREEN = COLOURS[:3]
-_BEGINNING = 250  # kicks of the transient that are drawn
+_BEGINNING = 250  # number of kicks of the transient to draw
 
 
 def draw_self_consistent(fields, verdicts, settling):

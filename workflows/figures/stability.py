@@ -5,7 +5,7 @@ from matplotlib.ticker import NullFormatter
 
 from workflows.figures.style import COLOURS, MARKERS, key, legend_below, line_of, panels
 
-_OK = 1  # of `status`, see `pipeline.cubes.cube`
+_OK = 1  # value of `status`, see `pipeline.cubes.cube`
 
 
 def draw_stability(name, studies):
@@ -157,7 +157,7 @@ def _draw_twist(axes, study):
         line |= {
             "label": rf"$\varphi = {angle:g}°$",
             "ms": 6 - 2 * i,
-        }  # of different sizes, so that all are visible
+        }  # marker sizes differ, so that all are visible
         axes.plot(study.scale, finite.elimination_time, "o", **line)
         axes.plot(study.scale, finite.escape_time, "^:", color=colour, ms=3, lw=0.8)
         end = part.scale.where(part.twist < 1e-9).min()

@@ -14,8 +14,8 @@ from pandas import Series
 from nasm.numbers import NAMES, moebius, parse
 from workflows.figures.files import write
 
-# Blue, orange, green, sky, red, violet, indigo: 17 or more apart in CIE Lab as a deuteranope and a
-# protanope see them, and as far from black, white and the greys below.
+# Blue, orange, green, sky, red, violet, indigo: at least 17 apart in CIE Lab, as seen with
+# deuteranopia or protanopia, and as far from black, white and the greys below.
 COLOURS = ["#0072B2", "#E69F00", "#358600", "#56B4E9", "#8B0000", "#8A2BE2", "#332288"]
 VERMILION = "#D55E00"  # for what must stand out; never for a circle
 
@@ -41,7 +41,7 @@ def line_of(i):
 def circle_style(text, whole=0):
     """Return {"color", "marker", "ls"} of the circle of ω, determined by its partial quotients.
 
-    text : ω as text; "" if it is not known. whole : as in `circle_class`; a class has one style.
+    text : ω as text; "" if it is not known. whole : as in `circle_class`. A class shares a style.
 
     The index of the colour is the sum of a - 1 over the quotients of [·; a, …], minus the same sum
     over those that repeat: 0, blue, for the golden circle, and one more for each step away from it
@@ -90,7 +90,7 @@ def _omega(text):
 
 COLUMN = 3.4  # inches, the width of a column of a journal
 _SMALLEST = 6.5  # points, minimum size of text in a column
-_TALLEST = 0.65  # maximum height of a panel in a column of several, relative to its width
+_TALLEST = 0.65  # maximum height of a panel, relative to its width, if a column has several
 _MARGIN = 0.04  # inches around a figure
 
 
@@ -107,7 +107,7 @@ _IN_COLUMN = {
 def sheet(column=False):
     """Draw and save figures in this context with matplotlib's defaults, ignoring any matplotlibrc.
 
-    column : for a column of a journal, 8 pt and no titles.
+    column : True for figures that fit a column of a journal, with 8 pt text and no titles.
     """
     with matplotlib.rc_context(_PLAIN | _IN_COLUMN if column else _PLAIN):
         yield
@@ -147,7 +147,7 @@ def name_circles(axes, styles, **more):
 
 
 def legend_below(axes, columns=2, in_column_columns=1, **style):
-    """Draw the legend of one of several panels below it; set its labels and ticks first."""
+    """Draw the legend of one of several panels below it; set the panel's labels and ticks first."""
     figure, columns = axes.figure, in_column_columns if in_column() else columns
     ticks = axes.bbox.y0 - axes.xaxis.get_tightbbox().y0  # height of ticks and label, in pixels
     below = ScaledTranslation(0, -ticks / figure.dpi - 0.05, figure.dpi_scale_trans)
@@ -166,7 +166,7 @@ def outer_legend(figure, columns, in_column_columns=1, where="lower", **style):
 
 
 def _make_room(legend):
-    """Make a figure for a column higher by its legend, so that the panels do not shrink."""
+    """Add the height of the legend to a figure for a column, so that the panels do not shrink."""
     if in_column():
         figure = legend.get_figure(root=True)
         height = legend.get_window_extent().height / figure.dpi
@@ -176,8 +176,8 @@ def _make_room(legend):
 def save(figure, out, name, caption="", kinds=("png", "pdf")):
     """Write the figure as NAME.png and NAME.pdf, and its caption, if it has one, as NAME.txt.
 
-    Those for a column are NAME_column.png and so on. Several panels are lettered. Returns the paths
-    of the pictures, whose metadata contain the caption too.
+    Figures for a column are named NAME_column.png and so on. If there are several panels, they are
+    lettered. Returns the paths of the pictures, whose metadata contain the caption too.
     """
     box = finish(figure)
     name += "_column" * in_column()
@@ -211,7 +211,7 @@ def drawn(draw, out, name, caption="", column=False):
 
 
 def finish(figure):
-    """Letter and lay out a figure, once, as savefig would for each picture.
+    """Letter a figure and lay it out once; otherwise savefig would lay it out for each picture.
 
     Returns the part of it to be saved, a Bbox in inches.
     """
@@ -232,7 +232,7 @@ def finish(figure):
 
 
 def _show_whole_markers(figure):
-    """Draw markers on the edge of the axes whole; drop the points outside the axes for that."""
+    """Do not clip markers at the edge of the axes; for this, drop the points outside the axes."""
     for axes in figure.axes:
         for line in axes.lines:
             if line.get_transform() != axes.transData:
@@ -246,7 +246,7 @@ def _show_whole_markers(figure):
 
 
 def _close_up(figure):
-    """Move outer legends next to the axes, which leave gaps if their scales are equal."""
+    """Move outer legends next to the axes; there would be gaps if the axes have equal scales."""
     boxes = [axes.get_tightbbox() for axes in figure.axes]
     for legend in figure.legends:
         box, gap = legend.get_window_extent(), figure.dpi / 20
@@ -320,7 +320,7 @@ def circle_class(text, whole=1):
 
 
 def longest_arcs(angle, classes):
-    """Return the classes of last circles on more than 1% of the angle, the longest arc first."""
+    """Return the classes of last circles that cover over 1% of the angle, the longest arc first."""
     return [str(name) for name, share in arcs(angle, classes).items() if name and share > 0.01]
 
 
@@ -340,7 +340,7 @@ def draw_points(axes, x, y, classes, styles, size=3, **more):
 
 
 def mark_gaps(axes, x, silent, label="no answer"):
-    """Mark by × at the bottom, and in the legend, where a method has no answer."""
+    """Mark by × at the bottom where a method has no answer, and explain × in the legend."""
     if np.any(silent):
         where = {"transform": axes.get_xaxis_transform(), "ls": "", "marker": "x", "ms": 5}
         axes.plot(x[silent], np.full(np.sum(silent), 0.03), color="0.3", label=label, **where)
@@ -366,7 +366,7 @@ def cell(y):
 
 
 def has_flag(codes, meaning):
-    """Return, as bools, where a variable of flags, `status` or `method`, has this meaning."""
+    """Return True where a variable of flags, `status` or `method`, has this meaning."""
     flags = dict(zip(codes.flag_meanings.split(), codes.flag_values, strict=True))
     return codes == flags[meaning]
 

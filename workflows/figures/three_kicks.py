@@ -12,7 +12,7 @@ def draw_three_kicks(three, two):
     Colours are those of the last circles.
     """
     exact = three.phase.values
-    heights = [1.4, 0.3 + 0.4 * len(exact)]  # of the plane and the strips in a column
+    heights = [1.4, 0.3 + 0.4 * len(exact)]  # heights of plane and strips in a column
     figure = style.canvas(13, 1.6 + 1.3 * max(4, len(exact)), sum(heights))
     if style.in_column():
         left, right = figure.subfigures(2, height_ratios=heights)

@@ -4,7 +4,7 @@ import numpy as np
 
 from workflows.figures import style
 
-_BINS = np.linspace(0, 1, 41)  # for strengths without a barrier, relative to κ_G
+_BINS = np.linspace(0, 1, 41)  # bins of strengths without a barrier, relative to κ_G
 
 
 def draw_tolerance(cube, laws, tried):

@@ -59,7 +59,7 @@ def _draw_brackets(axes, x, part, colour):
 
 
 def _name_fractions(axes, table):
-    """Name fractions above the axes, those of the least q first, and no two too close to read."""
+    """Name fractions above the axes, smallest q first, but none too close to one already named."""
     gap, named = 0.04 if style.in_column() else 0.017, {}
     for exact in sorted(table.delay.values, key=lambda exact: Fraction(exact).denominator):
         tau = float(Fraction(exact))

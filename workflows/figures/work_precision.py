@@ -5,7 +5,7 @@ from matplotlib.ticker import NullFormatter
 
 from workflows.figures.style import in_column, outer_legend, panels
 
-# Colour of a method, by the beginning of its name; its better answer is filled, the other hollow.
+# Colour of a method, by the beginning of its name; better answers are filled, the others hollow.
 _METHOD_COLOURS = {
     "direct, 100 orbits, near": "#E69F00",
     "direct, 100 orbits, single": "#8B0000",
@@ -30,7 +30,8 @@ _LEAST_RANGE = 12
 def draw_work_precision(data):
     """Draw error against CPU time, a panel for each ray.
 
-    A column shows only the better answers on the first two rays. Grey: below the reference's error.
+    A column shows only the better answers on the first two rays. Errors below that of the reference
+    are shaded grey.
     """
     data = data.isel(ray=slice(2)) if in_column() else data
     columns = min(3, data.ray.size)

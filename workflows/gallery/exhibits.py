@@ -72,7 +72,7 @@ def make_release(directory, workers, quick, quiet):
     files.write(folder / "README.md", _readme(folder, quick))
     paths = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     paths = [path for path in paths if path.name not in (SUMS, ".lock")]
-    paths = [path for path in paths if path.suffix != files.BESIDE]  # of a run that was killed
+    paths = [path for path in paths if path.suffix != files.BESIDE]  # left by a run that was killed
     digests = {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
     sums = (f"{sum}  {path.relative_to(folder).as_posix()}\n" for path, sum in digests.items())
     files.write(folder / SUMS, "".join(sums))

@@ -41,7 +41,7 @@ def nonautonomous_dataset(n_orbits, n_max):
 
 
 def images(kappa, x, y):
-    """Return (κ, x, y), its images by `negate`, by both and by `alternate`, in Fig. 2's order."""
+    """Return (κ, x, y), its images under `negate`, both and `alternate`, in the order of Fig. 2."""
     alternated = alternate(kappa, x, y)
     return [(kappa, x, y), negate(kappa, x, y), negate(*alternated), alternated]
 

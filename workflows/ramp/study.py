@@ -83,7 +83,7 @@ def _shapes(n):
     shapes = {"period two": 1 - 2 * (n % 2), "cosine": np.cos(2 * np.pi * phase)}
 
     def waves(phase, power):
-        # NumPy numbers: from Python 3.12 on, sum() rounds Python's own floats differently.
+        # The terms are NumPy numbers; from Python 3.12 on, sum() rounds Python floats differently.
         return sum(np.cos(2 * np.pi * k * phase) / k**power for k in odd)
 
     for power in (4, 3, 2):

@@ -15,7 +15,7 @@ from nasm.orbits import orbit
 FINE = NewtonSettings(max_tail=1e-6, max_update=1e-13)
 """Settings for circles accurate to rounding: errors of their momenta limit the secant method."""
 
-_WIDTHS = 1e-2, 1e-3, 1e-5, 1e-8  # within which nobles approximate the estimates
+_WIDTHS = 1e-2, 1e-3, 1e-5, 1e-8  # distances from the estimates within which nobles are sought
 
 
 def momentum_on(circle, x):
@@ -38,7 +38,7 @@ def momentum_on(circle, x):
 
 
 def rotation_number(kappa, x, y):
-    """Return ω of the circle through (x, y), and the last change of the estimate; NaN if none."""
+    """Return ω of the circle through (x, y), and the last change of the estimate; or two NaN."""
     xs, _ = orbit(kappa, x, y, 1000)
     estimate, known = (xs[-1] - xs[0]) / 1000, {}
     for width in _WIDTHS:

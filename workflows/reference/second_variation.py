@@ -1,16 +1,16 @@
 """When does the second variation eliminate the last start on a line? The second method for ramps.
 
-No invariant graph through n kicks on either side contains a start before the kick of a site if the
+A start before the kick of a site lies on no invariant graph through n kicks on either side if the
 second variation of the action at the sites |k| < n of its orbit, the tridiagonal matrix with
 
     a_k = 2 + κ_k cos 2πx_k on the diagonal,    and -1 beside it,
 
 is not positive definite. `nasm.converse_kam.aperiodic` tests this by a tangent vector that starts
-at the site. Here the matrix is eliminated from both ends to the middle,
+at the site. Here Gaussian elimination proceeds from both ends of the matrix to the middle,
 
     d_k = a_k - 1/d_{k+1},    d_{-k} = a_{-k} - 1/d_{-k-1},    a_0 - 1/d_1 - 1/d_{-1} > 0,
 
-anew for each n. The starts are those of a dense grid, whose best cells are refined; `nasm` uses
+separately for each n. The starts form a dense grid, whose best cells are refined; `nasm` uses
 a beam search on two coarser grids.
 """
 
@@ -20,7 +20,7 @@ _CHILDREN = 32  # new starts in each of the best cells
 
 
 def lifetimes(kappa, site, x, y):
-    """Return the least n at which the second variation of each start (x, y) is not positive."""
+    """Return the least n at which the second variation at (x, y) is not positive definite."""
     times, alive = np.full(y.size, np.inf), np.arange(y.size)
     ahead, p, behind, q = np.full(y.size, x), y.copy(), np.full(y.size, x), y.copy()
     later, earlier = [], []  # a_1, a_2, … and a_{-1}, a_{-2}, …

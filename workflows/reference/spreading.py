@@ -1,20 +1,19 @@
 """Diffusion and escape without following the spread: second methods for `nasm.diffusion`, `escape`.
 
-Green and Kubo's formula derives D from the correlations of the changes d_t = y_{t+1} - y_t on the
-uniform density of the cell,
+The Green-Kubo formula derives D from the correlations of the changes d_t = y_{t+1} - y_t, averaged
+over the unit cell with uniform density,
 
     D = <d_0²>/2 + Σ_{τ=1}^L w_τ <d_0 d_τ>,    w_τ = (1 + cos πτ/L)/2.
 
 The weights fall smoothly, since correlations in islands oscillate without end; with a sharp
-cutoff D would be up to 24% too large, under (3, 2). `nasm.diffusion` computes D from the mean
-squares of long displacements.
+cutoff D would be up to 24% too large, for the forcing (3, 2). `nasm.diffusion` computes D from the
+mean squares of long displacements.
 
-Escape by transport: the window is divided into cells, and the shares of each cell that T maps into
-each of the cells form a matrix (Ulam's). Applied n times to the density of the starts, this matrix
-gives the share that is still inside after n steps; the sum of these shares is the mean escape time.
-The leading eigenvalue of the matrix is the factor by which the share falls in each step, once the
-density has its final shape.
-`nasm.escape` follows orbits.
+Escape by transport: the window is divided into cells. The entries of Ulam's matrix are the shares
+of each cell that T maps into each of the cells. Applied n times to the density of the starts, this
+matrix gives the share that is still inside after n steps; the sum of these shares is the mean
+escape time. Once the density has reached its final shape, the share is multiplied in each step by a
+constant factor, the leading eigenvalue of the matrix. `nasm.escape` follows orbits.
 """
 
 import numpy as np
@@ -25,7 +24,7 @@ from nasm.orbits import orbit
 
 
 def green_kubo(kappa, n_starts, n_steps, n_lags):
-    """Return D by correlations of up to n_lags steps, and its error.
+    """Return D from correlations over up to n_lags steps, and its error.
 
     The error is three times that of the mean over starts, plus the change from half as many lags.
     n_starts : a multiple of 256.
@@ -54,7 +53,7 @@ def escapes(kappa, window, height, cells_per_turn):
     """
     lower, upper = window
     n_x, n_y = cells_per_turn, round((upper - lower) * cells_per_turn)
-    samples = (np.arange(16) + 0.5) / 16  # along each side of a cell
+    samples = (np.arange(16) + 0.5) / 16  # sample points along each side of a cell
     rows, columns = [], []
     for j in range(n_y):  # the cells of a row
         x = ((np.arange(n_x)[:, None] + samples) / n_x).ravel()

@@ -80,7 +80,7 @@ def cases(quick):
 
 _PROFILES = [(1.0, 0.5), (1.0, 0.2), (1.0, 0.9), (1.0, 1.0, 0.0), (1.0, 0.5, 0.5), (1.0, 0.5, 0.3)]
 _LONG = [(3, 8), (5, 13), (8, 21)]
-_PERIODIC = [  # forcings that are the same forwards and backwards, and p/q
+_PERIODIC = [  # forcings that are the same forwards and backwards, each with its p/q
     ((0.9,), [(0, 1), (1, 2), (1, 3), (1, 4), (2, 5), *_LONG, (13, 34), (21, 55)]),
     ((0.5, 0.3), [(0, 1), (1, 1), (1, 2), (1, 3), (2, 3), (3, 5), *_LONG, (13, 21)]),
     (
@@ -177,7 +177,7 @@ def _turnstile(kappa, p, q, above):
         return manifolds.turnstile(kappa, p, q, above, spacing)
 
     def measure():
-        # Rounding of the distances between the two orbits, the norm of which is below 1.
+        # Rounding error of the distances between the two orbits; the norm of these is below 1.
         return turnstile(4e-4).area, 4 * symmetric.EPSILON
 
     def polygons():

@@ -2,7 +2,7 @@
 
 Under a forcing that is the same forwards and backwards from its first kick, the orbit through
 x_0 = 0 or x_0 = 1/2 is its own mirror image, x_n + x_{-n} = 2x_0, for every momentum y before that
-kick. It closes after q periods, N = Pq kicks, with p turns if it also meets its centre half way,
+kick. It closes after q periods, N = Pq kicks, with p turns if it also satisfies, half way,
 
     x_h + x_{N-h} = 2x_0 + p,    h = ⌊N/2⌋.
 
@@ -11,7 +11,7 @@ The action is not used, and neither are the kernels of `nasm`.
 
 The flux through the gaps of p/q follows from areas alone: the segment from a minimizing point to
 the next minimax point and its image under T^q, which has the same ends, enclose ΔW_{p/q}. It is the
-difference of their ∫ y dx, here by Gauss's formula.
+difference of their ∫ y dx, computed here by Gauss-Legendre quadrature.
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class SymmetricOrbit:
 
 
 def symmetric_orbit(kappa, p, q, x, n_scales=200):
-    """Return the SymmetricOrbit of p/q that starts at x, 0 or 1/2, continued from κ = 0."""
+    """Return the SymmetricOrbit of p/q that starts at x = 0 or 1/2, continued from κ = 0."""
     if list(kappa[1:]) != list(kappa[:0:-1]):
         raise ValueError(
             f"kappa={kappa} is not the same forwards and backwards from its first kick"
@@ -92,10 +92,10 @@ def _residue(kappa, n_kicks, x, y):
 
 
 def gap_flux(kappa, p, q):
-    """Return ΔW_{p/q} of one kick by areas, for odd q, and its error.
+    """Return ΔW_{p/q} of one kick, for odd q, computed from areas, and its error.
 
-    The error is the change from fewer nodes, plus the area left open as orbits do not quite close,
-    plus rounding.
+    The error is the change from fewer nodes, plus the area left open because the orbits
+    do not close exactly, plus rounding.
     """
     # For odd q the minimizing orbit has a point on x = 0, and the minimax one on x = 1/2.
     low, high = (symmetric_orbit(kappa, p, q, x) for x in (0.0, 0.5))

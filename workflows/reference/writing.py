@@ -58,7 +58,7 @@ def write(run, entries, attributes):
 
 
 def sections(entries):
-    """Yield for each kind its texts, its rows, as `cells`, and the first lines that check it."""
+    """For each kind, yield its texts, its rows (see `cells`), and the lines of its first check."""
     for kind, group in groupby(entries, itemgetter("kind")):
         group = list(group)
         checks = [entry["check"]["lines"] for entry in group if entry["check"]]

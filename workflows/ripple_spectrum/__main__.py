@@ -21,7 +21,7 @@ MANY = "0.03", "0.1", "0.3", "0.6"
 
 
 def parse_frequency(text):
-    """Return the Fraction of a text, Ω = p/q from 1/1000 to 1/2 with q up to 1000."""
+    """Parse a frequency Ω = p/q from 1/1000 to 1/2, with q up to 1000, as a Fraction."""
     from nasm.checks import fraction
     from nasm.texts import short_repr
 

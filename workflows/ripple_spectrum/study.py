@@ -12,8 +12,8 @@ from workflows.ripple_spectrum import small_divisors
 from workflows.shared.judgement import finding, span
 from workflows.shared.tables import columns, dataset
 
-_CHANCE = 0.01  # probability below which as many agreements are not attributed to chance
-_N_MODES = 8  # whose resonances are marked
+_CHANCE = 0.01  # probability below which agreements are not attributed to chance
+_N_MODES = 8  # number of modes whose resonances are marked
 
 
 def fractions(max_denominator, further):
@@ -54,7 +54,7 @@ def prediction(fractions, depths, n):
     """Predict κ_c by small divisors, and its bound for slow ripples, at these Ω and in between.
 
     The attribute `golden` is κ_G, at which the golden circle of constant kicks breaks, by residues.
-    n : number of further Ω, evenly spaced, and of as many again in equal ratios.
+    n : number of additional Ω, evenly spaced; as many again are spaced in equal ratios.
     """
     given, least = np.array(fractions, float), float(min(fractions))
     spread = [np.geomspace(least, 0.5, n), np.linspace(least, 0.5, n)]
@@ -129,7 +129,7 @@ def _small_divisors(table):
 
 
 def _slow(table):
-    """Judge κ_c = κ_G/(1 + d) where the kicks around the largest one cause a loss by themselves."""
+    """Judge whether κ_c = κ_G/(1 + d) where the kicks around the largest one alone cause a loss."""
     slow = table.where(table.adiabatic_loss > 0)
     by = (1 + table.depth) / table.attrs["golden"]
     upper, lower = (by * slow.upper).values, (by * slow.lower).values

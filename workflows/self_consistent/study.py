@@ -40,11 +40,12 @@ _VERDICTS = {
 
 
 def fields(couplings, n_particles, n_max):
-    """Iterate the self-consistent map for each coupling: kappa, theta with dims (coupling, kick).
+    """Iterate the self-consistent map for each coupling.
 
-    Also spectrum (coupling, frequency) of the second half of kappa; x, y (coupling, particle) after
-    the last kick, x relative to the phase of the wave; and escape (coupling), the kick after which
-    the first of these particles has moved by more than 2 in y, inf if none has.
+    The Dataset contains kappa, theta (coupling, kick); spectrum (coupling, frequency), that of the
+    second half of kappa; x, y (coupling, particle) after the last kick, x relative to the phase of
+    the wave; and escape (coupling), the kick after which the first of these particles has moved by
+    more than 2 in y, inf if none has.
     """
     couplings = np.unique(couplings)
     x, y = escape.ensemble(n_particles)
@@ -127,7 +128,7 @@ def verdicts(fields):
 
 
 def _orbit(kappa, theta, site, x, y, lifetime, drift):
-    """Follow a start before the kick of `site` up to its elimination: x - θ_n and y - drift."""
+    """Follow a start before kick `site` up to its elimination; return x - θ_n and y - drift."""
     end = int(min(site + lifetime, kappa.size))
     points = [(x, y)]
     for strength, phase in zip(kappa[site:end], theta[site:end], strict=True):

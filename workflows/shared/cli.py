@@ -580,5 +580,5 @@ def writes(function: Callable[..., Any]) -> Any:
 
 
 def sweeps(function: Callable[..., Any]) -> Any:
-    """Like `writes`, with --store and the options of the cluster in addition."""
+    """Like `writes`, but also add --store and the options of the cluster."""
     return writes(together(store_option, cluster_options)(function))

@@ -1,4 +1,4 @@
-"""Period-one orbits over the plane: exact formulas, and one equation to solve."""
+"""Period-one orbits over the plane, by exact formulas or by solving one equation."""
 
 import numpy as np
 import xarray as xr

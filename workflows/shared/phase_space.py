@@ -54,7 +54,7 @@ def portraits(
     every : int, optional
         Kicks from one point to the next; by default one step.
     first : int
-        Points of each orbit, in the box or not, at the first yield.
+        Number of points computed for each orbit before the first yield, in the box or not.
 
     Yields
     ------
@@ -131,7 +131,7 @@ def in_box(box: Box, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArr
     inside = (abs(u) <= width / 2) & (abs(v) <= height / 2)
     # One point beyond the edge on either side, so that the line reaches the edge.
     kept = inside | np.r_[False, inside[:-1]] | np.r_[inside[1:], False]
-    kept |= np.isnan(u) & np.r_[False, kept[:-1]]  # and one gap
+    kept |= np.isnan(u) & np.r_[False, kept[:-1]]  # and a gap that follows a kept point
     u, v = np.where(kept, u, np.nan), np.where(kept, v, np.nan)
     kept |= np.r_[False, kept[:-1]]
     return middle[0] + u[kept], middle[1] + v[kept]

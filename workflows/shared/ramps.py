@@ -25,7 +25,7 @@ Lifetime = Callable[[FloatArray, int], float]
 
 
 def lines(rate: float) -> list[int]:
-    """Return the numbers, counted from κ_G, of the kicks before which the lines lie."""
+    """Return the kicks before which the lines lie, numbered from the kick of strength κ_G."""
     return np.unique(np.rint(_PLACES * rate**-EXPONENT).astype(int)).tolist()
 
 

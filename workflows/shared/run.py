@@ -34,7 +34,7 @@ Wanted = set[tuple[int, ...]] | None
 """Indices of tiles; None for all."""
 
 MAX_REASONS = 10  # maximum number of failed tiles whose reasons are printed
-_MIN_ANNOUNCED_SECONDS = 5  # predicted CPU time from which a run is announced
+_MIN_ANNOUNCED_SECONDS = 5  # a run is announced if its predicted CPU time is longer
 _DRAWING_SECONDS = 7  # typical CPU time of findings, of one or two figures, and of stopping workers
 LONGEST = 600  # seconds that a run may take without --yes
 
@@ -225,7 +225,7 @@ class Run:
     def check(self, cube: Cube, computed_by: str | None = None) -> dict[str, Any]:
         """Return the attributes of the cube in the place, {} if there is none.
 
-        A cube with other settings is refused. computed_by : that of its job, if a job computes it.
+        A cube with other settings is refused. computed_by : that of the cube's job, if it has one.
         """
         return store.check(self.place, cube, computed_by or store.COMPUTED_BY)
 
@@ -263,7 +263,7 @@ class Run:
         sys.exit(1)
 
     def holds(self, cube: Cube, *parts: str) -> bool:
-        """Return whether the place holds an undamaged cube that this version of `kept` wrote.
+        """Return whether the place holds an undamaged cube that this version of the code wrote.
 
         A cube with other settings is refused.
 

@@ -1,4 +1,4 @@
-"""Standard output and error, made safe in whatever state a session leaves them.
+"""Standard output and error, made safe whatever state a session leaves them in.
 
 Characters that a stream's encoding lacks, e.g. κ in latin-1, are written as \\u03ba. If the reader
 (`| head -1`) or the terminal disappears, the run continues: later output is dropped, and files are

@@ -47,7 +47,7 @@ def forcings(n, climbs):
 
 
 def laws(cube):
-    """Predict the exponent of the loss by cosine ripples of P = 2 to 8, and measure it.
+    """Predict and measure the exponent of the loss caused by cosine ripples of P = 2 to 8.
 
     predicted : from δ^h, by which the loss grows in the h renormalisations of each mode of the
     cycle, and from the growth of the ripple, measured by the responses; its error is the change
@@ -56,10 +56,10 @@ def laws(cube):
     change from a larger ripple, and 2.5 times the first loss. orbits : the shortest period at which
     orbits resolve the ripple to which a ripple of 1% is renormalised.
 
-    Corrections are large: for P = 4 the law extrapolates from 0.3% to a loss of 0.00173, where
-    residues of the finer circle give 0.00301 up to periods of 46 000, and that circle is certified
-    at a loss of 0.0032. There the responses of minimax orbits grow by e^5.2 from 8 to 144 kicks,
-    and by e^6.3 from 2584 to 46 368.
+    Corrections are large. For P = 4 the law extrapolates from a ripple of 0.3% to a loss of
+    0.00173, where residues of the finer circle, with periods up to 46 000, give 0.00301, and that
+    circle is certified at a loss of 0.0032. For this P the responses of minimax orbits grow by
+    e^5.2 from 8 to 144 kicks, and by e^6.3 from 2584 to 46 368.
     """
     rows = []
     for period in PERIODS:
@@ -81,7 +81,7 @@ def laws(cube):
 
 
 def _measured(cube, period, smaller):
-    """Return the exponent for the second ripple and its error; ripples shrink by `smaller`."""
+    """Return the exponent for the second ripple, and its error; `smaller` rescales the ripples."""
     cosines = cube.isel(forcing=np.flatnonzero((cube.period == period) & (cube.family == "cosine")))
     circles = dict(zip(cosines.parameter.values, cosines.circle.values, strict=True))
     exponents, rate = [], -np.log(abs(smaller))
@@ -98,7 +98,7 @@ def _measured(cube, period, smaller):
 
 
 def _loss(period, circle, d):
-    """Return the loss of a circle by a cosine ripple, and its error."""
+    """Return the loss that a cosine ripple causes for a circle, and its error."""
     profile = 1 + d * ripple(period)
     q_max = int(np.clip(10 * periodic.cusp_period(golden() * profile), 6000, 23_000))
     scale, unit = periodic.critical_scale(circle, profile, q_max), np.sqrt(np.mean(profile**2))

@@ -4,7 +4,7 @@ The kicks are K at whole times and K_α a time τ later, in units of the period 
 K_α = -K arXiv:physics/0408088): p' = p + K sin 2πx/2π, then x' = x + τp', and once more with K_α
 and 1 - τ. For τ = a/q the forcing has q kicks, two of them not zero, and p has the period q.
 K_c(τ) is the strength K at which the last barrier breaks at K_α = K, K/2 and -K. Panels show CB_gt
-in the (K, K_α) plane, in the colours of the last circles, whose ω is their mean p.
+in the (K, K_α) plane, coloured by the last circles, whose ω is their mean p.
 
 To first order the kicks drive a resonance at every whole p = k, as strong as that of a standard
 map of strength |K + K_α e^{2πikτ}|. So a barrier should last long next to a weak resonance, and
@@ -22,7 +22,7 @@ DELAYS = "1/8", "1/5", "1/4", "1/3", "1/2"
 
 
 def parse_delay(text):
-    """Return the Fraction of a period that a text spells."""
+    """Parse a delay, in periods, as a Fraction."""
     from nasm.checks import fraction
     from nasm.planes import pairs
 

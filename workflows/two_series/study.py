@@ -77,7 +77,7 @@ def thresholds(cube, delays):
 
 
 def weakest_resonance(delay, ratio, window=None):
-    """Compute min |1 + r e^{2πikτ}| over whole k, to 12 decimals.
+    """Compute min |1 + r e^{2πikτ}| over integers k, to 12 decimals.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def weakest_resonance(delay, ratio, window=None):
 
 
 def by_delay(delays, curves):
-    """Join the boundaries of several planes along the dim (delay); `delays` are their texts."""
+    """Join the boundaries of several planes along the dim (delay); `delays` are texts."""
     exact = text("delay", delays, "exact delay τ of the second series, in periods")
     return xr.concat(curves, exact, coords="all", combine_attrs="drop")
 
@@ -118,7 +118,7 @@ def findings(table):
 
 
 def _order(table):
-    """Judge whether K_c is lowest where the weakest resonance is strongest, and falls with it."""
+    """Judge whether K_c falls as the weakest resonance grows, to its lowest at the strongest."""
     follows, decided, lowest, places = 0, 0, [], []
     for name, ratio in RATIOS.items():
         part = table.sel(ratio=ratio)

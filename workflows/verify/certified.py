@@ -22,7 +22,7 @@ def verify_proofs(path, place, longest, repair):
     """Compare the cubes with their certificates, and check the certificates.
 
     Return the number of wrong tiles, and how many of them `repair` can delete. A cube with changed
-    metadata is skipped, as its tiles might seem wrong.
+    metadata is skipped, because its tiles might seem wrong.
 
     path : prefix of the names of the cubes.
     longest : seconds; certificates that would take longer are skipped, and counted.

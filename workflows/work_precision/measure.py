@@ -15,7 +15,7 @@ ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
 
 
 def timed(run, *arguments):
-    """Return the result, and the median CPU time of up to five runs within 0.2 s."""
+    """Return the result, and the median CPU time of up to five runs begun within 0.2 s."""
     seconds = []
     while len(seconds) < 5 and sum(seconds) < 0.2:
         start = thread_time()
@@ -87,9 +87,9 @@ def order(data, method):
 def seconds_for(data, accuracy):
     """Find the CPU seconds that each method needs for an accuracy of the last breakup on every ray.
 
-    On each ray the time is that of the least effort from which on all errors are within the
-    accuracy; the slowest ray counts. NaN if the accuracy is not reached on a ray. Rays on which a
-    method has no answer are skipped.
+    On each ray the time is that of the first level of effort from which all errors stay within
+    the accuracy; the slowest ray counts. NaN if the accuracy is not reached on a ray. Rays on
+    which a method has no answer are skipped.
     """
     failed = (data.error > accuracy) | data.error.isnull() & data.effort.notnull()
     from_here = ~failed.values[..., ::-1].cumsum(axis=-1)[..., ::-1].astype(bool)

@@ -1,4 +1,4 @@
-"""The verdicts on the paper's claims, counted."""
+"""Counts of the verdicts on the paper's claims."""
 
 import matplotlib.pyplot as plt
 import pandas as pd

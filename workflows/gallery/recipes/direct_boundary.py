@@ -1,4 +1,4 @@
-"""Distance outside CB_gt of the scale beyond which direct iteration always sees an escape."""
+"""How far outside CB_gt the scales begin at which direct iteration always sees an escape."""
 
 import matplotlib.pyplot as plt
 import xarray as xr

@@ -1,4 +1,4 @@
-"""How exactly the last barrier is known on each ray: its error, and its bracket from both sides."""
+"""How well the last barrier is known on each ray: its error, and its bracket from both sides."""
 
 import matplotlib.pyplot as plt
 import xarray as xr

@@ -1,4 +1,4 @@
-"""Scales of the breakup for signs, pairs and bursts of kicks, with the least of each family."""
+"""Scales of the breakup for signs, pairs and bursts of kicks, and the lowest of each family."""
 
 import matplotlib.pyplot as plt
 import xarray as xr

@@ -1,4 +1,4 @@
-"""The same orbits under two strengths, and with the two strengths exchanged."""
+"""Orbits from the same starts under two strengths, and with the two strengths exchanged."""
 
 import matplotlib.pyplot as plt
 import xarray as xr

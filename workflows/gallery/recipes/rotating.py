@@ -1,4 +1,4 @@
-"""The last barrier, the onset of transport, and the breakup of tori, in mean and amplitude."""
+"""The last barrier, the onset of transport, and the breakup of tori, against mean and amplitude."""
 
 import matplotlib.pyplot as plt
 import xarray as xr
