@@ -191,7 +191,8 @@ def measure(method: Method, seconds: float) -> dict[str, str]:
             broken.append(row.number)
     if broken:
         print(f"{method.arguments} breaks its promise on rows {broken}", file=sys.stderr)
-    sample = "judged forcings"
+    n_independent = sum(row.image_of is None for row in rows[: len(times)])
+    sample = f"judged forcings, {n_independent} of them independent"
     if len(times) < len(rows):
         sample += f", the first {len(times)} of {len(rows)}"
     return row_of(

@@ -69,3 +69,24 @@ def test_a_row_measured_with_other_code_is_outdated(page):
     row = {"method": "nasm.critical_scale", "code": trust.code_of(barriers.critical_scale)}
     assert not trust.has_changed(row)
     assert trust.has_changed(row | {"code": "0" * 12})
+
+
+def test_each_method_is_judged_by_its_own_efforts(page, monkeypatch):
+    names = ["direct", "direct-100", "converse KAM, upper bound", "converse KAM, value"]
+    names += ["blow-up of circles", "residue, Aitken", "last barrier, value"]
+    ratios = xr.DataArray([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 1.7], dims="method")
+    study = xr.Dataset(coords={"method": names, "ray": ["a", "b"]}).assign(
+        error=ratios.expand_dims(ray=2, level=3),
+        estimated_error=xr.ones_like(ratios),
+        judge_error=("ray", [0.0, 0.0]),
+        effort=xr.ones_like(ratios).expand_dims(level=3),
+    )
+    monkeypatch.setattr(page("studies"), "opened", lambda folder, name: study)
+    seen = {each.method.__module__: each for each in page("studies").work_precision(Path())}
+    assert {name: (each.asked, each.worst) for name, each in seen.items()} == {
+        "nasm.escape": (12, 0.2),
+        "nasm.converse_kam.symmetry_line": (12, 0.4),
+        "nasm.circles.continuation": (6, 0.5),
+        "nasm.periodic": (6, 0.6),
+        "nasm.barriers": (6, 1.7),
+    }
