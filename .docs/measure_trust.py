@@ -8,15 +8,21 @@ run reaches, are a fair sample. The other samples are those of `workflows.stabil
 """
 
 import argparse
+import ast
 import csv
+import hashlib
 import random
 import subprocess
 import sys
 import time
+import tokenize
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import date
+from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
+from io import StringIO
 from math import isfinite, nan
 from pathlib import Path
 from pkgutil import resolve_name
@@ -28,7 +34,6 @@ from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
 from nasm.results import CriticalScale
 from pipeline.provenance import job_code
-from pipeline.provenance.sources import digest
 from workflows.shared.judgement import Verdict
 
 HERE = Path(__file__).parent
@@ -71,6 +76,31 @@ def name_of(function: Callable[..., object]) -> str:
     packages = [".".join(parts[:end]) for end in range(1, len(parts) + 1)]
     known = (home for home in packages if getattr(import_module(home), name, None) is function)
     return f"{next(known)}.{name}"
+
+
+def code_alone(source: str) -> str:
+    """Return a Python source without comments, docstrings and blanks, alike in all versions."""
+    lines = source.splitlines()
+    for token in tokenize.generate_tokens(StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            row, column = token.start
+            lines[row - 1] = lines[row - 1][:column]
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            lines[node.lineno - 1 : node.end_lineno] = [""] * (node.end_lineno - node.lineno + 1)
+    return "".join("".join(lines).split())
+
+
+@cache
+def code_of_module(name: str) -> str:
+    spec = find_spec(name)
+    return code_alone(Path(spec.origin).read_text(encoding="utf-8"))
+
+
+def digest(modules: Iterable[str]) -> str:
+    """Return 12 digits of the SHA-256 of the code of modules; comments do not count."""
+    code = "\n".join(map(code_of_module, modules))
+    return hashlib.sha256(code.encode()).hexdigest()[:12]
 
 
 def code_of(function: Callable[..., object]) -> str:

@@ -90,3 +90,12 @@ def test_each_method_is_judged_by_its_own_efforts(page, monkeypatch):
         "nasm.periodic": (6, 0.6),
         "nasm.barriers": (6, 1.7),
     }
+
+
+def test_only_code_counts_where_rows_are_marked_as_outdated(page):
+    code = page("measure_trust").code_alone
+    function = 'def f(x):\n    """Add."""\n    return "#" + x\n'
+    same = f'"""Two."""\n\nX = 1  # one\n"""About X."""\n\n\n{function}'
+    assert code(same) == code('X = 1\ndef f(x):\n    return "#" + x')
+    assert code(same) != code(same.replace("1", "2"))
+    assert code(same) != code(same.replace('"#"', '"##"'))
