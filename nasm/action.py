@@ -28,9 +28,9 @@ Steps of x_0 by +G/|S| lead to the minimizing orbit, and steps by -G/|S| to the 
 2. *Scan.* Begin the orbit at the site where its gap is widest, and move x_0 across that gap. The
    highest maximum of a is the minimax orbit, which may lie on any symmetry line, or on none.
 3. *Descend.* The scan can fail if the action is steep with several minima, or if no single site
-   shows the maximum. Orbits of periods up to 100 are then found by the argument that shows their
-   existence: orbits whose sites follow the forces on them never cross each other. Such orbits
-   descend to minima, and the pass between two minima lies on the boundary of their basins of
+   shows the maximum. Orbits of periods up to 100 are then found in the way in which their
+   existence is shown: orbits whose sites follow the forces on them never cross each other. Such
+   orbits descend to minima, and the pass between two minima lies on the boundary of their basins of
    attraction.
 4. *Follow.* Orbits are then continued along the segment of forcings by Newton's method, and longer
    ones are joined from them.
@@ -103,7 +103,8 @@ _FOLLOW_RANGE = 0.3
 
 _JOIN_STEP = 0.8
 """Largest step of x_0 when orbits are joined, multiplied by the longer period. Of 5030 orbits
-that some value finds, 398 are lost to oscillation with 0.1, 266 with 0.4, and 178 with 0.8."""
+found with at least one value of this step, 398 are lost to oscillation with 0.1, 266 with 0.4, and
+178 with 0.8."""
 
 _JOIN_PERIOD = 300
 """Period above which orbits are joined from shorter ones rather than scanned for."""
@@ -423,7 +424,7 @@ class Orbit:
         return np.arange(self.u.size) * (self.chain.p / self.u.size) + self.u
 
     def beginning_like(self, other: Orbit) -> FloatArray:
-        """Return u from the site on that is nearest to the first site of the other orbit."""
+        """Return u, beginning at the site nearest to the first site of the other orbit."""
         first = (other.site - self.site) % self.start.size
         sites = slice(first, None, self.start.size)
         distance = self.chain.theta[sites] + self.u[sites] - other.u[0]
@@ -753,7 +754,7 @@ def _descend(kappa, theta, work, u):
 def _saddle(kappa, theta, work, u):
     """Take Newton steps of all sites, in place, to a stationary orbit.
 
-    Returns R if the action has one negative curvature there, NaN otherwise.
+    Returns R if exactly one curvature of the action is negative there, NaN otherwise.
     """
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     for _ in range(20):

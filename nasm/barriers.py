@@ -2,9 +2,9 @@
 
 The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
 With three kicks or more, circles may break and reappear in bands of scales, which may be
-arbitrarily narrow next to the boundary. The search resolves bands of relative widths of about tol:
-if it meets any, error is at least the smaller of tol and 10⁻³, and upper at least value + error. On
-a segment that does not start at zero, the search is for the first breakup.
+arbitrarily narrow next to the boundary. The search resolves bands down to relative widths of about
+tol: if it meets any, error is at least the smaller of tol and 10⁻³, and upper at least value +
+error. On a segment that does not start at zero, the search is for the first breakup.
 
 The search proceeds from the outside inwards.
 
@@ -80,9 +80,8 @@ class Effort:
         breakup: at that scale the circle that the tree excludes last is usually the one that breaks
         last. If a circle exists there, higher scales are tried in steps of 1/100; and survivors
         that far above a value contradict it.
-        value contradict it.
     locating_steps : int
-        Least number of steps of converse KAM that locate the last circle of one or two kicks.
+        Least number of steps of converse KAM to locate the last circle under one or two kicks.
     max_questions : int
         Maximum number of scales at which the Farey tree is searched. Once they are used up, the
         search, converse KAM and certification all end. Of the judged forcings, regular ones need 10
@@ -105,8 +104,8 @@ class Effort:
     rival_distance : float
         Relative distance above the value at which residues test whether other circles exist.
     cusp_period : int
-        Longest period of these orbits if those up to `last_period` are not precise enough, as next
-        to a cusp.
+        Longest period of these orbits if those up to `last_period` are not precise enough, as
+        happens next to a cusp.
     blurred_period : int
         If only orbits of longer periods resolve a cusp, the error extends up to `upper`.
     band_error : float
@@ -125,9 +124,9 @@ class Effort:
         Smallest tolerance for more than 64 kicks: lifetimes of a few hundred kicks correspond to
         this distance beyond a breakup.
     iterated_kicks, iterated_orbits : int
-        Kicks and orbits of direct iteration under more than 64 kicks, which takes a few CPU
-        seconds. `upper` was 4 to 11% above the breakup on twelve random rays of three to six kicks,
-        each repeated to more than 64 kicks.
+        Numbers of kicks and of orbits in the direct iteration for more than 64 kicks, which takes a
+        few CPU seconds. `upper` was 4 to 11% above the breakup on twelve random rays of three to
+        six kicks, each repeated to more than 64 kicks.
 
     Examples
     --------
@@ -186,7 +185,8 @@ def critical_scale(
         start P ≤ 64, unless they repeat after one or two kicks.
     tol : float
         Target for the width of the bracket, 10⁻⁵ to 10⁻¹: (upper - lower)/value on a ray; from
-        another start, the change of the largest strength from lower to upper, relative to it.
+        another start, the change of the largest strength from lower to upper, relative to that
+        strength.
     start : array_like, shape (P,), optional
         Start of the segment; default 0, a ray from the origin. From another start the result is the
         first breakup, s ≥ 0; regions without circles are skipped if they are narrower than a change
@@ -201,7 +201,7 @@ def critical_scale(
     Returns
     -------
     CriticalScale
-        value, error : by Greene's residue; in bands, value is the middle between two scales.
+        value, error : by Greene's residue; in bands, value is the midpoint between two scales.
         lower : a circle, of omega or another rotation number, is certified there; NaN without one.
         upper : no start on the dominant line, or on a transversal, survives there; or, if time was
         short, the Farey tree shows no circle there.
@@ -343,9 +343,9 @@ class _Bracket:
     """Two scales with the last breakup between them: no circle was found at `outside`.
 
     omega : a circle that exists at `inside`; None if `inside` is only where the search ended.
-    breakup : where this circle breaks by its residues; None if they do not determine it, as in
-    bands, or if time was short. longest_period : the longest period of orbits that may have been
-    used.
+    breakup : where this circle breaks according to its residues; None if they do not determine it,
+    as in bands, or if time was short. longest_period : the longest period of orbits that may have
+    been used.
     is_eliminated : True if converse KAM eliminates all starts at `outside`.
     """
 
@@ -358,7 +358,7 @@ class _Bracket:
 
 
 def _last_breakup(segment, tol, seconds, effort):
-    """Return the CriticalScale, omega per period of the segment's profile."""
+    """Return the CriticalScale; its omega is per period of the segment's profile."""
     tree = _Tree(segment, seconds, effort)
     bracket = _search_by_survivors(tree, tol)
     if bracket is None:
@@ -576,8 +576,8 @@ def _steps_to_eliminate(tree, distance, scale):
 def _eliminated_above(tree, tol, bracket):
     """Return a scale above a bracket at which converse KAM eliminates all starts, and None.
 
-    If a start survives on a circle that exists by its residues, return that scale and the circle
-    instead. If the time or `max_questions` is used up, return the scale reached by then: the
+    If a start survives on a circle that exists according to its residues, return that scale and the
+    circle instead. If the time or `max_questions` is used up, return the scale reached by then: the
     bracket's upper end or above.
     """
     segment, effort = tree.segment, tree.effort
@@ -670,7 +670,7 @@ def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCi
     -------
     InvariantCircle
         The circle of scale.omega under the forcing scale.lower·profile, or as close to that forcing
-        as it is certified again; its graph is `circles.graph`. Status NOT_CERTIFIED, and no
+        as it can be certified again; its graph is `circles.graph`. Status NOT_CERTIFIED, and no
         deviations, if it is not certified again.
 
     Raises

@@ -1,6 +1,6 @@
 """Checks of arguments: public functions check theirs once, and kernels rely on that.
 
-This module also has the checksum of certificates, which are checked outside the package.
+This module also computes the checksum of certificates, which are checked outside the package.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ MAX_DENOMINATOR = 10**6
 
 
 def _scalar(value: object) -> Any:
-    """Unwrap a number from a zero-dimensional array, as NumPy and xarray may return one."""
+    """Unwrap a number from a zero-dimensional array, which NumPy and xarray may return."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.isMaskedArray(value):
         return value[()]
     return value

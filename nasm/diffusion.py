@@ -1,6 +1,6 @@
 """Diffusion: the rate at which momentum spreads once transport is global.
 
-    D = lim <(y_n - y_0)²> / 2n,     with n in periods of the forcing, and y in its own unit,
+    D = lim <(y_n - y_0)²> / 2n,     with n in periods of the forcing, and y as in `nasm.maps`,
 
 where <…> is the mean over all starts in the cell 0 ≤ x, y < 1. The mean includes islands, from
 which nothing spreads, so that a density gradient drives the flux -D ∂ρ/∂y. The literature on the
@@ -123,7 +123,7 @@ def diffusion(
     n_orbits : int
         Number of orbits, 64 to 10⁶; it is rounded up to a multiple of 64.
     n_max : int
-        Maximum number of periods, 8192 to 10¹². D of 4/n_max or more can be resolved.
+        Maximum number of periods, 8192 to 10¹². Values of D down to 4/n_max can be resolved.
     settings : DiffusionSettings
         Criteria for when the ensemble has spread far enough, and when its spreading is diffusive.
 

@@ -245,7 +245,7 @@ def onset_scale(
     window: ArrayLike = PAPER_WINDOW,
     precision: str = "double",
 ) -> float:
-    """Compute k_N, the scale on the ray κ = s·profile at which escapes within N steps set in.
+    """Compute k_N, the scale on the ray κ = s·profile at which escapes within N steps begin.
 
     k_N is what the paper plots. It lies above the scale at which global transport begins, which
     `critical_scale` estimates. Bisection finds it, to a relative accuracy of 10⁻⁴, between 0 and

@@ -5,7 +5,8 @@ and the simplest is the *mediant* (p + p')/(q + q'). A path of mediants leads to
 circle of ω exists, the residues of the minimax orbits along the path decay to 0. At the breakup of
 a noble circle they stay near 0.25 (Greene). Below and above the breakup, the values of ln(R/0.25)
 of two neighbours add up, approximately, to that of their mediant. So no circle exists between
-neighbours with large residues, and beyond the last breakup a hundred mediants exclude all ω.
+neighbours with large residues, and beyond the last breakup typically a hundred mediants exclude all
+ω.
 
 The orbit of a mediant is joined from those of its neighbours (`nasm.action`). The search does not
 decide everything: a circle within a relative distance δ of its breakup is resolved only by periods
@@ -66,7 +67,8 @@ class TreeSettings:
     any_residue_period : int
         Period below which an orbit next to a circle may have any residue; one residue was 49.
     small_residue : float
-        If the residues of neighbours are below this value, the noble between them is tested itself.
+        If the residues of neighbours are below this value, the noble between them is tested
+        directly.
     max_mediants : int
         Maximum number of mediants tried; forcings that were decided took up to 1700.
     scanned_period : int
@@ -134,7 +136,7 @@ def find_existing_circle(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     deepest : int
-        The search does not continue between neighbours one of which has a period above this, 10 to
+        The search does not continue between neighbours if either has a period above this, 10 to
         10⁶; the noble between them is tested by `circle_exists` instead.
     settings : TreeSettings
         Which residues exclude circles, and how far the tree is searched.
@@ -150,7 +152,7 @@ def find_existing_circle(
         took the longest orbit to exclude. Just beyond the last breakup, the noble of the last
         circle is in the list.
     period : int
-        The longest period used. To exclude a circle that breaks at a relative distance δ below the
+        The longest period used. Excluding a circle that breaks at a relative distance δ below the
         forcing takes periods of order 1/δ.
 
     Examples
@@ -245,8 +247,8 @@ def circle_exists(
     Returns
     -------
     bool
-        True if the residues of the last three minimax orbits show a decrease. Also False if long
-        orbits are lost, which happens far beyond the breakup.
+        True if the residues of the last three minimax orbits show a decrease. False otherwise,
+        and if long orbits are lost, which happens far beyond the breakup.
 
     Examples
     --------

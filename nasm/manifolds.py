@@ -96,7 +96,7 @@ def unstable(
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     p, q : int
-        Without common factor, 1 ≤ q ≤ 10⁶.
+        Coprime, 1 ≤ q ≤ 10⁶.
     x, y : float
         A point of the minimizing orbit, in turns, x on the lift: q steps of T map it to (x + p, y).
     length : float
@@ -276,7 +276,7 @@ def turnstile(
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     p, q : int
-        Without common factor.
+        Coprime.
     above : bool
         True for the upper edge.
     spacing : float
@@ -320,7 +320,7 @@ def turnstile(
     ends = np.array(resonant.points())
     offsets = (minimizing_points[:, :, None] - ends[:, None] + 0.5) % 1 - 0.5
     m = int(np.hypot(*offsets).min(axis=1).argmax())
-    # In time: from near a point of the p/q orbit, past the middle of a gap, to near the next point.
+    # In order of time: from near one point of p/q, past the middle of a gap, to near the next.
     start, first, last, end = (
         _at(minimizing_points, m + j * q, long, j * p) for j in (-n // 2, 0, 1, n // 2)
     )

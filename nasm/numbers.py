@@ -236,7 +236,7 @@ def convergents(omega: RotationNumber | str) -> Iterator[Fraction]:
 
 
 def distinct_convergents(omega: RotationNumber | str, q_max: int) -> list[Fraction]:
-    """List the convergents p/q of ω with increasing q ≤ q_max; of two with q = 1 the second."""
+    """List the convergents p/q of ω with increasing q ≤ q_max; if two have q = 1, the second."""
     known = takewhile(lambda f: f.denominator <= q_max, convergents(omega))
     return list({fraction.denominator: fraction for fraction in known}.values())
 

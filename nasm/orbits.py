@@ -24,7 +24,7 @@ __all__ = ["orbit", "passages", "portrait", "rotation_number", "rotation_number_
 MAX_STEPS = 10**9
 
 REGULAR_DIGITS = 5
-"""Least number of shared digits on a regular orbit; with fewer, it is chaotic or n is too small."""
+"""Fewest digits shared on a regular orbit; with fewer, the orbit is chaotic or n is too small."""
 
 
 def orbit(
@@ -199,7 +199,7 @@ def rotation_number(
 
 
 def rotation_number_of(x: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Estimate the rotation numbers of given (even measured) orbits, as `rotation_number` does.
+    """Estimate rotation numbers as `rotation_number` does, from computed or measured positions.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def rotation_number_of(x: ArrayLike) -> tuple[FloatArray, FloatArray]:
     Notes
     -----
     For 1.0% of 2973 quasiperiodic series of 2000 steps with white noise of 10⁻⁵, the error was
-    above 10^-digits; without the factor of 1.5, it would be so for 2.7%.
+    above 10^-digits; without the factor of 1.5, this fraction would be 2.7%.
 
     Examples
     --------
@@ -266,7 +266,7 @@ def _with_digits(averages, n, rounding=0.0, factor=1.0):
 
 @kernel
 def bump(n):
-    """Compute w(t/n), t = 0, …, n - 1, scaled to sum 1; all derivatives vanish at both ends."""
+    """Compute w(t/n), t = 0, …, n - 1, divided by its sum; all derivatives vanish at both ends."""
     w = np.zeros(n)
     for t in range(1, n):
         s = t / n

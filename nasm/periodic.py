@@ -65,7 +65,7 @@ class ResidueSettings:
     max_period_ratio : float
         Largest ratio of consecutive periods for which orbits are joined from shorter ones.
     max_trusted_ratio : float
-        Largest predicted ratio of steps between crossings that is trusted without a measured ratio.
+        Largest predicted ratio of steps between crossings that is trusted without being measured.
 
     Examples
     --------
@@ -277,8 +277,8 @@ def _residue(orbits, n, scale):
 def _residues_decay(orbits, shorter, longer, scale):
     """Return True if the longer of two minimax orbits has the smaller residue.
 
-    Return False if an orbit is lost far beyond the breakup; None if one is lost that should be
-    found.
+    Return False if an orbit is lost far beyond the breakup, and None if an orbit is lost that
+    should have been found.
     """
     try:
         residues = [_residue(orbits, n, scale) for n in (shorter, longer)]
@@ -331,8 +331,8 @@ def _crossings(orbits, omega, kind, near, limits, settings):
     """Return the crossings of orbits of one kind near a scale.
 
     Return ((periods, scales), status, (m, ratio), period): m is the length of the tail of ω,
-    `ratio` the ratio of steps m crossings apart, and `period` the one from which orbits resolve a
-    cusp nearby.
+    `ratio` the ratio of steps m crossings apart, and `period` the shortest period of orbits that
+    resolve a nearby cusp.
     """
     period, chains = len(omega.tail), orbits.chains
     fractions = list(islice(convergents(omega), len(omega.prefix) + period + 60))
@@ -362,7 +362,7 @@ def _crossings(orbits, omega, kind, near, limits, settings):
     if longest < cusp and (chains[-1].q < cusp or len(crossings) < n_needed):
         status = Status.NEAR_CUSP
     elif len(crossings) >= n_needed:
-        # Up to the end of the prefix and one tail, other numbers have the same convergents.
+        # Other numbers share the convergents of ω up to the end of the prefix and one tail.
         is_complete = crossings[-1][0] >= fractions[len(omega.prefix) - 1 + period].denominator
         status = Status.OK if is_complete else Status.NOT_CONVERGED
     crossings = np.array(crossings).T if status is Status.OK else np.empty((2, 0))
@@ -381,7 +381,7 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
             residues = [abs(orbits.at(n, scale, kind).residue) for n in pair]
         except LostError as error:
             if error.is_far_beyond:
-                return 100.0  # the value for residues that both overflow
+                return 100.0  # the same value as for residues that overflow
             raise
         # Far below the breakup, both residues and even their signs are rounding errors.
         if min(residues) <= settings.min_residue:
@@ -539,11 +539,11 @@ def _limit(scales, period, ratio):
     """Return the limit of crossings and its error; `ratio` is the ratio of steps one tail apart.
 
     The value is Aitken's limit of the last crossings that are a period apart; it converges like
-    |ratio|^(3/2) per period. The error is the largest difference between consecutive values over a
-    whole period and one more, each scaled by how much it should have shrunk by now. If there are
-    fewer such values, the error also covers the difference from the limit that follows from the
-    last step and `ratio`. If Aitken's ratio is unknown or not near `ratio`, the latter limit is the
-    value, and the error is at least as large as the last two steps.
+    |ratio|^(3/2) per period. The error is the largest of the last `period` + 1 differences between
+    consecutive values, each scaled by how much it should have shrunk by now. If there are fewer
+    differences, the error also covers the difference from the limit that follows from the last step
+    and `ratio`. If Aitken's ratio is unknown or not near `ratio`, the latter limit is the value,
+    and the error is at least as large as the last two steps.
     """
     ends = range(len(scales), 2 * period, -1)[: period + 2]
     extrapolated = [_aitken(*scales[end - 1 - 2 * period : end : period]) for end in ends]

@@ -131,8 +131,9 @@ class CriticalScale(Result):
     error : float
         Estimated absolute error of the value.
     lower, upper : float
-        Bracket that the method *shows*: it finds a circle at lower, and excludes all at upper, in
-        floating point except by `nasm.proofs`. A bound that it does not show is NaN.
+        Bracket that the method *shows*: it finds a circle at lower, and excludes all at upper; in
+        floating point, unless the method is one of `nasm.proofs`. A bound that it does not show
+        is NaN.
     omega : RotationNumber or None
         Rotation number of the circle per period; None if the method does not identify the circle.
     status : Status

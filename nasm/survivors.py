@@ -68,7 +68,8 @@ def longest_lived_start(kappa: ArrayLike, n_max: int) -> tuple[float, float, flo
     x, y : float
         The start.
     steps : float
-        Steps until the start is eliminated; inf if it survives n_max steps, as other starts may.
+        Steps until the start is eliminated; inf if it survives n_max steps. Other starts may
+        then survive, too.
 
     Examples
     --------

@@ -77,8 +77,9 @@ def alternate(
 
     For P = 2 this is Eq. (21), (κ1, κ2) → (κ1, -κ2): between kicks x advances by an extra 1/2.
 
-    If only the sites c, c + m, c + 2m, … are kicked, c < m = `spacing`, the signs of their kicks
-    alternate, and (x, y) → (x - c/2m, y + 1/2m); ω → ω + P/2m. P must be an even multiple of m.
+    If only the sites c, c + m, c + 2m, … are kicked, c < m = `spacing`, every second one of these
+    kicks changes sign, and (x, y) → (x - c/2m, y + 1/2m); ω → ω + P/2m. P must be an even multiple
+    of m.
 
     Parameters
     ----------
@@ -230,7 +231,7 @@ def dominant_centre(kappa: ArrayLike) -> tuple[float, float]:
 
 
 def primitive(kappa: ArrayLike) -> FloatArray:
-    """Return one period of the forcing, the shortest, as an array."""
+    """Return the kicks of the shortest period of the forcing, as an array."""
     strengths = forcing(kappa)
     sizes = _divisors(strengths.size)
     return next(strengths[:n] for n in sizes if (strengths[n:] == strengths[:-n]).all())
@@ -423,7 +424,8 @@ def _distance_to_antiperiodic(kappa: FloatArray) -> float:
 def _shortest(kappas: FloatArray) -> tuple[int, int, FloatArray]:
     """Return (period, spacing, rows) for the shortest period of the forcings in the rows.
 
-    The spacing is that of the kicks whose signs must alternate to reach this period, else 0.
+    The spacing is that of the kicks whose signs must be alternated to reach this period; 0 if no
+    signs change.
     """
     exact = (
         (length, spacing, rows) for change, length, spacing, rows in _shorter(kappas) if change == 0
@@ -436,8 +438,8 @@ def _shorter(kappas: FloatArray) -> Iterator[tuple[float, int, int, FloatArray]]
 
     `change` is the largest change of a strength that is needed to reach that period; the other
     values are as in `_shortest`. A shorter period is reached by the forcings themselves, made
-    periodic, or, for each spacing m, by their alternated form: the sites m apart that include the
-    largest |κ| have alternating signs, and all others are 0.
+    periodic, or, for each spacing m, by their alternated form: at the sites m apart that include
+    the largest |κ|, every second sign is changed, and all other strengths are 0.
     """
     period, size = kappas.shape[1], np.abs(kappas)
     largest = int(size.max(axis=0).argmax())

@@ -79,7 +79,7 @@ def parse_integer(text: str, low: int, high: int) -> int:
     Raises
     ------
     ValueError
-        If the text is not a whole number, or the number is not from low to high.
+        If the text is not a whole number between low and high, inclusive.
 
     Examples
     --------

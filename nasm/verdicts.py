@@ -213,8 +213,8 @@ def verdict(
 ) -> Verdict:
     """Decide whether a barrier exists under a forcing, or transport is global.
 
-    1. Find the boundary on the ray through kappa, more precisely if it is closer to kappa; with
-       three or more kicks, to 1% first.
+    1. Find the boundary on the ray through kappa, the more precisely the closer it is to kappa;
+       with three or more kicks, to 1% first.
     2. If kappa is below the boundary, certify the circle under kappa itself, unless converse KAM
        eliminates all starts.
     3. If kappa is above the boundary, apply converse KAM under kappa itself, with as many steps as

@@ -18,8 +18,8 @@
   belong to anyone but this user or root, or to which others can write, are not used.
 
 The directory is in NUMBA_CACHE_DIR if that is set, else in the user's cache folder. Only functions
-called from Python are kernels; the functions that they call are compiled into them, and need only
-`njit`.
+called from Python need to be kernels; the functions that they call are compiled into them, and need
+only `njit`.
 """
 
 import hashlib

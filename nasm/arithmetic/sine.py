@@ -37,7 +37,10 @@ SINGLE_SINE = (1.0, -6.5797324892444, 12.987386239067208, -12.18679412216513, 6.
 """The best polynomial of degree 4 in u²: its error is 5e-9; single precision rounds by 6e-8."""
 
 COSINE = tuple((2 * k + 1) * c for k, c in enumerate(SINE))
-"""Coefficients of cos 2πu, from the derivative of sin 2πu: less accurate, for the same u."""
+"""Coefficients of cos 2πu in u², from the derivative of sin 2πu.
+
+Less accurate than `cos2pi`, but evaluated at the same u as the sine.
+"""
 
 _C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7 = SINE
 _TWO_PI = 2 * np.pi

@@ -58,7 +58,8 @@ class ContinuationSettings:
         Points of the finest grid; the distance from the breakup that is reached is inversely
         proportional to it.
     max_certified_points : int
-        Maximum number of points of the circle that is certified, on a grid four times finer.
+        Maximum number of points of the circle that is certified; its certificate uses a grid four
+        times finer.
     max_circles : int
         Maximum number of circles on a ray, which usually needs 10 to 30.
     max_halvings : int
@@ -82,7 +83,7 @@ class ContinuationSettings:
         Relative distance beyond the value at which residues test for the circle, by
         `farey.circle_exists`.
     max_depth_ratio : float
-        Depth up to which circles do not resolve a cusp, divided by the distance from the breakup to
+        Depth below which circles do not resolve a cusp, divided by the distance from the breakup to
         the second of the three scales.
     newton : NewtonSettings
         Criteria for the convergence of Newton's method.
@@ -205,8 +206,8 @@ def certified_circle(
     1. Circles are computed at the relative distances d = 1/2, 0.15, 0.045, … from the breakup, with
        at least 4.5/d modes, which resolve their finest structures.
     2. The circle at d = `distance` is certified on a finer grid, from 2.4/d modes if they suffice,
-       else from 4.2/d or 6/d; if that fails, one slightly farther from the breakup, or an earlier
-       one of step 1.
+       else from 4.2/d or 6/d; if that fails, a circle slightly farther from the breakup is
+       certified instead, or an earlier one from step 1.
 
     Parameters
     ----------
@@ -409,7 +410,7 @@ def _estimate(omega, scales, log_m, growth, delta, settings):
 
 
 def _extrapolate(scales, log_m, growth, delta, order, max_rounds):
-    """Return s_c by Richardson extrapolation, and its value at one order less; NaN if it diverges.
+    """Return s_c by Richardson extrapolation, and its value one order lower; NaN if it diverges.
 
     The extrapolation needs the scales at M, M/Λ, …; they are found by interpolating log(s_c - s).
     """

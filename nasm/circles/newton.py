@@ -16,9 +16,9 @@ E²:
     c_j (w_{j+1} - w_j) - c_{j-1} (w_j - w_{j-1}) = -h_j' E_j,        c_j = h_j' h_{j+1}'.
 
 Summed over a period, they become an equation g(θ + ω) - g(θ) = f(θ) for the flux
-c_j (w_{j+1} - w_j). Its free constant is fixed by ⟨Σ_j (w_{j+1} - w_j)⟩ = 0 if the twist ⟨Σ_j
-1/c_j⟩ is not 0, and a second such equation yields w_0. Everything is diagonal in θ or in Fourier
-space: O(n log n).
+c_j (w_{j+1} - w_j). Its free constant is fixed by ⟨Σ_j (w_{j+1} - w_j)⟩ = 0 if the twist
+⟨Σ_j 1/c_j⟩ is not 0, and a second such equation yields w_0. Everything is diagonal in θ or in
+Fourier space: O(n log n).
 
 With too few modes Newton's method converges to "circles" far beyond the breakup. Therefore a circle
 is certified only if the method converges again, with h' > 0, on a grid four times finer.
@@ -77,7 +77,7 @@ class NewtonSettings:
     certificate_ratio : int
         Number of points of the certificate's grid, divided by that of the circle's grid.
     polished_residual : float
-        max |E_j| with which `polish` ends.
+        max |E_j| below which `polish` ends.
     max_residual : float
         max |E_j| that `polish` accepts if it stops decreasing, for example because of rounding.
     rounding : float
@@ -452,7 +452,7 @@ def extrapolate(path: Sequence[tuple[float, FloatArray]], target: float, n: int 
     target : float
         Scale of the result.
     n : int
-        Number of points of the result's grid, if larger than that of the last circle's.
+        Number of points of the result's grid, if larger than that of the last circle.
 
     Returns
     -------

@@ -2,8 +2,8 @@
 
     y_{n+1} = y_n + (κ_n/2π) sin 2π(x_n - θ_n),     x_{n+1} = x_n + y_{n+1},     n = 0, …, N - 1
 
-The recorded field of `nasm.self_consistent` is such a sequence of kicks. A phase that is the same
-in all kicks is a shift of x, and θ_n = nΩ yields the standard map in x - nΩ, y - Ω. In terms of
+The recorded field of `nasm.self_consistent` is such a sequence of kicks. A phase common to all
+kicks only shifts x, and θ_n = nΩ yields the standard map in x - nΩ, y - Ω. In terms of
 X_n = x_n - θ_n,
 
     X_{n+1} - 2X_n + X_{n-1} = (κ_n/2π) sin 2πX_n - (θ_{n+1} - 2θ_n + θ_{n-1}):
@@ -23,18 +23,18 @@ or if the same holds backwards, or by the sum given there. Before each kick, all
 line x = a: if all starts on it are eliminated, no family of graphs exists. By the symmetry
 y → y + 1, it suffices to take y from 0 to 1.
 
-This does not show that orbits cross. For aperiodic forcing no theorem like Birkhoff's says that
-barriers are graphs: `asymptotic` computes curves that are as good as circles from some kick on, but
-fold before that kick. So apply the criterion to kicks over which the forcing has settled, and
-search for orbits that escape: only such orbits show transport. N kicks say nothing about later
-ones.
+The absence of such graphs does not show transport. For aperiodic forcing no theorem like
+Birkhoff's says that barriers are graphs: `asymptotic` computes curves that are practically circles
+from some kick on, but fold before that kick. So apply the criterion to kicks over which the forcing
+has settled, and search for orbits that escape: only such orbits show transport. N kicks say nothing
+about later ones.
 
-For κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), θ_n = 0, one line without survivors therefore shows, to within
-sampling:
+For κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), θ_n = 0, one line without survivors therefore shows, within
+the limits of sampling:
 
 - Ω = p/q: no rotational circle exists under this φ0. By the theorem for products of twist maps,
-  each circle is a graph before every kick. Other values of φ0 are other forcings, and may have
-  circles.
+  each circle is a graph before every kick. Other values of φ0 yield other forcings, which may
+  have circles.
 - Ω irrational: no invariant torus y = g(x, φ) exists that is Lipschitz in x. Such a torus would be
   a family of graphs for every φ0, so one φ0 is enough, and so is one line: the one with the
   shortest lifetimes. Tori that fold are not excluded: only the continuation of tori, and orbits
@@ -86,8 +86,8 @@ class AperiodicSettings:
     ----------
     search : SearchSettings
         The search on a line; `effort` multiplies its number of starts and its width. Its resolution
-        is 0: no orbit recurs, so lifetimes still differ between starts that the shear of a periodic
-        map would not separate.
+        is 0: no orbit recurs, so starts may have different lifetimes even if they are too close for
+        the shear of a periodic map to separate.
     max_lines : int
         Maximum number of lines that `last_survivor` searches.
     middle_kicks : int
@@ -326,8 +326,8 @@ def critical_scale(
     """Compute the lowest scale at which no family of graphs survives the N kicks κ = s·profile.
 
     1. Bisect between a scale at which starts survive the middle quarter of the kicks, and one at
-       which none does: a start that a search misses may have a longer lifetime than the
-       longest-lived one found, but seldom four times as long.
+       which none does. Using a quarter leaves a margin: a start that a search misses may have a
+       longer lifetime than the longest-lived one found, but seldom one four times as long.
     2. Starts next to orbits that minimize the action have longer lifetimes than others, so the
        scales with survivors do not form an interval: search up to 15% lower, and begin again from
        the lowest scale without survivors.
@@ -486,7 +486,7 @@ def _elimination_times(kappa, theta, site, x, y, one_is_enough):
 
 @njit(nogil=True)
 def _elimination_time(kappa, theta, site, x, y):
-    # 2 + κ cos … bounds the sum only if graphs exist before and after: not at site 0.
+    # 2 + κ cos … bounds the sum only if there are graphs before and after this one: not at site 0.
     bound = 2 + kappa[site] * cos2pi(x - theta[site]) if site > 0 else np.inf
     if bound <= 0:
         return 1.0

@@ -100,7 +100,8 @@ class SearchSettings:
     Attributes
     ----------
     grids : tuple of (int, float)
-        For each grid: number of starts, and position of a start in its cell; no start is shared.
+        For each grid: number of starts, and position of a start in its cell. The grids share no
+        starts.
     width : int
         Number of starts from which the search continues at each level. See `longest_lived` for how
         often each width misses the longest lifetime.

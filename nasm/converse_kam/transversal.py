@@ -171,8 +171,8 @@ def longest_lived(
     LongestLived
         The longest-lived start on the transversal before the kick of the largest |κ|. If a start
         survives there, or none survives `settings.short_lifetime` kicks, the transversal of the
-        next largest |κ| is tried as well, and so on; the one whose longest lifetime is shortest
-        counts. kicks is inf if a start survives on each of them.
+        next largest |κ| is tried as well, and so on; of these, the one whose longest lifetime is
+        shortest is used. kicks is inf if a start survives on each of them.
 
     Notes
     -----
@@ -249,7 +249,7 @@ def eliminated_transversals(
     n_max : int
         Steps (periods of the forcing) in either direction.
     until : float
-        The `time.thread_time` after which the search ends, at most a bend or two later.
+        The `time.thread_time` at which the search is to end; it may end a bend or two later.
     settings : TransversalSettings
         How transversals are bent and searched.
 
@@ -480,8 +480,8 @@ def _first_orbits(kappa, minimax):
     """
     period = kappa.size
     omegas = sorted({*map(Fraction, range(period // 2 + 1)), Fraction(period, 2)})
-    # x_before also replaces orbits that cannot be found, far beyond the breakup: on the other side
-    # of the kick these would be minimizing, and survive.
+    # x_before also replaces orbits that cannot be found, far beyond the breakup: half a turn away
+    # from it they would be minimizing, and survive.
     orbits, x_before = [], 0.5 if kappa[0] > 0 else 0.0
     for omega in omegas:
         orbits.append((omega, minimax(omega, x_before)))
@@ -534,8 +534,8 @@ def elimination(
 ) -> tuple[FloatArray, FloatArray]:
     """Compute when each start before kick 0 is eliminated, and its slope γ.
 
-    The solution V of the linearised chain with V_0 = 1, V_{-1} = 1 - γ has become ≤ 0 in both
-    directions by then, or does so soon after: the two sums of the module are at least
+    By then, the solution V of the linearised chain with V_0 = 1, V_{-1} = 1 - γ has become ≤ 0 in
+    both directions, or does so soon after: the two sums of the module are at least
     1 + κ_0 cos 2πx_0 + γ and 1 - γ, or v or u has become negative.
 
     Parameters

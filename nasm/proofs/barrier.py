@@ -253,7 +253,7 @@ def prove(
         start = circle.u
     else:
         start = np.asarray(start, dtype=float)
-        rows = range(short.size, kappa.size + 1, short.size)  # strengths may round to equal ones
+        rows = range(short.size, kappa.size + 1, short.size)  # rounding may make strengths equal
         if start.ndim != 2 or start.shape[0] not in rows or not start.size:
             raise ValueError(
                 f"start has shape {start.shape}; deviations of the shortened forcing "

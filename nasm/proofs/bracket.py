@@ -39,9 +39,9 @@ class ProvedBracket(Result):
     upper : float
         Transport is proved to be global at upper·profile, rounded to floats; NaN if it was not.
     barrier : BarrierProof or None
-        Proof at `lower`, or the last failed attempt; None without an attempt.
+        Proof at `lower`, or the last failed attempt; None if no proof was attempted.
     transport : TransportProof or None
-        Proof at `upper`, or the last failed attempt; None without an attempt.
+        Proof at `upper`, or the last failed attempt; None if no proof was attempted.
     below : float
         A barrier is proved to exist at s·profile for all 0 ≤ s ≤ below; NaN if this was not tried.
     below_proofs : list of BarrierProof
@@ -97,7 +97,7 @@ def critical_scale(profile: ArrayLike, seconds: float = 8.0) -> ProvedBracket:
     seconds : float
         CPU time for `below`; the two bounds together get twice as much. The upper bound uses only
         seconds/2, and is still ten times tighter than the lower one. The width of the bracket
-        depends on the time and on the machine; each of its bounds is proved.
+        depends on the time and on the machine, but its bounds are proved in any case.
 
     Returns
     -------

@@ -140,8 +140,8 @@ def proved_cells(
     Returns
     -------
     states : ndarray of int8, shape (2**depth, 2**depth)
-        OPEN or TRANSPORT, indexed by κ2 and κ1. Cells with κ2 > κ1 are images of others,
-        and stay OPEN.
+        OPEN or TRANSPORT, indexed by κ2 and κ1. Cells with κ2 > κ1 are images of others;
+        they stay OPEN unless they belong to a larger square for which transport is proved.
     proofs : list of CellProof
 
     Examples

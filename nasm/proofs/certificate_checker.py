@@ -1,4 +1,4 @@
-"""Check certificates of proofs in ball arithmetic by an independent program, slow but simple.
+"""An independent program that checks certificates in ball arithmetic: slow but simple.
 
     check(json.loads(text))   # returns the claim, which is then proved, or raises Refuted
 
@@ -448,7 +448,7 @@ def halves(
     before it. In the former half, the site of the curve counts as if η before it were 1 - split,
     which is η at the first site of the latter half.
     """
-    # Any slope that makes v independent of t is valid: `split`, unless v and t are near parallel.
+    # Any slope that makes v independent of t is valid: `split`, unless v and t are nearly parallel.
     near = abs(y_width - split * x_width) < (abs(x_width) + abs(y_width)) / 10_000
     slope = split + near
     ahead = (1 - split, 1), (x - y, x), (1 - slope, 1), (x_width - y_width, x_width)
@@ -548,7 +548,7 @@ def summed(sites: list[Any], before: Ball, first: float, share: Any = 1) -> Ball
 def orbits(
     begun: Any, strengths: Sequence[tuple[Ball, Ball]], aside: list[Ball], lifetime: int
 ) -> Iterator[tuple[Ball, list[Ball], list[Ball], Ball]]:
-    """Yield for each site balls with κ cos 2πx = [0] + Σ f_i [1]_i + Σ σ_i² [2]_i ± [3] on the box.
+    """Yield balls for each site: κ cos 2πx = [0] + Σ f_i [1]_i + Σ σ_i² [2]_i ± [3] on the box.
 
     f_i are the parameters σ_i, followed by the products of two different ones.
 
@@ -899,11 +899,12 @@ def slope(f: Any) -> list[Ball]:
 
 
 class Grid:
-    """n points of φ, n > 2K, at which sin 2πg_j is evaluated for one of the forcings.
+    """n points of φ at which sin 2πg_j is evaluated, for one forcing at a time.
 
-    A mode and its aliases k + n, k + 2n, … appear as their sum. Each mode |k| ≥ n/2 counts twice in
-    the error: it is omitted, and it is an alias of a mode of smaller weight. If ‖sin 2πg_j‖ ≤ M for
-    ρ̂ > ρ, both errors together are at most 2M e^{-2π(ρ̂-ρ)n/2}.
+    n > 2K, where K is the highest mode of the u_j. A mode and its aliases k + n, k + 2n, … appear
+    as their sum. Each mode |k| ≥ n/2 counts twice in the error: it is omitted, and it is an alias
+    of a mode of smaller weight. If ‖sin 2πg_j‖ ≤ M for ρ̂ > ρ, both errors together are at most
+    2M e^{-2π(ρ̂-ρ)n/2}.
 
     sizes : for each j a polynomial whose coefficients bound |û_k|, k ≥ 0.
     """

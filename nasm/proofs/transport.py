@@ -95,7 +95,7 @@ _MIN_TOTAL_STRENGTH = 0.1  # of P Σ|κ_j|; for one kick in P, the last circle b
 _FIRST_BOXES = 16  # on each piece
 _MIN_DELTA = 2.0**-50  # δ down to which centres are exact, for s up to 8
 _KICKS_PER_BLOCK = 8  # between checks for events; rounded up to whole periods
-_STATE, _ROWS, _V = 18, 19, 6  # numbers of a box that change, all of them; index of V
+_STATE, _ROWS, _V = 18, 19, 6  # numbers per box: those that change, and all; index of V
 _FIRST_EXCESS = 0.1  # relative excess of s over value with which `proved_upper` begins
 _KICKS_PER_CALL = 2_000_000  # kicks per kernel call, between checks of the clock
 _MIN_CROWD = 128  # a piece of the polygon on which more boxes wait may be bent
@@ -485,7 +485,7 @@ def _covered(
 
 
 def _slopes(kappa: FloatArray, points: FloatArray, starts: FloatArray) -> FloatArray:
-    """Choose γ of each box, if possible such that V, in floats, crosses zero on both sides."""
+    """Choose γ of each box, if possible such that V, in floats, becomes ≤ 0 in both directions."""
     x, y = (np.interp(2 * starts, np.arange(len(points)), axis) for axis in points.T)
     _, slopes = transversal.elimination(kappa, x, y, _MAX_STEPS * len(kappa))
     return np.clip(np.rint(slopes * 2.0**20) / 2.0**20, -3, 1 - 2.0**-20)
@@ -591,7 +591,8 @@ def _follow(cycle, way, points, boxes, slopes, lifetimes, lanes, ages, box_ids, 
 def _start(lanes, lane, points, s, delta, slope, way):
     """Set the state of a box before the kick at the curve.
 
-    If way is 1, the state before the kick at the preceding site, with kicks in reverse order.
+    If way is 1, it is the state before the kick at the preceding site, for following the kicks in
+    reverse order.
     """
     for row in range(_ROWS):
         lanes[row, lane] = 0.0

@@ -72,7 +72,7 @@ _END_GRID = 2.0**-20  # spacing of the ends of pieces
 _SHEAR_GRID = 2.0**-8  # spacing of g
 _MIN_DELTA, _MIN_STRENGTH_WIDTH = 2.0**-45, 2.0**-40
 _KICKS_PER_BLOCK = 8  # between checks for events
-_STATE, _ROWS, _COLUMNS = 40, 45, 9  # numbers of a lane that change, all of them; numbers of a box
+_STATE, _ROWS, _COLUMNS = 40, 45, 9  # numbers per lane: those that change, and all; per box
 _MAX_WAITING = 4096  # boxes on the stack
 _KICKS_PER_CALL, _MAX_ELIMINATED = 200_000, 16_384  # per kernel call, between checks of the clock
 DOWN = 1 - 1e-14  # like `UP`, for a sum that is subtracted
@@ -305,7 +305,9 @@ def _cover(x, waiting, n_waiting, lanes, boxes, ages, eliminated, lifetimes, mos
 
 @njit(nogil=True)
 def _bisect(waiting, n_waiting, box, split):
-    """Put both halves of a box on the stack; False if inexact, too small, or the stack is full.
+    """Put both halves of a box on the stack; return True on success.
+
+    The halves must be exact and not too small, and the stack must have room for them.
 
     split : the parameter to bisect, 0 for the initial condition, 1 or 2 for a strength. Because of
     the shear, bisecting a strength also shifts the centre ŷ.

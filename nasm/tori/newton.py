@@ -17,9 +17,9 @@ correction as h_θ w, and f⁺ and f⁻ for f(θ ± ω, φ ± Ω). Up to terms o
 This equation is solved by two divisions in Fourier space, by e^{2πi(k₁ω + k₂Ω)} - 1, for the modes
 in an ellipse whose semi-axes are 36% of the number of points along each axis. A rotation vector is
 refused as resonant if a mode in use has a divisor below 10⁻⁶. Near the rim of the ellipse resonant
-modes are left out, and more of them the closer they are to it: the modes that they drive are
-missing there, which would make Newton's method diverge. The estimated size of the modes left out
-counts as unresolved. The two axes are refined separately.
+modes are left out, the more of them the closer to the rim: the modes that they drive are missing
+there, which would make Newton's method diverge. The estimated size of the modes left out counts as
+unresolved. The two axes are refined separately.
 
 With too few modes Newton's method converges to "tori" beyond the breakup. Therefore a torus is
 certified only if the method converges again, with h_θ > 0, on a grid twice as fine along both axes.
@@ -222,8 +222,8 @@ def invariant_torus(
     -----
     With too few modes, an existing torus may be missed. A certified torus exists to within
     floating-point precision and the resolution of 4 m·n points. Resonances beyond the modes of that
-    grid are not detected: if Ω is a fraction with a large denominator, what is certified are the
-    circles of all phases together.
+    grid are not detected: if Ω is a fraction with a large denominator, the certificate refers
+    to the circles of all phases together.
 
     Examples
     --------
