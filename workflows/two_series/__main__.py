@@ -7,7 +7,7 @@ K_c(τ) is the strength K at which the last barrier breaks at K_α = K, K/2 and 
 in the (K, K_α) plane, coloured by the last circles, whose ω is their mean p.
 
 To first order the kicks drive a resonance at every whole p = k, as strong as that of a standard
-map of strength |K + K_α e^{2πikτ}|. So a barrier should last long next to a weak resonance, and
+map of strength abs(K + K_α e^{2πikτ}). So a barrier should last long next to a weak resonance, and
 break first at the delay whose weakest resonance is strongest.
 
 The delays τ and 1 - τ are equivalent, by time reversal; so are (K, K_α), (K_α, K) and (-K, -K_α),
