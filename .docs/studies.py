@@ -165,7 +165,10 @@ def work_precision(folder: Path) -> Iterator[Finding]:
         measured = study.effort.sel({"method": names}).notnull().broadcast_like(part)
         asked = part.values[measured.transpose(*part.dims).values]
         yield by_ratio(
-            method, "value ± error", f"{study.ray.size} rays, at all efforts", xr.DataArray(asked)
+            method,
+            "value ± error",
+            f"runs on {study.ray.size} rays, at all efforts",
+            xr.DataArray(asked),
         )
 
 
