@@ -14,12 +14,11 @@ from every_command import PROVING, SMALLEST
 
 from nasm.planes import plane_of
 from workflows.claims.rules import printed_texts
-from workflows.gallery.__main__ import EXHIBITS
+from workflows.gallery.__main__ import EXHIBITS, recipe
 from workflows.shared.cli import commands, main_of
 from workflows.shared.run import LONGEST
 
 HERE = Path(__file__).parent
-RECIPES = HERE.parent / "workflows" / "gallery" / "recipes"
 pytestmark = pytest.mark.slow
 
 
@@ -85,4 +84,5 @@ def test_every_command_ends_as_expected_and_its_cubes_become_netcdf(tmp_path):
             assert "plane" not in back.attrs or {*plane_of(back.attrs).axes} <= {*back.coords}
     assert len(table(tmp_path / "out/claims/claims.csv")) == len(printed_texts("claims")) > 75
     for exhibit in EXHIBITS:
-        follow(RECIPES / f"{exhibit.name}.py", tmp_path / "out")
+        recipe(exhibit.name, tmp_path / "out")
+        follow(tmp_path / f"out/recipes/{exhibit.name}.py", tmp_path / "out")

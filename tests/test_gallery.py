@@ -1,11 +1,11 @@
 """The gallery: its commands are valid, and its page shows what the workflows have written."""
 
+import ast
 import json
 import re
 import shlex
 import subprocess
 from html import unescape
-from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
@@ -95,8 +95,10 @@ def test_the_code_below_figures_runs_as_a_script_and_as_a_notebook(page):
 
 
 def test_every_exhibit_has_a_recipe():
-    recipes = Path(gallery.__file__).with_name("recipes").glob("*.py")
-    assert sorted(path.stem for path in recipes) == sorted(one.name for one in gallery.EXHIBITS)
+    recipes = gallery.recipes()
+    assert list(recipes) == [exhibit.name for exhibit in gallery.EXHIBITS]
+    for name, script in recipes.items():
+        assert ast.get_docstring(ast.parse(script, name))
 
 
 @pytest.mark.parametrize(

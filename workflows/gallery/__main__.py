@@ -10,6 +10,7 @@ By default, runs a preview of everything, which takes about ten CPU minutes.
 """
 
 import json
+import re
 from datetime import date
 from pathlib import Path
 
@@ -30,12 +31,18 @@ from workflows.shared.cli import (
 EXHIBITS = listed("exhibits.toml")
 
 
+def recipes():
+    """Return {command: its recipe, a script} from `recipes.md`."""
+    text = Path(__file__).with_name("recipes.md").read_text(encoding="utf-8")
+    return dict(re.findall(r"^## (\w+)\n\n```python\n(.*?)^```$", text, re.M | re.S))
+
+
 def recipe(name, out):
     """Write the recipe of a command into OUT/recipes, as a script and as a notebook, and return it.
 
     The notebook has the docstring as a text cell, and the rest as a code cell.
     """
-    script = Path(__file__).with_name("recipes").joinpath(f"{name}.py").read_text(encoding="utf-8")
+    script = recipes()[name]
     _, docstring, code = script.split('"""', 2)
     text_cell = {"id": "text", "cell_type": "markdown", "metadata": {}, "source": docstring}
     code_cell = {"id": "code", "cell_type": "code", "metadata": {}, "source": code.strip()}
