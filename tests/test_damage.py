@@ -244,7 +244,7 @@ def test_a_store_without_digests_is_read_but_not_repaired(on_disk):
     store.create(on_disk, plan, US)
     result = invoke("verify", on_disk, "--repair")
     assert (result.exit_code, "cannot be checked" in result.output) == (0, False)
-    assert "repaired: now run the commands" in result.output
+    assert "repaired: now rerun the commands" in result.output
     assert fill(on_disk, plan) == 1
     toy.assert_complete(on_disk, plan)
 
