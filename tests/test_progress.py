@@ -96,7 +96,7 @@ def test_before_the_first_tile_progress_shows_no_remaining_time():
     clock.now = 2.0
     assert line.line() == "sweep 1 of 1, one, loading kernels: 0%, elapsed 0:02"
     clock.now = 12.0
-    expected = "sweep 1 of 1, one, compiling kernels (about 20 s, once): 0%, elapsed 0:12"
+    expected = "sweep 1 of 1, one, compiling kernels (half a minute, once): 0%, elapsed 0:12"
     assert line.line() == expected
     line.warmed_up()
     clock.now = 13.0

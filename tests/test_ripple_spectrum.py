@@ -14,6 +14,7 @@ from nasm.numbers import parse
 from pipeline.cubes import rotating_maps
 from workflows.figures.ripple_spectrum import draw_ripple_spectrum
 from workflows.ripple_spectrum import small_divisors, study
+from workflows.shared.fractions import up_to_half
 
 GAMMA = float(parse("gamma"))
 
@@ -60,7 +61,7 @@ def test_a_ripple_of_two_kicks_is_a_forcing_of_the_paper():
 
 
 def test_fractions_are_listed_once_and_in_order():
-    listed = study.fractions(4, [Fraction(1, 200), Fraction(1, 3)])
+    listed = up_to_half(4, [Fraction(1, 200), Fraction(1, 3)])
     assert [*map(str, listed)] == ["1/200", "1/4", "1/3", "1/2"]
 
 

@@ -18,6 +18,7 @@ from pipeline.cubes.breakdown import scale_fields
 from pipeline.cubes.forcings import last_barriers
 from workflows.figures import style
 from workflows.figures.two_series import draw_planes, draw_thresholds, planes_caption
+from workflows.shared.fractions import up_to_half
 from workflows.two_series import study
 
 OF_A_DELAY = pytest.mark.parametrize("delay", ["1/2", "1/3", "1/4", "2/5", "3/8"])
@@ -76,7 +77,7 @@ def test_resonances_of_an_irrational_delay_become_weaker_in_wider_windows():
 
 def table_of(scale, max_denominator=5):
     """Return the table of thresholds K_c = scale(τ, r), with brackets 0.2% wide."""
-    delays = study.delays(max_denominator)
+    delays = up_to_half(max_denominator)
     job = last_barriers("two_series_forcings", study.forcings(delays), study.PARAMETER, 1e-3)
     answers, omega = [], numbers.parse("[0;2,(1)]")
     ratios = {f"K_α = {name}": ratio for name, ratio in study.RATIOS.items()}

@@ -68,9 +68,9 @@ def parse_frequency(text):
 def main(run, max_denominator, frequency, n_phases, angle):
     from pipeline.cubes import rotating_maps
     from workflows.figures.frequencies import draw_frequencies, frequencies_caption
+    from workflows.shared.fractions import up_to_half
 
-    given = {Fraction(p, q) for q in range(2, max_denominator + 1) for p in range(1, q // 2 + 1)}
-    given = sorted(given.union(frequency.values()))
+    given = up_to_half(max_denominator, frequency.values())
     fractions = [number for number in given if isinstance(number, Fraction)]
     irrational = [number for number in given if isinstance(number, float)]
     job = rotating_maps.last_barriers(fractions, n_phases, irrational, [angle])

@@ -191,7 +191,7 @@ class Progress(AbstractContextManager):
         now, fraction, name = self.clock(), self.fraction(), self.name or ""
         if self.warming is not None:
             is_long = now - self.warming > _LOADING
-            name += ", compiling kernels (about 20 s, once)" if is_long else ", loading kernels"
+            name += ", compiling kernels (half a minute, once)" if is_long else ", loading kernels"
         times = [f"{fraction:.0%}"] if self.begun else []
         times.append(f"elapsed {clock_time(now - self.start)}")
         if fraction < 1 and (remaining := self.remaining()) is not None:

@@ -46,7 +46,7 @@ def ripple_spectrum_caption(cube, findings):
 
 def _draw_losses(axes, rows, curve, i, options):
     axes.plot(curve.frequency, curve.predicted_loss, lw=0.8, color=options["color"])
-    _draw_points(axes, rows, rows.loss, rows.least_loss, rows.most_loss, i, options, up=True)
+    _draw_points(axes, rows, rows.loss, rows.least_loss, rows.most_loss, i, options)
 
 
 def _draw_largest_kick(axes, rows, curve, i, options):
@@ -54,17 +54,15 @@ def _draw_largest_kick(axes, rows, curve, i, options):
     values, lower, upper = (by * rows[name] for name in ("critical_scale", "lower", "upper"))
     bound = (1 - curve.adiabatic_loss) * (1 + curve.depth)
     axes.plot(curve.frequency, bound, "--", lw=0.8, color=options["color"])
-    _draw_points(axes, rows, values, upper, lower, i, options, up=False)
+    _draw_points(axes, rows, values, lower, upper, i, options)
 
 
-def _draw_points(axes, rows, values, near, far, i, options, up):
-    """Draw values with their brackets, and bounds without a value as arrows."""
+def _draw_points(axes, rows, values, lower, upper, i, options):
+    """Draw values with their brackets, or the ends that are known."""
     marker = {"marker": _MARKERS[i % len(_MARKERS)], "ms": 4, "ls": ""}
     axes.plot(rows.frequency, values, **marker, **options)
-    axes.vlines(rows.frequency, near, far, color=options["color"], lw=1)
-    only = values.isnull() & near.notnull()
-    arrow = {"ls": "", "marker": "^" if up else "v", "mfc": "none", "color": options["color"]}
-    axes.plot(rows.frequency[only], near[only], **arrow)
+    ends = lower.values, upper.values
+    style.draw_brackets(axes, rows.frequency.values, *ends, options["color"])
 
 
 def _mark_resonances(axes, theory):

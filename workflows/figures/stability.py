@@ -184,9 +184,9 @@ def _draw_missed(axes, study):
         study.kept,
         100 * study.missed,
         "o-",
-        label="searches that miss more than 1% of the lifetime",
+        label="searches over 1% short",
     )
-    axes.plot(study.kept, 100 * study.worst, "s--", mfc="none", label="largest fraction missed")
+    axes.plot(study.kept, 100 * study.worst, "s--", mfc="none", label="largest shortfall")
     axes.set_xscale("log", base=2)
     axes.set(xlabel="starts kept", ylabel="percent")
     axes.set_title(f"Beam search of converse KAM, {study.attrs['searches']} searches")
@@ -208,13 +208,17 @@ def _draw_disorder(axes, study):
         "refused": "another orbit, refused",
         "accepted": "another orbit, accepted",
     }
+    lines = "o-", "s--"  # of the smaller and the larger noise
     for i, (name, label) in enumerate(labels.items()):
-        for j, style in enumerate(("o-", "s--")):
+        for j, line in enumerate(lines):
             y = study[name].isel(noise=j)
-            axes.plot(study.scale, y, style, color=COLOURS[i], ms=4, label="" if j else label)
-    noises = " and ".join(f"{noise:g}" for noise in study.noise.values)
+            axes.plot(study.scale, y, line, color=COLOURS[i], ms=4, label="" if j else label)
     axes.set(xlabel="scale $s$ of $s(1, 0.5)$", ylabel="fraction of starts")
-    axes.set_title(f"Newton's method for 13/21, starts off by {noises}")
+    axes.set_title("Newton's method for 13/21")
+    key(
+        axes,
+        {line: f"starts off by {n:g}" for line, n in zip(lines, study.noise.values, strict=True)},
+    )
 
 
 def _disorder(study):

@@ -339,6 +339,14 @@ def draw_points(axes, x, y, classes, styles, size=3, **more):
         axes.plot(np.asarray(x)[selected], np.asarray(y)[selected], **dots)
 
 
+def draw_brackets(axes, x, lower, upper, colour):
+    """Draw brackets as bars, and the known ends of half-open ones as arrows."""
+    axes.vlines(x, lower, upper, color=colour, lw=1.5)
+    for end, other, marker in ((upper, lower, "v"), (lower, upper, "^")):
+        alone = np.isfinite(end) & ~np.isfinite(other)
+        axes.plot(x[alone], end[alone], ls="", marker=marker, color=colour, mfc="none", ms=6)
+
+
 def mark_gaps(axes, x, silent, label="no answer"):
     """Mark by × at the bottom where a method has no answer, and explain × in the legend."""
     if np.any(silent):

@@ -25,7 +25,7 @@ def draw_thresholds(table):
         against_delay.plot(part.tau, part.critical_scale, lw=0.6, label=label, **look)
         against_strength.plot(part.weakest, part.critical_scale, ls="", **look)
         for axes, x in ((against_delay, part.tau), (against_strength, part.weakest)):
-            _draw_brackets(axes, x.values, part, look["color"])
+            style.draw_brackets(axes, x.values, part.lower.values, part.upper.values, look["color"])
     _name_fractions(against_delay, table)
     against_delay.set(xlabel=r"delay $\tau$ (periods)", ylabel=r"$K_c$", xlim=(0, 0.52))
     against_delay.set_title("Threshold against the delay")
@@ -47,15 +47,6 @@ def _canvas():
         return figure, *figure.subplots(2)
     figure = style.canvas(12, 5, 0)
     return figure, *figure.subplots(1, 2, width_ratios=[2, 1])
-
-
-def _draw_brackets(axes, x, part, colour):
-    """Draw brackets as bars, and the known ends of half-open ones as arrows."""
-    lower, upper = part.lower.values, part.upper.values
-    axes.vlines(x, lower, upper, color=colour, lw=1.5)
-    for end, other, marker in ((upper, lower, "v"), (lower, upper, "^")):
-        alone = np.isfinite(end) & ~np.isfinite(other)
-        axes.plot(x[alone], end[alone], ls="", marker=marker, color=colour, mfc="none", ms=6)
 
 
 def _name_fractions(axes, table):

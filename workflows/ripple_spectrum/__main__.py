@@ -55,8 +55,10 @@ def main(run, max_denominator, frequency, depth, tol, n_predicted):
     from pipeline.cubes.rotating_maps import ripples
     from workflows.figures.ripple_spectrum import draw_ripple_spectrum, ripple_spectrum_caption
     from workflows.ripple_spectrum import study
+    from workflows.shared.fractions import up_to_half
 
-    fractions, depths = study.fractions(max_denominator, frequency.values()), [*depth.values()]
+    fractions = up_to_half(max_denominator, frequency.values())
+    depths = [*depth.values()]
     job = ripples(fractions, depths, tol)
     names = [*map(str, fractions)]
     options = {"fractions": names, "depths": depths, "n_predicted": n_predicted}

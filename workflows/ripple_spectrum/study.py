@@ -1,7 +1,5 @@
 """The frequencies of `ripple_spectrum`, what is predicted for them, and the findings."""
 
-from fractions import Fraction
-
 import numpy as np
 from scipy.stats import binom
 
@@ -14,12 +12,6 @@ from workflows.shared.tables import columns, dataset
 
 _CHANCE = 0.01  # probability below which agreements are not attributed to chance
 _N_MODES = 8  # number of modes whose resonances are marked
-
-
-def fractions(max_denominator, further):
-    """List Ω = p/q up to 1/2 with q up to a maximum, and further fractions, in increasing order."""
-    simple = {Fraction(p, q) for q in range(2, max_denominator + 1) for p in range(1, q // 2 + 1)}
-    return sorted(simple.union(further))
 
 
 def with_loss(cube, golden):

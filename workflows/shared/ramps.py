@@ -16,9 +16,8 @@ EXPONENT = np.log(_GOLDEN) / (np.log(_GOLDEN) - np.log(UNSTABLE_EIGENVALUES[1,])
 As κ - κ_G shrinks by a factor δ, times grow by 1/γ, and r shrinks by δ/γ.
 """
 
-_PLACES = np.array(
-    [0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3]
-)  # positions of the lines, in units of r^-0.497 kicks
+_PLACES = np.array([0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3])
+"""Positions of the lines, in units of r^-0.497 kicks."""
 
 Lifetime = Callable[[FloatArray, int], float]
 """(kappa, site) → kicks until all starts on the line before that kick are eliminated."""

@@ -44,9 +44,10 @@ def main(run, max_denominator, delay, n_rays, tol):
     from pipeline.cubes.cube import untiled
     from workflows.figures import two_series as figures
     from workflows.shared import rays
+    from workflows.shared.fractions import up_to_half
     from workflows.two_series import study
 
-    delays = study.delays(max_denominator)
+    delays = up_to_half(max_denominator)
     rows = study.forcings(delays)
     job = forcings.last_barriers("two_series_forcings", rows, study.PARAMETER, tol)
     planes = [pairs(each) for each in delay.values()]

@@ -22,12 +22,6 @@ PARAMETER = "delay τ of the second series, in periods"
 IRRATIONAL = "[0;2,(1)]"  # the golden delay, (3 - √5)/2
 
 
-def delays(max_denominator):
-    """List all a/q in (0, 1/2] with q up to `max_denominator`, in increasing order."""
-    denominators = range(2, max_denominator + 1)
-    return sorted({Fraction(a, q) for q in denominators for a in range(1, q // 2 + 1)})
-
-
 def computed_ratio(delay, ratio):
     """Return the ratio r that is computed in place of `ratio`, and the shift of ω.
 
