@@ -1,4 +1,4 @@
-"""The parts of the site that the program writes: tables, modules, the gallery."""
+"""The generated parts of the site: tables, pages of modules, and the gallery."""
 
 import json
 import sys
@@ -43,7 +43,7 @@ def markdown(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def jobs() -> list[Job]:
-    """Return the plan of each kind of cube; nothing is computed."""
+    """Return one Job for each kind of cube, without computing anything."""
     plane, angles, excesses = two_kicks(), [0.0, 45.0], [0.01]
     scales, circles = {45.0: 1.374}, {45.0: "2gamma"}
     axes = [Axis(0, 1, 8), Axis(0, 1, 8)]
@@ -66,7 +66,7 @@ def jobs() -> list[Job]:
 
 
 def cubes() -> str:
-    """Return the dims and variables of each kind of cube."""
+    """Return a table of the variables and their dims for each kind of cube."""
     parts = []
     for job in jobs():
         template = job.cube.template
@@ -89,7 +89,7 @@ def statuses() -> str:
 
 
 def trust() -> str:
-    """Return the table of promises that `measure_trust.py` left, and what has changed since."""
+    """Return the table of promises that `measure_trust.py` wrote; † marks code changed since."""
     from measure_trust import MEASURED, has_changed, read
 
     rows = read(MEASURED)
@@ -119,7 +119,7 @@ def measured(rows: Sequence[Mapping[str, str]]) -> str:
 
 
 def claims() -> str:
-    """Return the verdicts on the paper's claims by section, and whether code has changed since."""
+    """Return the verdicts on the paper's claims by section; † marks code changed since."""
     from measure_trust import CLAIMS_HEAD, JUDGED, has_changed, read
 
     rows, shown = read(JUDGED), CLAIMS_HEAD[:-2]
@@ -131,7 +131,7 @@ def claims() -> str:
 
 
 def values() -> str:
-    """Return the reference values of `reference/values.json`, kind by kind."""
+    """Return the reference values of `reference/values.json`, with one section for each kind."""
     document = json.loads(VALUES.read_text(encoding="utf-8"))
     parts = [f"{document['conventions']}\n\n"]
     for section in sections(document["values"]):
@@ -152,7 +152,7 @@ def values() -> str:
 
 
 def sample() -> str:
-    """Return how many judged forcings there are of each class, and how they were judged."""
+    """Return a table that counts the judged forcings by class and by method of judging."""
     sys.path.insert(0, str(ROOT / "tests"))
     from judged import table
 
@@ -169,7 +169,7 @@ def sample() -> str:
 
 
 def command_options() -> str:
-    """Return the help of each command, by sphinx-click."""
+    """Return the directives with which sphinx-click inserts the help of each command."""
     parts = []
     for name in commands():
         module = f"workflows.{name}"
@@ -181,7 +181,7 @@ def command_options() -> str:
 
 
 def gallery() -> str:
-    """Return the exhibits of the gallery: their commands, and what has been drawn of them.
+    """Return the exhibits of the gallery: their commands, and their figures if already drawn.
 
     Pictures and links are those of `out/gallery`, which `conf.py` copies beside the site.
     """

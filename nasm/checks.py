@@ -1,6 +1,6 @@
-"""Checks of arguments: public functions check theirs once, and kernels rely on that.
+"""Checks of arguments: public functions check each argument once; kernels rely on these checks.
 
-This module also computes the checksum of certificates, which are checked outside the package.
+This module also computes the checksum of certificates. Their checker uses its own code for this.
 """
 
 import hashlib
@@ -45,7 +45,7 @@ def integer(value: object) -> int:
     Raises
     ------
     TypeError
-        If it is not a whole number.
+        If `value` is not a whole number.
 
     Examples
     --------
@@ -66,7 +66,8 @@ def exact_fraction(value: Rational | Decimal | float | str) -> Fraction:
     Raises
     ------
     ValueError
-        If a string is too long. For values that it cannot convert, Fraction raises its own errors.
+        If a string is too long. For other values that cannot be converted, Fraction raises its own
+        errors.
 
     Examples
     --------
@@ -84,7 +85,7 @@ def count(name: str, value: object, low: int, high: int) -> int:
     Raises
     ------
     ValueError
-        If it is not such a number; the message contains `name`.
+        If `value` is not such a number; the message contains `name`.
 
     Examples
     --------
@@ -108,7 +109,7 @@ def real(name: str, value: object, *ends: float) -> float:
     Raises
     ------
     ValueError
-        If it is not such a number, or is a long double, which conversion to a float may round.
+        If `value` is not such a number, or if it is a long double, which a float may not represent.
 
     Examples
     --------
@@ -138,7 +139,7 @@ def positive(name: str, value: object, meaning: str) -> float:
     Raises
     ------
     ValueError
-        If it is not such a number.
+        If `value` is not such a number.
 
     Examples
     --------
@@ -186,7 +187,7 @@ def floats(name: str, values: ArrayLike) -> NDArray[np.float64]:
 
 
 def has_mask(values: object) -> bool:
-    """Return True for a masked array, or a list that contains one: NumPy would drop its mask."""
+    """Return True if `values` is or contains a masked array, whose mask NumPy would drop."""
     if isinstance(values, list | tuple):
         return any(map(has_mask, values))
     return np.ma.isMaskedArray(values)
@@ -228,7 +229,7 @@ def points(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.
     Raises
     ------
     ValueError
-        If they are not finite numbers, or their shapes do not broadcast.
+        If x or y is not finite, or if their shapes do not broadcast.
 
     Examples
     --------

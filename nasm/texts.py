@@ -59,7 +59,7 @@ def parse_fraction(text: str) -> Fraction:
     Raises
     ------
     ValueError
-        If the text is not a fraction, or has more than `MAX_DIGITS` digits.
+        If the text is not a fraction, or has more digits than `MAX_DIGITS` allows.
 
     Examples
     --------

@@ -101,7 +101,7 @@ def pages(chromium, url):
 def wait(tab, condition, argument=None, timeout=PATIENCE):
     """Wait until a condition in JavaScript is true.
 
-    By default Playwright checks before each frame, which makes the browser draw all the time.
+    By default Playwright checks before each frame, which makes the browser redraw continuously.
     """
     return tab.wait_for_function(condition, arg=argument, timeout=timeout, polling=50)
 
@@ -164,7 +164,7 @@ def spots(tab, label, *parts):
 
 
 def columns(tab, name):
-    """Return the columns of a data source of the page, as lists; arrays in them are flattened."""
+    """Return the columns of a data source of the page, as lists; nested arrays are flattened."""
     # Columns are passed as text: Playwright's own conversion of lists of numbers is slower.
     return json.loads(tab.evaluate("""(name) => {
         const data = Bokeh.documents[0].get_model_by_name(name)?.data ?? {}

@@ -9,8 +9,8 @@ search, or reports results, is left out. A constant is replaced by another one, 
 sign or an operation by its opposite; a `demand` or a `raise` is removed. A human judges whether a
 change is unsound, that is, whether something false could then be called proved.
 changes_of_proofs.toml records these judgements for the changes drawn with seed 53, in the order
-drawn, up to the fortieth unsound one. Once the sources have changed, a seed draws different
-changes.
+drawn, up to the fortieth unsound one. Once the sources have changed, the same seed draws
+different changes.
 
 The changed program exists only in the memory of a forked process, never on disk. Tests that change
 lines themselves (marker `alters_sources`) are left out: they would fail only because a line differs
@@ -36,7 +36,7 @@ import pytest
 
 HERE = Path(__file__).parent
 FORKED = multiprocessing.get_context("fork")
-# What tests import, except the modules that may be changed; imported once, before forking.
+# Modules that the tests import, except those that may be changed; loaded once, before forking.
 COMMON = "distributed", "hypothesis", "matplotlib.figure", "xarray", "flint", "nasm.barriers"
 PROOFS = HERE.parent / "nasm" / "proofs"
 # For each module, the functions on which proofs rest; None means all.
@@ -102,7 +102,7 @@ def table():
 
 
 def of_row(row):
-    """Return the Change of a row; raise LookupError if the source lacks its line."""
+    """Return the Change that a row describes; raise LookupError if the source lacks the line."""
     lines = source(row["module"]).splitlines()
     results = [i for i, line in enumerate(lines) if line.strip() == row["right"]]
     if len(results) < row.get("occurrence", 1):
@@ -117,7 +117,7 @@ def source(module):
 
 
 def candidates(module):
-    """Yield all changes of the code on which proofs rest."""
+    """Yield all possible one-token changes of the code on which proofs rest."""
     text, names = source(module), PROVING[module]
     rows = {
         row
@@ -152,7 +152,7 @@ def draw(seed, count):
             places.add(change[:3])
             try:
                 compile(change.applied(source(change.module)), "changed", "exec")
-            except SyntaxError:  # for example, from a change of x[*rows]
+            except SyntaxError:  # for example, if the * of x[*rows] was changed
                 continue
             chosen.append(change)
     return chosen
@@ -215,7 +215,7 @@ class _First:
 
 
 class _Loader(SourceFileLoader):
-    """Load a module without kernels cached on disk; apply the change if it is in this module."""
+    """Load a module without using cached kernels; apply the change if it is in this module."""
 
     def __init__(self, name, path, change):
         super().__init__(name, path)

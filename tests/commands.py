@@ -1,4 +1,4 @@
-"""Run commands as a user does, and inspect the files they leave."""
+"""Run commands as a user would, and inspect the files that they write."""
 
 import csv
 import runpy
@@ -38,7 +38,7 @@ def snapshot(out):
 
 
 def follow(recipe, out):
-    """Run a recipe of the gallery in a directory; check that it draws, and return its output."""
+    """Run a gallery recipe in a directory; check that no axes stay empty, and return its output."""
     figures, output = [], StringIO()
     with pytest.MonkeyPatch.context() as patch, chdir(out), redirect_stdout(output):
         patch.setattr(plt, "show", lambda: figures.extend(map(plt.figure, plt.get_fignums())))

@@ -176,7 +176,7 @@ def test_what_a_certificate_says_is_bound_to_what_it_proves(name, changes, reaso
 @pytest.mark.parametrize(("name", "bit"), [("barrier", -22), ("ray", -10), ("fan", -10)])
 def test_a_circle_with_changed_functions_is_refused(name, bit, made):
     moves = made[name]["moves"]
-    narrow = [functions[:1] for functions in moves["numbers"]]  # these do not depend on t
+    narrow = [functions[:1] for functions in moves["numbers"]]  # functions that do not depend on t
     if name == "fan":
         refuted(made[name], {"moves": moves | {"numbers": narrow}}, "inequality")
     for k in (1, 2, 5):
@@ -289,7 +289,7 @@ def box_across_a_corner():
 
 
 def matrix_without_an_inverse():
-    """For (1, 1, 5) the theorem's matrix is singular at best, so that nothing follows from it."""
+    """Certify (1, 1, 5), to which the theorem does not apply: its matrix is at best singular."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(proofs.transport, "_is_twist", lambda _: True)
         return proofs.transport.prove((1.0, 1.0, 5.0)).certificate()
@@ -309,7 +309,7 @@ def test_a_false_certificate_is_refused(reason, forge):
 
 
 @pytest.mark.parametrize(("line", "wrong", "reason", "forge"), ALONE)
-def test_the_false_certificate_passes_if_that_line_is_changed(line, wrong, reason, forge):
+def test_a_false_certificate_passes_without_the_line_that_refuses_it(line, wrong, reason, forge):
     forged = json.loads(json.dumps(forge()))
     assert mutant(certificate_checker, (line, wrong)).check(forged) == forged["claim"]
 
@@ -318,7 +318,7 @@ def test_the_false_certificate_passes_if_that_line_is_changed(line, wrong, reaso
 
 
 def first(value):
-    """Return a change of the first item of a list."""
+    """Return a function that replaces the first item of a list by `value`."""
     return lambda row: [value, *row[1:]]
 
 
@@ -394,7 +394,7 @@ def test_oversized_or_invalid_values_are_refused_before_any_work(
 
     for name_of_step in ("claim", "shortened", "hypothesis", "hypothesis_of_several", "theorem"):
         monkeypatch.setattr(certificate_checker, name_of_step, computes)
-    monkeypatch.setattr(certificate_checker, "product", computes)  # of continued fractions
+    monkeypatch.setattr(certificate_checker, "product", computes)  # used for continued fractions
     changed = {
         field: change(made[name][field]) if callable(change) else change
         for field, change in changes.items()
@@ -441,7 +441,7 @@ MALFORMED = [
 @pytest.mark.parametrize(
     "name", [*thirds(["ray", "cell", "fan", "transport", "barrier"]), "several"]
 )
-def test_malformed_certificates_are_refused_and_raise_nothing_else(name, made):
+def test_malformed_certificates_are_refused_without_any_other_error(name, made):
     for certificate in (None, [], {}, {"sha256": 1}, {"theorem": {}}):
         with pytest.raises(Refuted):
             check(certificate)

@@ -1,4 +1,4 @@
-"""The rules must be able to reject a claim, and the page must contain their verdicts."""
+"""The rules must be able to reject claims, and the page must contain all claims and verdicts."""
 
 import ast
 import re
@@ -52,7 +52,7 @@ def test_an_erratum_is_shown_only_if_both_numbers_confirm_it():
     assert [erratum.shown for erratum in errata] == [True, False, False, False]
 
 
-def test_wrong_equations_do_not_hold(monkeypatch):
+def test_wrong_equations_are_rejected(monkeypatch):
     from workflows.claims import map as paper_map
 
     monkeypatch.setattr(paper_map, "kick", lambda kappa, x, y: (x - y, y))
@@ -63,7 +63,7 @@ def test_wrong_equations_do_not_hold(monkeypatch):
 
 
 def three_rays(ours, circle, six):
-    """Return, on three rays, the paper's six circles, which break at `six`·CB_gt, and CB_gt."""
+    """Return data on three rays: the paper's six circles, which break at `six`·CB_gt, and CB_gt."""
     angles = np.array([0.0, 20.0, 45.0])
     names = [str(parse(name)) for name in NAMES]
     small = np.full((6, 3), 1e-10)
@@ -76,7 +76,7 @@ def three_rays(ours, circle, six):
     return circles, barrier
 
 
-def test_the_envelope_and_the_hull_are_judged_by_the_numbers():
+def test_claims_on_the_envelope_and_the_hull_are_judged_by_numbers():
     from workflows.claims.results import hull_claims
 
     horned = three_rays(np.array([0.5, 0.6, 1.4]), ["[0;(1)]"] * 3, 0.99)
@@ -173,7 +173,7 @@ def assert_holds(page, *texts):
 
 
 @pytest.mark.parametrize("kind", ["claims", "errata"])
-def test_the_commands_of_a_claim_exist_with_their_options_and_tests(kind):
+def test_the_commands_quoted_by_claims_exist_with_their_options_and_tests(kind):
     for texts in rules.printed_texts(kind).values():
         assert_exists(texts["command"])
 

@@ -39,7 +39,7 @@ def test_a_tile_with_a_record_but_lost_or_truncated_data_counts_as_missing(place
     toy.assert_complete(place, plan)
 
 
-def test_a_listing_while_tiles_are_committed_finds_no_record_without_data(on_disk, monkeypatch):
+def test_listing_while_tiles_are_committed_finds_no_record_without_data(on_disk, monkeypatch):
     plan, listed, files = toy.cube(), [], store.Place.files
     store.create(on_disk, plan, US)
 
@@ -191,7 +191,7 @@ def test_the_same_command_restores_edited_metadata_and_computes_no_tile(on_disk,
     plan = toy.cube(10, 15, 5, plane='{"name": "a plane"}', n_max=10, precision="double")
     fill(on_disk, plan)
     before = {key: get(on_disk, key) for key in contents(on_disk)}
-    for by in (US, "mathematics 2"):  # a later version may do so too, as the cube is complete
+    for by in (US, "mathematics 2"):  # a later version may restore it too, as the cube is complete
         EDITS[edit](on_disk)
         ((index, what),) = store.verify(on_disk, "toy", repair=True)
         assert index == ()
@@ -287,7 +287,7 @@ def test_control_characters_in_a_store_are_not_printed(on_disk, tmp_path):
 
 
 @pytest.mark.benchmark
-def test_a_survey_costs_little_more_than_listing_as_many_files(on_disk, capsys):
+def test_a_survey_costs_little_more_than_listing_the_same_files(on_disk, capsys):
     n = 1000
     coords = {dim: xr.Variable(dim, np.arange(n)) for dim in ("row", "column")}
     template = xr.Dataset({"level": blank(coords, "level")}, coords)
@@ -312,5 +312,5 @@ def test_a_survey_costs_little_more_than_listing_as_many_files(on_disk, capsys):
     ratio = min(seconds["surveyed"]) / min(seconds["listed"])
     with capsys.disabled():
         print(f"\n{n**2} tiles, {n_files} files: {seconds}, ratio {ratio:.2f}")
-    shutil.rmtree(on_disk.root)  # pytest would keep them for a while
+    shutil.rmtree(on_disk.root)  # pytest would keep these files for a while
     assert ratio < 1.2

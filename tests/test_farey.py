@@ -1,6 +1,6 @@
 """The Farey tree of residues finds circles that other searches miss, but none beyond breakup.
 
-Just beyond breakup, the last circle is still among its candidates.
+Just beyond breakup, the last circle is still among the candidates that the search returns.
 """
 
 import numpy as np
@@ -48,7 +48,7 @@ def test_the_tree_finds_circles_that_searches_for_survivors_miss(case):
         ((1, 0.8, 1), "[1;4,1,3,2,2,3,(1)]", 0.7563, False),
     ],
 )
-def test_residues_that_pass_through_0_are_not_taken_for_a_circle(profile, omega, scale, exists):
+def test_residues_that_pass_through_0_are_not_mistaken_for_a_circle(profile, omega, scale, exists):
     # In each case the residues of two or three convergents fall; those of ten are needed to decide.
     kappa = scale * np.array(profile)
     assert farey.circle_exists(omega, kappa) == exists

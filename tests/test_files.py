@@ -1,4 +1,4 @@
-"""Commands replace files atomically: a killed command leaves those of an earlier run intact."""
+"""Commands replace files atomically: a killed command leaves earlier files intact."""
 
 import ast
 import os
@@ -28,7 +28,7 @@ WRITERS = {
 
 
 class Killed(BaseException):
-    """Raised where the process is killed."""
+    """Raised by tests instead of killing the process."""
 
 
 def contents(folder):
@@ -64,8 +64,8 @@ def test_on_a_full_disk_only_the_earlier_file_remains(tmp_path):
     assert contents(tmp_path) == {tmp_path / "table.csv": b"an earlier run"}
 
 
-# Other code that writes: certificates and pictures are written to memory, and the keys of a cluster
-# to a new folder that only this user can read.
+# Other modules that write: two write certificates or pictures to memory, two write the keys of a
+# cluster to a new folder that only this user can read.
 OTHERS = {"pipeline/cubes/proved.py", "workflows/figures/style.py"}
 OTHERS |= {"pipeline/sweep/cluster.py", "workflows/examples/job_queue.py"}
 WRITE = {"write_text", "write_bytes", "to_csv", "savefig", "to_netcdf", "open", "touch"}

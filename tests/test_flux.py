@@ -19,8 +19,8 @@ GOLDEN_AXIS = periodic.critical_scale(GOLDEN, (1.0, 0.0)).value
 def turnstile_area(kappa, p, q, n=200_000):
     """Return the area between a segment and its image under T^q, as the difference of their ∫y dx.
 
-    The segment joins a minimizing point to the minimax point next to it. Its image has the same
-    ends, p turns further.
+    The segment joins a minimizing point to the next minimax point. Its image has the same ends,
+    shifted by p turns.
     """
     (x0, y0), (x1, y1) = (orbit.points() for orbit in ordered_orbits(kappa, p, q))
     ahead = (x1 - x0[0]) % 1
@@ -45,7 +45,7 @@ def test_the_difference_in_action_is_the_area_of_the_turnstile(kappa, p, q):
 
 
 def test_the_action_difference_of_fixed_points_is_the_potential_difference():
-    # The orbits are (0, 0) and (1/2, 0), whose actions differ exactly as their potentials do.
+    # The orbits are (0, 0) and (1/2, 0); the difference of their actions is that of the potentials.
     assert action_difference((0.8,), 0, 1) == pytest.approx(0.8 / (2 * math.pi**2), rel=1e-14)
 
 
@@ -56,7 +56,7 @@ def test_nothing_passes_through_a_circle(part):
     assert abs(result.value) <= result.error < 1e-15
 
 
-def test_at_the_breakup_there_is_no_value():
+def test_no_value_is_returned_at_the_breakup():
     result = flux(GOLDEN, (GOLDEN_AXIS, 0.0))
     assert result.status is Status.NOT_CONVERGED
     assert math.isnan(result.value)
@@ -84,8 +84,8 @@ def test_the_exponent_agrees_with_renormalisation():
 @pytest.mark.parametrize(("kappa", "p", "q"), [(0.9, 377, 305), (1.2, 21, 17), (1.8, 21, 17)])
 def test_the_standard_map_has_a_flux_though_some_denominators_are_even(kappa, p, q):
     # Convergents of 2γ: 5/4, 21/17, 89/72, 377/305. For q = 4 and 72 the minimizing orbit has no
-    # symmetry centre on a site if P = 1. The action difference is already close to the limit for
-    # p/q, the longest of the other orbits that is found at each strength.
+    # symmetry centre on a site if P = 1. Here p/q is the longest of the other orbits that is found
+    # at each strength; its action difference is already close to the limit.
     result = flux(parse("2gamma"), (kappa,))
     assert result.status is Status.OK
     assert result.error < 1e-2 * result.value

@@ -20,7 +20,7 @@ PACKAGES = {module.removesuffix(".__init__") for module in MODULES if "__init__"
 
 @cache
 def imports(module):
-    """Return the names of everything that the module imports, inside functions too.
+    """Return the names of everything that the module imports, also inside functions.
 
     `from a import b` counts as a.b, and also as a unless a is a package.
     """
@@ -44,7 +44,7 @@ NASM, PIPELINE, FIGURES, WORKFLOWS = (
     for package in ("nasm", "pipeline", "workflows.figures", "workflows.")
 )
 
-# Kernels on disk have several writers and therefore a lock; the extra `proof` installs flint.
+# Several processes write kernels to disk, hence the lock; the extra `proof` installs flint.
 MORE = {"arithmetic.kernels": "filelock", "proofs.barrier": "flint", "proofs.patches": "flint"}
 
 
@@ -97,7 +97,7 @@ def test_nasm_has_no_circular_import_of_modules_or_subpackages():
         graph[home(module)] |= {home(name) for name in imports(module)} - {home(module)}
     assert {"nasm.maps", "nasm.arithmetic"} <= graph["nasm.escape"]
     assert {"nasm.circles", "nasm.converse_kam"} <= graph["nasm.barriers"]
-    tuple(TopologicalSorter(graph).static_order())  # CycleError names the cycle
+    tuple(TopologicalSorter(graph).static_order())  # raises CycleError, which names the cycle
 
 
 @pytest.mark.parametrize("room", sorted({home(m) for m in NASM if home(m) in PACKAGES}))
@@ -114,7 +114,7 @@ def test_imports_within_a_package_have_no_cycle_and_avoid_its_init(room):
 
 @pytest.mark.parametrize("module", [m for m in NASM if not m.startswith("nasm.proofs")])
 def test_only_nasm_proofs_claims_that_something_is_proved(module):
-    if module == "nasm.verdicts":  # passes on the result of a proof by nasm.proofs
+    if module == "nasm.verdicts":  # it passes on the result of a proof by nasm.proofs
         return
     lines = MODULES[module].read_text(encoding="utf-8").splitlines()
     claims = [

@@ -1,4 +1,4 @@
-"""Kernels on disk: never stale, safe with many writers, and no error if they cannot be kept."""
+"""Kernels on disk are never stale and safe with many writers; failing to save them is no error."""
 
 import errno
 import os
@@ -44,7 +44,7 @@ def turned(x):
 print(turned(0.1))
 """
 
-# The same, but the process has loaded an edited version of that file; the edit is then undone.
+# The same program, but it loads an edited version of that file, and then undoes the edit.
 EDITING = """
 import importlib, os, warnings
 from pathlib import Path
@@ -88,7 +88,7 @@ def kept(tmp_path, monkeypatch):
 def half(tmp_path):
     """Return a function that calls a small kernel with some values.
 
-    It returns the results, and for how many signatures the kernel was loaded from disk.
+    The function returns the results, and the number of signatures loaded from disk.
     """
     script = tmp_path / "script.py"
     script.write_text(HALF)
@@ -110,7 +110,7 @@ def started(script, *arguments, cache, source=ROOT):
 
 
 @pytest.mark.slow
-def test_only_one_process_compiles_a_missing_kernel_and_all_are_kept(
+def test_only_one_process_compiles_a_kernel_and_all_signatures_are_saved(
     tmp_path,
 ):
     script = tmp_path / "script.py"
@@ -138,7 +138,7 @@ def test_a_kernel_is_compiled_again_only_if_its_files_have_changed(half, kept):
     assert half(5.0) == (2.5, 1)
 
 
-def test_a_kernel_that_cannot_be_kept_is_compiled_without_a_warning(half, kept, tmp_path):
+def test_a_kernel_that_cannot_be_saved_is_compiled_without_a_warning(half, kept, tmp_path):
     (tmp_path / "file").touch()
     assert kept[1](tmp_path / "file" / "cache") is None
     assert [half(5.0) for _ in range(2)] == [(2.5, 0)] * 2
@@ -248,7 +248,7 @@ def _no_flock(*_, **__):  # what filelock 3.12 raises on a file system without l
 
 
 @pytest.mark.parametrize("acquire", [_no_locks, _no_flock])
-def test_kernels_are_kept_even_on_a_file_system_without_locks(half, kept, monkeypatch, acquire):
+def test_kernels_are_saved_even_on_a_file_system_without_locks(half, kept, monkeypatch, acquire):
     monkeypatch.setattr(FileLock, "acquire", acquire)
     assert [half(5.0) for _ in range(2)] == [(2.5, 0), (2.5, 1)]
     assert half(5, 5.0) == (2.5, 2.5, 1)

@@ -114,7 +114,7 @@ def test_every_row_brackets_the_boundary_and_names_the_last_circle(finished):
         assert lower < value < upper
         assert upper - lower < 0.0101 * value
         assert float(parse(r["circle"])) == pytest.approx(float(r["omega"]), abs=1e-11)
-    # On the axes the golden circle breaks at κ_G/2; on the diagonal the circle of 2γ breaks, at
+    # On the axes the golden circle breaks at κ_G/2; on the diagonal the circle of 2γ breaks at
     # (κ_G, κ_G).
     scale = {int(float(r["angle"])): float(r["critical_scale"]) for r in rows}
     for angle, exact in ((0, KAPPA_G / 2), (45, KAPPA_G * 2**0.5), (90, KAPPA_G / 2)):

@@ -99,8 +99,8 @@ def test_digits_seldom_overstate_the_accuracy():
             allowed = 10.0 ** -digits[regular] + 1e-13
             ratios.extend(np.abs(omega - exact)[regular] / allowed)
     assert len(ratios) > 300
-    # Averages may agree by chance, here on 1% of circles; it would be 3% if only the averages over
-    # the two halves were compared.
+    # Averages may agree by chance, here on 1% of circles; they would agree on 3% if only the
+    # averages over the two halves were compared.
     assert np.mean(np.array(ratios) > 1) < 0.02
 
 

@@ -1,4 +1,4 @@
-"""Stored portraits: Fig. 1 compared with the map, Fig. 2 with the map's symmetries."""
+"""Compare the stored portraits with the map (Fig. 1) and with its symmetries (Fig. 2)."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def distance(a, b):
     return np.abs((np.asarray(a) - np.asarray(b) + 0.5) % 1 - 0.5).max()
 
 
-def test_the_stored_points_are_orbits_that_begin_with_kappa_1(finished):
+def test_the_stored_points_form_orbits_whose_first_kick_is_kappa_1(finished):
     cube = xr.open_zarr(finished / "portraits.zarr")
     assert (cube.kappa1.values.tolist(), cube.kappa2.values.tolist()) == ([0.35, 0.5], [0.5, 0.35])
     for i in (0, 1):
@@ -30,7 +30,7 @@ def test_the_stored_points_are_orbits_that_begin_with_kappa_1(finished):
         kappa = float(here.kappa1), float(here.kappa2)
         x, y = step(kappa, here.x[:-1].values, here.y[:-1].values)
         assert max(distance(x, here.x[1:]), distance(y, here.y[1:])) < 1e-13
-    # The points after odd numbers of kicks are orbits of the map with the two kicks swapped.
+    # The points after odd numbers of kicks form orbits of the map with the two kicks swapped.
     x, y = cube.kick_x.values, cube.kick_y.values
     first, second = portraits.FORCING
     assert distance((x[1], y[1]), kick(first, x[0], y[0])) < 1e-13

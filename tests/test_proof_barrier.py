@@ -19,8 +19,8 @@ from nasm.proofs.barrier import prove, proved_lower
 from nasm.symmetries import ray
 
 GAMMA = parse("gamma")
-# Breakups on rays, by `barriers.critical_scale`: below them circles are proved, above them nothing
-# may be proved.
+# Breakups on rays, computed by `barriers.critical_scale`. Circles are to be proved below them;
+# above them nothing may be proved.
 LAST = [
     ((1.0, 0.0), "[0;2,(1)]", 0.4858177030222401),
     (tuple(ray(20.0)), "[0;(1)]", 0.5770384095194057),
@@ -33,7 +33,7 @@ CASES = [("gamma", (0.3, 0.2), 64), ("[0;(3)]", (-0.5,), 128), ("gamma", (0.15, 
 
 
 def near(profile, omega, breakup, distance):
-    """Return (ω, kappa, deviations) of a circle, in floats, at a relative distance from breakup."""
+    """Return ω, kappa and deviations (floats) of a circle at a relative distance below breakup."""
     omega, profile = parse(omega), np.array(profile)
     scale, u = continuation.certified_circle(omega, profile, breakup, distance)
     return omega, scale * profile, u
@@ -87,7 +87,7 @@ def certificate(module, omega, kappa, n=None):
     return json.loads(json.dumps(proof.certificate())), proof.constants
 
 
-# For each inequality, κ, ρ, n_0 and p_0 for which it is the first to fail as ε grows.
+# For each inequality: values of κ, ρ, n_0 and p_0 at which it is the first to fail as ε grows.
 FIRST_TO_FAIL = {
     "ratio": (0.4, 1e-5, 1.7, 1.1),
     "chi": (0.0, 0.01, 1.0, 0.01),
@@ -223,13 +223,13 @@ def test_circles_of_any_quadratic_omega_and_number_of_kicks_are_proved(omega, ka
 
 
 @pytest.mark.parametrize("case", thirds([*product((0.3, 0.05), (64, 128, 512, 2048))]))
-def test_more_points_than_are_needed_do_no_harm(case):
+def test_more_points_than_needed_do_not_prevent_a_proof(case):
     kappa, n = case
     assert prove(GAMMA, (kappa,), n=n).proved
 
 
 def settled(omega, kappa, u):
-    """Return the Newton iterate with the smallest residual: the best start beyond the breakup."""
+    """Return the Newton iterate with the smallest residual, the best start beyond the breakup."""
     best, least = u, np.inf
     for _ in range(25):
         after, error = circles.newton_step(omega, kappa, u)
@@ -298,7 +298,7 @@ def test_a_lower_scale_is_proved_if_rounding_makes_strengths_equal():
         assert proof.kappa == tuple(scale * profile)
 
 
-def test_without_a_circle_there_is_no_lower_scale():
+def test_no_lower_scale_is_proved_if_no_circle_exists():
     scale, proof = proved_lower(GAMMA, (1.0,), 3.0, 0.2)  # the circle breaks at 0.97
     assert np.isnan(scale)
     assert proof is None or not proof.proved
@@ -343,7 +343,7 @@ def test_a_bound_outside_its_strip_is_refused():
 
 @pytest.mark.parametrize(("kappa", "n"), [
     pytest.param(0.9713, 7 * 2**16, marks=pytest.mark.slow),
-    pytest.param(0.9716, 7 * 2**19, marks=pytest.mark.release),  # 4 GB
+    pytest.param(0.9716, 7 * 2**19, marks=pytest.mark.release),  # needs 4 GB of memory
 ])  # fmt: skip
 def test_the_golden_circle_is_proved_as_close_to_its_breakup_as_published(kappa, n):
     """Figueras, Haro and Luque (2017) proved this circle at 0.9716 (0.99996 of the breakup)."""

@@ -14,7 +14,7 @@ from nasm.proofs.transport_cells import prove_cell
 
 
 def cell_beyond(angle, widths, size):
-    """Return the grid cell of width `size` that lies `widths` cells beyond breakup on the ray."""
+    """Return the grid cell of width `size` that is `widths` cells beyond the breakup on the ray."""
     place = beyond(angle, widths * size / BREAKUPS[angle])
     return np.floor(place / size) * size + size / 2, size / 2
 
@@ -98,8 +98,8 @@ KERNEL = audit.Kernel(
 
 @pytest.mark.parametrize("a", [0, 0.5])
 @pytest.mark.parametrize("k0", [0.25, 0.0, -0.25])
-def test_on_the_symmetry_line_half_the_strength_counts_whatever_its_sign(a, k0):
-    """In a box of a wide cell, kicks on the line may differ in sign from the one at the centre."""
+def test_half_of_a_kick_on_the_symmetry_line_counts_whatever_its_sign(a, k0):
+    """In a box of a wide cell, kicks on the line may differ in sign from the kick at the centre."""
     start = np.zeros((proofs.transport_cells._ROWS, 1))
     box = np.array([0.3, 2.0**-12, k0, 2.0**-8, 0.5, 2.0**-8, 0, 0, 0])
     proofs.transport_cells._start(start, 0, a - 0.25, box)

@@ -145,7 +145,7 @@ def nodes(n):
 
 
 def circles_at_points(profile, tilt, high, shape):
-    """Return circles at Q·R points, with residuals small at the points but not between them."""
+    """Return a case made of circles at Q·R points: residuals are small only at these points."""
     result, kappa = patch(profile, tilt, 0.0, high, shape), np.array(profile)
     starts = [
         proofs.barrier.circles.invariant_circle(GAMMA, high / 2 * (1 + s) * (kappa + t * b)).u
@@ -156,7 +156,7 @@ def circles_at_points(profile, tilt, high, shape):
 
 
 def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.0)):
-    """Return strength·sin 2πφ times polynomials in σ and t that have these values at the points."""
+    """Return a case: strength·sin 2πφ times polynomials in σ, t with given values at the points."""
     shape = len(values), len(others)
     result = patch(profile, tilt, 0.0, 1.0, shape)
     with ctx.workprec(128):
@@ -235,7 +235,7 @@ def truth(case, rho):
     C[..., 1:] += C[..., :0:-1].conj()
     C *= 2.0 ** UNIT.get(case, -80)
 
-    def norm(f):  # of a function with values f on the grid
+    def norm(f):  # norm of a function with values f on the grid
         return np.abs(np.fft.fft(f)) / N @ weight
 
     angles = np.linspace(0, np.pi, 61 if R == 1 else 25), np.linspace(0, np.pi, 1 if R == 1 else 25)

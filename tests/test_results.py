@@ -89,7 +89,7 @@ def test_a_notebook_shows_a_critical_scale_as_a_table():
 
 NO_VALUE = Diffusion(np.nan, np.nan, Status.ANOMALOUS)
 RECORD = self_consistent.evolve([0.25], [0.1], 0.0, 0.5, 3)
-PRINTED = [  # a result, its line, and a cell of its table
+PRINTED = [  # a result, the line it prints, and a cell of its table
     (
         Flux(3.7312e-5, 2.1e-9, 610, GAMMA, Status.OK),
         "Flux(3.73120e-05 ± 2.1e-09 per step, orbits of period 610, circle [0;(1)], OK)",

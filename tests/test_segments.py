@@ -17,7 +17,7 @@ SEGMENTS = [((0.1, 0.5), (1.0, -0.3)), ((0.2, -0.1), (0.0, 1.0))]
 
 
 @pytest.mark.parametrize("segment", thirds([*SEGMENTS, ((0.0, 0.0, 0.2), (0.9, 0.4, 0.0))]))
-def test_the_breakup_on_a_segment_is_also_that_on_the_ray_through_it(segment):
+def test_a_segment_and_the_ray_through_its_breakup_point_agree(segment):
     start, profile = segment
     result = barriers.critical_scale(profile, 1e-3, start)
     assert result.status is Status.OK
@@ -32,7 +32,8 @@ def test_the_breakup_on_a_segment_is_also_that_on_the_ray_through_it(segment):
 @given(st.floats(5, 40), st.floats(-0.25, 0.3), st.floats(-0.2, 0.25))
 @example(None, 0.1, -0.1)  # a segment with three kicks
 def test_segments_from_inside_end_on_the_boundary_of_their_circle(angle, kappa1, kappa2):
-    # Not all segments come from below: some cross κ1 = κ2, where the minimax orbit changes centre.
+    # Some segments begin above the diagonal κ1 = κ2; where they cross it, the minimax orbit changes
+    # centre.
     omega, profile = ("gamma", ray(angle)) if angle else ("[1;3,(1)]", ASYMMETRIC)
     along_ray = periodic.critical_scale(omega, profile, 1000 if angle else 300)
     end, start = along_ray.value * profile, np.array([kappa1, kappa2, 0.2][: profile.size])

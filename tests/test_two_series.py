@@ -104,7 +104,7 @@ def by_strength(sign):
     return lambda tau, ratio: 3 + sign * study.weakest_resonance(tau, ratio)
 
 
-def test_findings_are_judged_by_the_brackets():
+def test_the_findings_are_judged_from_the_brackets():
     falling = by_strength(-1)
     assert ". Supported: " in study.findings(table_of(falling))
     odd = table_of(lambda tau, ratio: 2.9 if tau == Fraction(1, 5) else falling(tau, ratio))
@@ -151,7 +151,7 @@ def test_a_delay_must_be_a_proper_fraction_with_a_small_denominator(delay, tmp_p
     assert not (tmp_path / "out").exists()
 
 
-# K_c and its error, as first found from the same forcings in units of q.
+# K_c and its error, as first computed with the same forcings in units of q.
 FIRST = {
     ("1/2", 1.0): (1.943271, 5e-7),
     ("1/2", 0.5): (1.158455, 5e-7),

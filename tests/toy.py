@@ -26,7 +26,8 @@ from pipeline.sweep.sweep import sweep
 def cube(rows=10, columns=13, tile=3, **settings):
     """Return a Cube with two variables over (row, column), and a coordinate that labels each cell.
 
-    One variable has a further dimension, which is not tiled. The coordinate is known in advance.
+    One variable has a further dimension, which is not tiled. The coordinate `cell` is known in
+    advance.
     """
     coords = {
         "part": np.arange(2),

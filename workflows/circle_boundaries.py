@@ -13,7 +13,7 @@ from workflows.shared.cli import command, plane_option, ray_options, real, sever
 
 
 def parse_omega(text):
-    """Return the RotationNumber of a text; ValueError for a rational one."""
+    """Parse an irrational RotationNumber; raise ValueError if it is rational."""
     from nasm.numbers import RotationNumber, parse
     from nasm.texts import abbreviate
 

@@ -4,8 +4,8 @@ NumPy computes exp, log, powers and `geomspace` of arrays by different formulas 
 AVX-512, and BLAS adds the terms of a matrix product in an order that depends on the processor. The
 functions of `math`, which kernels also call, are not affected. The values and coordinates of cubes
 are computed without those functions of NumPy and without matrix products, except for proofs, whose
-results depend on computing time anyway. They agree on x86-64 processors with AVX2 and FMA, and with
-one version of the C library.
+results depend on computing time anyway. Values and coordinates agree on all x86-64 processors with
+AVX2 and FMA, given the same version of the C library.
 """
 
 import numpy as np

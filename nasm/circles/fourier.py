@@ -4,8 +4,8 @@
 
 A function is an array of its values at θ = i/n, along the last axis. Solving the equations of KAM
 theory, g(θ + ω) - g(θ) = f(θ), divides f̂_k by e^{2πikω} - 1, which is small if k is the
-denominator of a convergent of ω, and is never zero only because ω is irrational. So the phases kω
-mod 1 are computed in integers.
+denominator of a convergent of ω, and is nonzero for k ≠ 0 only because ω is irrational. The phases
+kω mod 1 are therefore computed in integer arithmetic.
 """
 
 from dataclasses import dataclass
@@ -29,14 +29,14 @@ class GridSettings:
     Attributes
     ----------
     mode_ratio : float
-        Ratio of modes kept to points; products of so few modes cause little aliasing.
+        Ratio of modes kept to points; small enough for products to cause little aliasing.
     resonance_ratio : float
         A cut is moved below a resonant mode that exceeds this fraction of the cut.
     min_modes : int
-        Least number of modes for which `grid` chooses points.
+        Smallest number of modes for which `grid` chooses points.
     size_factor : int
-        Common factor of all sizes that `grid` chooses: transforms of lengths like 3⁵·5⁵ take a
-        fifth longer.
+        Factor shared by all sizes that `grid` chooses; it avoids lengths like 3⁵·5⁵, whose
+        transforms take a fifth longer.
 
     Examples
     --------
@@ -56,10 +56,10 @@ DEFAULT_GRID_SETTINGS = GridSettings()
 
 @lru_cache(maxsize=16)
 def turns(omega: OmegaLike, n_modes: int) -> NDArray[np.complex128]:
-    """Compute e^{2πikω} for k = 0, …, n_modes - 1, to the last digits.
+    """Compute e^{2πikω} for k = 0, …, n_modes - 1, accurate to the last digits.
 
-    kω mod 1 is computed exactly for a convergent p/q of ω with q ≤ 10¹², which differs from ω by
-    less than 1/q².
+    The phase kω mod 1 is computed exactly, with ω replaced by a convergent p/q with q ≤ 10¹², which
+    differs from ω by less than 1/q².
 
     Returns
     -------
@@ -81,7 +81,7 @@ def turns(omega: OmegaLike, n_modes: int) -> NDArray[np.complex128]:
 
 
 def grid(omega: OmegaLike, n_modes: float, settings: GridSettings = DEFAULT_GRID_SETTINGS) -> int:
-    """Choose the size of a grid that keeps at least n_modes, up to just below a resonance.
+    """Choose the size of a grid on which `cut` keeps n_modes or more, up to just below a resonance.
 
     Near a breakup, modes are small up to the next resonance, but not beyond it.
 
@@ -104,7 +104,7 @@ def grid(omega: OmegaLike, n_modes: float, settings: GridSettings = DEFAULT_GRID
         if fraction.denominator >= max(n_modes, settings.min_modes):
             n_points = (fraction.denominator + 1) / settings.mode_ratio
             n = factor * good_size(ceil(n_points / factor), real=True)
-            if cut(omega, n, settings) >= n_modes:  # not so if another resonance is just below
+            if cut(omega, n, settings) >= n_modes:  # false if another resonance is just below
                 return n
     raise ValueError(f"omega={omega} is rational; a circle needs an irrational rotation number")
 
@@ -113,8 +113,8 @@ def grid(omega: OmegaLike, n_modes: float, settings: GridSettings = DEFAULT_GRID
 def cut(omega: OmegaLike, n: int, settings: GridSettings = DEFAULT_GRID_SETTINGS) -> int:
     """Choose the number of modes to keep on a grid of n points: 36% of n, or fewer.
 
-    A cut just above a resonant mode, the denominator q of a convergent, would keep that mode and
-    drop the ones that it drives. In that case the cut is moved below the resonant mode.
+    A mode is resonant if its number is the denominator q of a convergent. A cut just above such a
+    mode would keep it but drop the modes that it drives, so the cut is moved below it.
 
     Examples
     --------

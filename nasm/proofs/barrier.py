@@ -2,18 +2,19 @@
 
     E_j(φ) = g_{j+1}(φ + α) - 2g_j(φ) + g_{j-1}(φ - α) - (κ_j/2π) sin 2πg_j(φ),      α = ω/P,
 
-where g_j(φ) = φ + u_j(φ), u_{j+P} = u_j: the chain of `nasm.circles` with g_j(θ + jα) = h_j(θ). If
-E is small enough for some trigonometric polynomials u_j, a true circle exists near them; the
-theorem "A barrier exists" of proofs/README.md states how small E must be. With ‖f‖ = Σ_k |f_k|
-e^{2π|k|ρ}, the hypotheses of the theorem are stated in terms of the upper bounds
+where g_j(φ) = φ + u_j(φ), u_{j+P} = u_j. This is the residual of the chain of `nasm.circles`, with
+g_j(θ + jα) = h_j(θ). If E is small enough for some trigonometric polynomials u_j, a true circle
+exists near them; the theorem "A barrier exists" of proofs/README.md states how small E must be.
+With ‖f‖ = Σ_k |f_k| e^{2π|k|ρ}, the hypotheses of the theorem are stated in terms of the upper
+bounds
 
     n_j ≥ ‖g_j'‖,    p_j ≥ ‖1/g_j'‖,    k_j ≥ ‖e^{2πig_j}‖,    ε ≥ Σ_j n_j ‖E_j‖,    C ≥ C_R + δ.
 
 A proof relies on the balls of FLINT (python-flint, the extra `proof`), and on the functions from
 `_omega_ball` to `balls`. In these functions, every number that enters a bound is a ball or an exact
-dyadic number; floats only choose ρ, ρ̂, the mode at which sums are cut off, and the polynomial near
-1/g_j', and the proof is sound for any choice. The functions below them search for u, which may come
-from any source.
+dyadic number; floats only choose ρ, ρ̂, the mode at which sums are cut off, and the polynomial that
+approximates 1/g_j', and the proof is sound for any choice. The functions that follow `balls` search
+for u, which may come from any source.
 
 For P ≤ 2 the u_j are odd, because h_j(θ) → -h_{-j}(-θ) maps circles to circles. Their modes are
 then imaginary, so each is stored as one real number, and one transform serves two functions.
@@ -46,14 +47,14 @@ __all__ = ["BarrierProof", "need_flint", "prove", "proved_lower"]
 
 try:
     from flint import acb, acb_poly, arb, arb_poly, ctx
-except ImportError:  # the extra `proof`
+except ImportError:  # the extra `proof` is not installed
     arb = None  # type: ignore[assignment, misc]
 
 MODES_PER_POINT = 0.38  # modes of u per point of the grid
 _MAX_NEWTON_STEPS = 6  # in ball arithmetic, 0 to 3 are needed
-_MAX_POINTS = 2**22  # of a grid
+_MAX_POINTS = 2**22  # largest number of points of a grid
 _SECONDS_PER_POINT = 1e-5  # CPU seconds per point and kick, on a fast machine
-_LOG_ROUNDING = 46  # e^-46 is 10^-20, the rounding of long doubles near 0.1
+_LOG_ROUNDING = 46  # e^-46 is 10^-20, the rounding error of long doubles near 0.1
 
 ComplexArray: TypeAlias = NDArray[Any]
 """Complex numbers, in double or long double precision."""
@@ -80,16 +81,16 @@ class BarrierProof(Result):
     kappa : tuple of P floats
         Forcing. The proof holds for exactly these floats.
     short_omega, short_kappa
-        The same for the shorter map (`symmetries.shorten`), to which the proof applies. Nothing is
-        shortened if tilt is not 0.
+        Rotation number and forcing of the shorter map (`symmetries.shorten`), to which the proof
+        applies. Nothing is shortened if tilt is not 0.
     tilt : tuple of float
-        For a patch, as many floats as short_kappa has; otherwise empty.
+        For a patch, one float for each strength of short_kappa; otherwise empty.
     scales : tuple of 2 floats
         Bounds of s for a patch; otherwise empty.
     n : int
         Number of points of the grid.
     rho : float
-        Half width of the strip in which E was bounded; NaN if it was not.
+        Half width of the strip in which E was bounded; NaN if E was not bounded.
     constants : dict of float
         Upper bounds on the constants of the theorem for all s and t; see proofs/README.md.
     unit : int
@@ -185,7 +186,8 @@ def prove(
 
     1. If the forcing repeats itself, take the shorter map.
     2. Compute the circle in doubles, by `circles.invariant_circle`, unless `start` is passed.
-    3. Refine it by Newton's method, with linear algebra in doubles and the residual E in balls.
+    3. Refine it by Newton's method, with linear algebra in doubles and the residual E in
+       ball arithmetic.
     4. Try to verify the theorem with each residual. If that fails because the grid is too coarse,
        repeat with a third more points, as long as the budget lasts.
 
@@ -268,12 +270,12 @@ def prove(
 def proved_lower(
     omega: OmegaLike, profile: ArrayLike, value: float, budget: float
 ) -> tuple[float, BarrierProof | None]:
-    """Search for the largest scale s at which the circle of omega is proved under s·profile.
+    """Search for the largest scale s at which the circle of omega is proved to exist.
 
-    Circles closer and closer to the breakup are proved until the budget is spent; the work grows
-    like the distance to the power -1.2 to -1.4. The proof holds for exactly s·profile rounded to
-    doubles. It makes no statement about smaller scales, at which the circle might not exist;
-    `patches.proved_below` covers those.
+    The forcing is s·profile. Proofs are tried closer and closer to the breakup until the budget is
+    spent; the work grows like the distance from it to the power -1.2 to -1.4. The proof holds for
+    exactly s·profile rounded to doubles. It makes no statement about smaller scales, at which the
+    circle might not exist; `patches.proved_below` covers those.
 
     Parameters
     ----------
@@ -282,8 +284,8 @@ def proved_lower(
     profile : array_like, shape (P,)
         Direction of the ray, not zero.
     value : float
-        Scale at which the circle breaks, e.g. by `periodic.critical_scale`, from 1e-300 to 1e306.
-        Used only to choose where to try proofs.
+        Scale at which the circle breaks, e.g. from `periodic.critical_scale`; between 1e-300 and
+        1e306. Used only to choose where to try proofs.
     budget : float
         Approximate limit in CPU seconds. In 0.1 s the proofs reach 0.95 of the breakup scale, in
         1 s more than 0.99.
@@ -436,7 +438,7 @@ class Grid:
         self.kappa = [arb(k) for k in kappa]
         alpha, half = _omega_ball(omega, ctx.prec + 40) / self.sites, n // 2
         phases = [2 * alpha * k for k in range(half)]
-        if self.odd:  # for u_{j+1}(φ + α) + u_{j-1}(φ - α), with u_{j+1} = u_{j-1}
+        if self.odd:  # factors for u_{j+1}(φ + α) + u_{j-1}(φ - α), as u_{j+1} = u_{j-1}
             self.turn = [2 * x.cos_pi() for x in phases]
         else:
             self.turn = [acb(x).exp_pi_i() for x in phases]
@@ -469,7 +471,7 @@ class Grid:
 
 
 def residual(grid: Grid, u: list[list[Ball]]) -> list[list[Ball]]:
-    """Return the modes 0, …, n/2 - 1 of E_j; the modes of the sine in them are aliased."""
+    """Return the modes 0, …, n/2 - 1 of E_j, in which the contribution of the sine is aliased."""
     sines = [
         [(angle + 2 * x).sin_pi() for angle, x in zip(grid.angles, row, strict=True)]
         for row in grid.samples(u)
@@ -614,7 +616,7 @@ def verified(
     Parameters
     ----------
     grids, u, E
-        Grids at the points of the patch, and the modes of u and of the residuals there.
+        Grids at the points of the patch, and the modes of u and of the residuals at these points.
     sizes
         For each degree (m, l), the absolute values of the modes of C_jml.
     apart
@@ -777,7 +779,7 @@ def _largest_mode(E: list[list[Ball]], K: int) -> float:
 def stepped(
     grid: Grid, turn: ComplexArray, modes: list[list[Ball]], E: list[list[Ball]]
 ) -> list[list[Ball]] | None:
-    """Return the modes after a step of Newton's method, given the residual E; None if it fails."""
+    """Return the modes after a Newton step, given the residual E, or None if the step fails."""
     K = len(modes[0])
     scale = arb(_largest_mode(E, K))
     step = correction(turn, as_doubles(modes, grid.odd), as_doubles(E, grid.odd, 1 / scale))
@@ -836,7 +838,7 @@ def correction(turn: ComplexArray, modes: ComplexArray, E: ComplexArray) -> Comp
     """
     n, sites = 2 * (turn.size - 1), np.arange(len(modes)).reshape(-1, *[1] * (modes.ndim - 1))
     turn = turn.astype(complex)
-    shift = turn**sites  # the step is computed in h_j, where θ is the same for all j
+    shift = turn**sites  # the step is computed for h_j(θ), with the same θ for all j
     slopes = slopes_on_grid(modes * shift[..., : modes.shape[-1]], n)
     residual = np.fft.irfft(E * shift[..., : E.shape[-1]], n) * n
     whole = turn ** len(modes)
@@ -879,7 +881,7 @@ def as_doubles(rows: list[list[Ball]], odd: bool, scale: Ball | int = 1) -> Comp
 
 
 def integers(row: list[Ball], unit: int) -> list[list[int]]:
-    """Round modes to integers times 2^unit; return [re, im]."""
+    """Round modes to integers times 2^unit; return the integers as [re, im]."""
     odd, scale = isinstance(row[0], arb), arb(2) ** -unit  # odd: the modes are -i·row
     rounded = []
     parts = ([], [-x for x in row]) if odd else ([x.real for x in row], [x.imag for x in row])

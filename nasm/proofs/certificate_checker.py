@@ -5,9 +5,9 @@
 It needs only python-flint, and shares no code with the programs that make the certificates.
 nasm/proofs/README.md, "Certificates", describes the fields and states the five theorems.
 
-*Transport.* Given a forcing, or a cell of forcings, and boxes with their lifetimes N, it verifies
-that the boxes cover the initial conditions on a curve, and that for each box there is a sequence η
-of finite support for which the second variation along every orbit of the box is
+*Transport.* Given a forcing, or a cell of forcings, and boxes with their lifetimes N, the program
+verifies that the boxes cover the initial conditions on a curve, and that for each box there is a
+sequence η of finite support for which the second variation along every orbit of the box is
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0.
 
@@ -16,14 +16,14 @@ curve, and both halves are summed, each with its own share of that site. The orb
 
     x_k = x̂_k + Σ_i σ_i ξ_ik + Σ_{i≤j} σ_iσ_j ξ_ijk + ρ_k,   |σ_i| ≤ 1,
 
-where x̂_k, ξ_ik, … are exact numbers of 128 bits, and the bound on ρ_k includes their errors. One
-parameter σ_i is that of the initial condition; in a cell there are two more, for the strengths
-k + σ_i h. Any sequence of floats is valid for η.
+where x̂_k, ξ_ik, … are numbers of 128 bits that are treated as exact; the bound on ρ_k includes
+their rounding errors. One parameter σ_i describes the initial condition; in a cell there are two
+more, for the strengths k + σ_i h. Any sequence of floats may serve as η.
 
-*A barrier*, under one forcing or throughout a patch (called a "fan" in certificates). Functions are
-Laurent polynomials in z = e^{2πiφ} with balls as coefficients, and 1/g_j' is computed from their
-sums and products. The sine is evaluated on a grid of φ, for many forcings of a patch, with a bound
-on the aliases (`Grid`).
+*A barrier.* The claim is about one forcing or a whole patch (called a "fan" in certificates).
+Functions are Laurent polynomials in z = e^{2πiφ} with balls as coefficients, and 1/g_j' is computed
+from their sums and products. The sine is evaluated on a grid of φ, for many forcings of a patch,
+with a bound on the aliases (`Grid`).
 
 A certificate may come from anyone. Before anything is computed, `within_limits` refuses it if the
 check would take too much time or memory.
@@ -58,9 +58,9 @@ MAX_PERIOD = 64  # kicks
 MAX_ORIGINAL_PERIOD = 1000  # kicks, before the forcing was shortened
 MAX_LIFETIME = 10**5  # kicks of one box: 50 MB of memory
 MAX_TOTAL_KICKS = 10**7  # kicks of all boxes: a quarter of an hour
-MAX_QUOTIENTS, MAX_DIGITS = 200, 50  # of ω, and of each quotient
+MAX_QUOTIENTS, MAX_DIGITS = 200, 50  # quotients of ω, and digits of each quotient
 MAX_DEGREES = 64  # in s, and in t
-MAX_UNIT = 10**4  # largest |unit| in 2^unit, and bits of the integer of a mode
+MAX_UNIT = 10**4  # limit on |unit| in 2^unit, and on the bits of the integers in a function
 _MAX_SPREAD = 1000  # turns between orbits of a box; above it, bounds grow like 4 to the power 4^n
 MAX_MODES = 3 * 10**7  # modes of the longest function, times points, times kicks: an hour
 
@@ -266,7 +266,7 @@ def claim(data: Certificate) -> str:
 
 
 def decimals(numbers: list[str]) -> str:
-    """Write hexadecimal numbers as decimals, each of which denotes exactly one float."""
+    """Write hexadecimal numbers as decimals with enough digits to recover each float exactly."""
     return f"({', '.join(repr(float.fromhex(number)) for number in numbers)})"
 
 
@@ -312,7 +312,7 @@ def shortened(data: Certificate) -> None:
 
 
 def surd(text: str) -> tuple[Fraction, Fraction]:
-    """Return (a, ±b²) of ω = a ± b, where b is the square root of a fraction."""
+    """Return (a, ±b²) for ω = a ± b, where b is the square root of a fraction."""
     head, tail = quotients(text)
     (p, p_last), (q, q_last) = product(tail)  # x = (p x + p')/(q x + q') = (r + √d)/t
     r, t, d = p - q_last, 2 * q, (q_last - p) ** 2 + 4 * q * p_last
@@ -332,7 +332,7 @@ def product(quotients: list[int]) -> tuple[tuple[int, int], tuple[int, int]]:
 
 
 def exact(text: Any) -> Fraction:
-    """Read a number as `float.hex` writes it; refute other texts: "0.5" would be read as 5/16."""
+    """Read a number in the form of `float.hex`; refute others, as "0.5" would be read as 5/16."""
     demand(type(text) is str and len(text) <= 24, "a number is not a text of at most 24 letters")
     try:
         number = float.fromhex(text)
@@ -445,10 +445,10 @@ def halves(
     """Return η, x, v and t of both halves of Q, each at the site before the first and at the first.
 
     One half begins at the site of the curve; the other, with x_{c-n} → -x_{c-n}, begins at the site
-    before it. In the former half, the site of the curve counts as if η before it were 1 - split,
-    which is η at the first site of the latter half.
+    before it. In the former half, η at the site before the curve's is taken as 1 - split, which is
+    also η at the first site of the latter half.
     """
-    # Any slope that makes v independent of t is valid: `split`, unless v and t are nearly parallel.
+    # Any slope for which v and t are not parallel is valid: split, or split + 1 if they nearly are.
     near = abs(y_width - split * x_width) < (abs(x_width) + abs(y_width)) / 10_000
     slope = split + near
     ahead = (1 - split, 1), (x - y, x), (1 - slope, 1), (x_width - y_width, x_width)
@@ -524,8 +524,8 @@ def on_a_line(a: Fraction, box: Sequence[Fraction]) -> tuple[Any, tuple[Any, ...
 def summed(sites: list[Any], before: Ball, first: float, share: Any = 1) -> Ball:
     """Bound from above the sum of Q over the sites that `orbits` yields, for an η chosen here.
 
-    before, first : η at the site before the first, and at the first. share : weight of the first
-    site; with 1/2, η is even about it.
+    before, first : η at the site before the first one, and at the first one. share : weight of the
+    first site; if it is 1/2, η is even about that site.
     """
     eta = some_sequence(sites, before, first, share)
     middle = rest = arb(0)
@@ -550,7 +550,7 @@ def orbits(
 ) -> Iterator[tuple[Ball, list[Ball], list[Ball], Ball]]:
     """Yield balls for each site: κ cos 2πx = [0] + Σ f_i [1]_i + Σ σ_i² [2]_i ± [3] on the box.
 
-    f_i are the parameters σ_i, followed by the products of two different ones.
+    The f_i are the parameters σ_i, followed by the products of two different parameters.
 
     begun : x, v and t, each at the site before the first and at the first. strengths : k and h of
     each kick, beginning with the first site. aside : the change of x at the second site with each
@@ -633,10 +633,10 @@ def orbits(
 
 
 def some_sequence(sites: list[Any], before: Ball, first: float, share: Any = 1) -> list[float]:
-    """Choose η: the solution of the linear chain in the middle of the box, in floats.
+    """Choose η, in floats: a solution of the linearised equation in the middle of the box.
 
-    It is raised to offset the amount by which Q may exceed its value in the middle, and is cut off
-    where it would not be positive. The arguments are those of `summed`.
+    This solution is raised to offset the amount by which Q may exceed its value in the middle, and
+    is cut off where it would not be positive. The arguments are those of `summed`.
     """
     eta, last, paid = [first], float(arb(before).mid()), 0.0
     signed, squares = ([0.0] * len(terms) for terms in sites[0][1:3])
@@ -711,7 +711,7 @@ def neumann(size: Ball, defect: Ball) -> Ball:
 
 
 def quotients(text: Any) -> tuple[list[int], list[int]]:
-    """Parse a text like "[0;2,(1)]": partial quotients before the period, and one period."""
+    """Parse a text like "[0;2,(1)]" into the quotients before the period, and one period."""
     most = MAX_QUOTIENTS * (MAX_DIGITS + 1)
     demand(
         type(text) is str and len(text) <= most, f"omega is not a text of at most {most} letters"
@@ -749,7 +749,7 @@ def russmann(divisors: list[tuple[int, Ball]], period: int, delta: Ball) -> Ball
         peak = 1 / (2 * arb.pi() * q)
         at = delta if peak > delta and n < len(divisors) - period else peak
         term = at * (-2 * arb.pi() * q * at).exp() / divisor
-        if n >= len(divisors) - period:  # these repeat forever, to a relative 10^-9
+        if n >= len(divisors) - period:  # the last terms repeat forever, to a relative 10^-9
             term = term * (1 + arb(10) ** -9)
         worst = worst.max(term)
     return worst
@@ -765,7 +765,7 @@ def conclusion(
     p: list[Ball],
     k: list[Ball],
 ) -> tuple[bool, dict[str, float]]:
-    """Return whether the inequalities of the theorem hold, with all of its constants."""
+    """Return whether the inequalities of the theorem hold, and all of its constants."""
     eps = sum(a * b for a, b in zip(n, errors, strict=True)).max(arb(2) ** -1000)
     delta = arb("0.99") * rho / arb("4.2")
     C = russmann(divisors, period, delta) + delta
@@ -784,7 +784,7 @@ def inequalities(
     p: list[Ball],
     k: list[Ball],
 ) -> tuple[bool, dict[str, Ball]]:
-    """Return whether (1), (2) and (3) hold, with their left-hand sides and the largest |κ_j|."""
+    """Return whether (1), (2) and (3) hold, their left-hand sides, and the largest |κ_j|."""
     P, e, two_pi, eta = len(kappa), arb(1).exp(), 2 * arb.pi(), arb("0.01")
     grown = 1 + eta
     q = [p[j] * p[(j + 1) % P] for j in range(P)]
@@ -804,7 +804,7 @@ def inequalities(
 
 
 def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
-    """Return whether the theorem applies to the forcing or to the whole patch, with its constants.
+    """Return whether the theorem applies to the forcing or to the whole patch, and its constants.
 
     u_j = Σ_ml C_jml T_m(σ) T_l(t); a polynomial of the modes k ≥ 0 represents a real function of φ.
     """
@@ -840,7 +840,7 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
     n = [1 + sum(column) for column in zip(*slopes.values(), strict=True)]
     k = [(two_pi * (rho + real_norm(f, r))).exp() for f in totals]
     p, errors, grid = [arb(0)] * len(n), [arb(0)] * len(n), Grid(rho, totals)
-    # One more point than degrees in s and in t, or a single point if nothing depends on s or t.
+    # One more point than degrees in s and in t; a single point in a variable that does not occur.
     points = len(numbers) + 1 if long else 1, widest + 1 if fanned else 1
     for angle, beside, u in at_points(moves, points):
         there = strengths(middle + half * angle.cos_pi(), beside.cos_pi())
@@ -883,12 +883,12 @@ def lebesgue(n: int) -> Ball:
 
 
 def sizes(f: Any) -> arb_poly:
-    """Return the polynomial of the absolute values of the coefficients."""
+    """Return the polynomial whose coefficients are the absolute values of those of f."""
     return arb_poly([abs(x) for x in f])
 
 
 def real_norm(sizes: arb_poly, r: Ball) -> Ball:
-    """Return Σ_k a_|k| r^|k|."""
+    """Return Σ_k a_|k| r^|k|, where the a_k are the coefficients of `sizes`."""
     return 2 * sizes(r) - sizes[0]
 
 
@@ -952,7 +952,7 @@ def half_modes(re: list[int], im: list[int], unit: Ball) -> acb_poly:
 def at_points(
     moves: dict[tuple[int, int], list[Any]], points: tuple[int, int]
 ) -> Iterator[tuple[Ball, Ball, list[Any]]]:
-    """Yield the angles of σ and t, and the functions u_j there, at all Chebyshev points."""
+    """Yield the angles of σ and t, and the functions u_j, at each Chebyshev point."""
     for angle in [arb(2 * i + 1) / (2 * points[0]) for i in range(points[0])]:
         rows: dict[int, list[Any]] = {}  # Σ_m C_jml T_m(σ), by l
         for (m, degree), functions in moves.items():

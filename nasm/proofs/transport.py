@@ -86,20 +86,20 @@ CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: for the re
 COS_CUBIC = 41.35  # (2π)³/6, rounded up: for the remainder of cos
 
 _MAX_DEVIATION = 0.1  # largest |x - x̂| for which the bounds hold
-_MAX_UNKNOWN_SHARE = 0.8  # fraction of |x - x̂| beyond first order; above it the box is bisected
+_MAX_UNKNOWN_SHARE = 0.8  # of |x - x̂| beyond first order; a box with a larger share is bisected
 _MAX_WRONSKIAN_ERROR = 1e-3  # relative, of v_n t_{n+1} - v_{n+1} t_n = δ
 _MAX_V = 1e100  # beyond it, products may overflow
-_MAX_LIFETIME = 1e11  # kicks of a box in a proof; so many would take hours
+_MAX_LIFETIME = 1e11  # kicks of a box in a proof; this many would take hours
 
-_MIN_TOTAL_STRENGTH = 0.1  # of P Σ|κ_j|; for one kick in P, the last circle breaks at 0.97
-_FIRST_BOXES = 16  # on each piece
-_MIN_DELTA = 2.0**-50  # δ down to which centres are exact, for s up to 8
+_MIN_TOTAL_STRENGTH = 0.1  # least P Σ|κ_j|; for one nonzero kick, the last circle breaks at 0.97
+_FIRST_BOXES = 16  # number of boxes on each piece before any bisection
+_MIN_DELTA = 2.0**-50  # smallest δ for which centres are exact, for s up to 8
 _KICKS_PER_BLOCK = 8  # between checks for events; rounded up to whole periods
 _STATE, _ROWS, _V = 18, 19, 6  # numbers per box: those that change, and all; index of V
 _FIRST_EXCESS = 0.1  # relative excess of s over value with which `proved_upper` begins
 _KICKS_PER_CALL = 2_000_000  # kicks per kernel call, between checks of the clock
 _MIN_CROWD = 128  # a piece of the polygon on which more boxes wait may be bent
-_MAX_STEPS = 2**14  # within which floats must eliminate all initial conditions on a polygon
+_MAX_STEPS = 2**14  # steps in which floats must eliminate all initial conditions on a polygon
 _CORNER_GRID = 2.0**26  # inverse spacing of corners, so that their sums are exact in two floats
 
 
@@ -152,7 +152,7 @@ class TransportProof(Proof):
     Attributes
     ----------
     outcome : Outcome
-        PROVED, or the reason; a failed proof makes no statement about circles.
+        PROVED, or the reason why not; a failed proof makes no statement about circles.
     original_kappa : tuple of float
         Forcing passed to `prove`. The proof holds for exactly these floats.
     kappa : tuple of float
@@ -361,7 +361,8 @@ def _is_twist(kappa: tuple[float, ...]) -> bool:
     """Return True if, for some m, the kicks other than κ_m make x_{m+P} grow with x_{m+1}.
 
     They do if the matrix with 2 - |κ_j|, j = m + 1 … m + P - 1, on the diagonal and -1 next to the
-    diagonal is positive definite: all its leading minors are positive. Arithmetic is exact.
+    diagonal is positive definite, that is, if all its leading minors are positive. The arithmetic
+    is exact.
     """
     entries = [2 - abs(Fraction(k)) for k in kappa]
     return any(_is_positive(entries[m + 1 :] + entries[:m]) for m in range(len(kappa)))
@@ -385,7 +386,7 @@ def proved_upper(profile: ArrayLike, value: float, budget: float) -> tuple[float
         Direction of the ray; it must meet the requirements for kappa in `prove`.
     value : float
         Scale at which the last circle breaks, e.g. from `barriers.critical_scale`; 1e-300 to 1e306.
-        The proof does not depend on it; a bad value only costs time.
+        The proof does not depend on this value; a bad one only costs time.
     budget : float
         CPU seconds in all.
 
@@ -438,7 +439,7 @@ def _covered(
     budget: float,
     max_waiting: float = math.inf,
 ) -> tuple[TransportProof, int | None]:
-    """Try to prove on a curve that transport is global; bisect boxes that fail, level by level.
+    """Try to prove that transport is global, on one curve; bisect failed boxes, level by level.
 
     If more than `max_waiting` boxes wait on one piece, stop and also return the piece's index.
     """
@@ -485,7 +486,7 @@ def _covered(
 
 
 def _slopes(kappa: FloatArray, points: FloatArray, starts: FloatArray) -> FloatArray:
-    """Choose γ of each box, if possible such that V, in floats, becomes ≤ 0 in both directions."""
+    """Choose γ of each box so that, if possible, V in floats becomes ≤ 0 in both directions."""
     x, y = (np.interp(2 * starts, np.arange(len(points)), axis) for axis in points.T)
     _, slopes = transversal.elimination(kappa, x, y, _MAX_STEPS * len(kappa))
     return np.clip(np.rint(slopes * 2.0**20) / 2.0**20, -3, 1 - 2.0**-20)
@@ -553,7 +554,7 @@ _ELIMINATED, _FAILED = 0, 1
 
 @kernel(error_model="numpy")
 def _follow(cycle, way, points, boxes, slopes, lifetimes, lanes, ages, box_ids, first, most_kicks):
-    """Follow boxes for some more kicks; return the first one not begun, and whether any remain.
+    """Follow boxes for some more kicks; return the index of the next one, and whether any remain.
 
     cycle : a block of kicks. boxes, slopes : ŝ, δ and γ. lifetimes : receives the results. lanes,
     ages, box_ids : for each lane, its state, its kicks so far, and the index of its box; -1 for an
@@ -591,8 +592,8 @@ def _follow(cycle, way, points, boxes, slopes, lifetimes, lanes, ages, box_ids, 
 def _start(lanes, lane, points, s, delta, slope, way):
     """Set the state of a box before the kick at the curve.
 
-    If way is 1, it is the state before the kick at the preceding site, for following the kicks in
-    reverse order.
+    If way is 1, the state is that before the kick at the preceding site, from which the kicks are
+    followed in reverse order.
     """
     for row in range(_ROWS):
         lanes[row, lane] = 0.0
@@ -640,7 +641,7 @@ def _advance(cycle, lanes, events):
 
 @njit(nogil=True, error_model="numpy")
 def _replay(cycle, lanes, lane):
-    """Repeat the block of one lane kick by kick; return kicks up to its event, and outcome."""
+    """Repeat one lane's block kick by kick; return the kicks up to its event, and the outcome."""
     state = load_state(lanes, lane, _STATE, 1)
     for n in range(len(cycle)):
         state, bad = _kick(cycle[n], lanes[18, lane], state)

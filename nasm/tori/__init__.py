@@ -1,4 +1,4 @@
-"""Invariant tori of the rotating standard map: Newton's method, and a bracket on the last one."""
+"""Invariant tori of the rotating standard map: Newton's method, and a bracket on the last torus."""
 
 import lazy_loader
 

@@ -1,8 +1,8 @@
 """Transport beyond a breakup, on rays: escape times, flux through the broken circle, diffusion.
 
 κ = origin + s_c·(1 + excess)·profile, where s_c is the scale of the breakup; a tile is one forcing.
-Flux and diffusion are part of the outlook of arXiv:1606.04824, Sec. VII; up to the breakup both
-are 0.
+Flux and diffusion are part of the outlook of arXiv:1606.04824, Sec. VII; both vanish up to
+the breakup.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -68,7 +68,7 @@ def flux(
     excesses: Sequence[float],
     q_max: int,
 ) -> Job:
-    """Return the Job of the flux through the last circle once it is broken: area per step, ΔW.
+    """Return the Job of the flux through the broken last circle: the area ΔW per step.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def diffusion(
 
 
 def steps_beyond(excess: FloatArray) -> FloatArray:
-    """Estimate the steps until the first of some hundred orbits escapes: 200/excess³, a fit."""
+    """Estimate the steps until the first of some hundred orbits escapes, by the fit 200/excess³."""
     return 200 / excess**3
 
 

@@ -1,16 +1,17 @@
 """Lists of named forcings of any period: last barriers, and a comparison with constant kicks.
 
 Forcings are κ = s·profile, with one profile for each entry of the dim `forcing`; see
-`nasm.barriers`. The comparison asks whether any of them has a barrier at a larger rms strength than
-constant kicks do.
+`nasm.barriers`. The comparison asks whether a barrier exists under any of these forcings at a
+larger rms strength than under constant kicks.
 
 For the comparison, profiles are normalised to rms 1, so that the scale s is the rms strength. There
 is no barrier if one of 64 orbits escapes; orbits begin to escape a few percent above the last
 breakup. If no orbit escapes at 1.001 times the critical scale of constant kicks, converse KAM is
-tried there: if no barrier exists, it eliminates all starts, to the resolution of its search. Within
-100 periods it excluded a barrier for 225 of 229 such forcings. As a check, it was tried under
-ripples of 2 to 8 kicks, 0.1% below the scale at which a circle is certified: of 45 circles it
-excluded none within 100 periods, one within 300, and three within 1000.
+tried at this scale: if no barrier exists, the method eliminates all starts, to within the
+resolution of its search. Within 100 periods it excluded a barrier for 225 of 229 such forcings. As
+a check, converse KAM was tried under ripples of 2 to 8 kicks, 0.1% below the scale at which a
+circle is certified: of 45 circles it excluded none within 100 periods, one within 300, and three
+within 1000.
 """
 
 from collections.abc import Iterable, Sequence
@@ -36,7 +37,7 @@ from pipeline.cubes.cube import (
 )
 from pipeline.cubes.warm_up import load_searches
 
-_MAX_KICKS = 4000  # within which an orbit must escape
+_MAX_KICKS = 4000  # number of kicks within which an orbit must escape
 _MAX_PERIODS = 100, 300, 1_000, 10_000  # limits for converse KAM, tried in turn
 _MIN_SCALE = 0.02  # relative to the critical scale of constant kicks; the search begins here
 
@@ -148,7 +149,7 @@ def any_orbit_escapes(profile: FloatArray, scale: float) -> bool:
 
 
 def scale_without_barrier(profile: FloatArray, golden: float) -> float:
-    """Find a scale without a barrier, up to 1.001 golden; inf if there is none.
+    """Find a scale without a barrier, up to 1.001 golden; return inf if none is found.
 
     Parameters
     ----------

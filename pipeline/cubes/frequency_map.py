@@ -1,4 +1,4 @@
-"""Frequency maps: rotation numbers over a part of phase space, and how many digits are reliable.
+"""Frequency maps: rotation numbers over part of phase space, and their numbers of reliable digits.
 
     ω(x, y) = Σ_t w(t/n) (x_{t+1} - x_t) / Σ_t w(t/n)                  (`nasm.orbits`)
 
@@ -25,7 +25,7 @@ _PLACES = {"x": "position of the start, in turns", "y": "momentum of the start, 
 
 
 def frequency_map(kappa: Sequence[float], axes: Sequence["Axis"], n_max: int, tile: int) -> Job:
-    """Return the Job of the rotation number over phase space; dims (y, x).
+    """Return the Job of a cube of rotation numbers over phase space, with the dims (y, x).
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Proved statements about forcings, and the certificates of the proofs, one file per tile.
 
-The cube `proved_barrier` holds proved bounds on rays. `proved_map` holds a quadtree of cells of the
-(κ1, κ2) plane in which transport is global. `proved_triangles` holds one triangle per tile, with a
-corner at κ = 0, in which a barrier exists. See nasm/proofs/README.md.
+The cube `proved_barrier` contains proved bounds on rays. `proved_map` contains a quadtree of cells
+of the (κ1, κ2) plane in which transport is global. `proved_triangles` contains one triangle per
+tile, with a corner at κ = 0, in which a barrier exists. See nasm/proofs/README.md.
 """
 
 import json
@@ -102,7 +102,7 @@ def _compute_rays(coords: Coords, settings: Settings) -> Arrays:
 
 
 def uncertified_rays(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
-    """Report a bound in a tile of `proved_barrier` that lacks a certificate; "" if all have one."""
+    """Return a message about a bound on a ray that lacks a certificate; "" if no bound does."""
     claims: set[tuple[str | None, tuple[float, ...]]] = set()
     rays: dict[tuple[float, ...], list[tuple[float, ...]]] = {}
     for certificate in certificates:
@@ -176,7 +176,7 @@ def _compute_cells(coords: Coords, settings: Settings) -> Arrays:
 
 
 def uncertified_cells(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
-    """Report how many proved cells of a tile no certificate covers; "" if all are covered.
+    """Return a message about proved cells that no certificate covers; "" if all are covered.
 
     A cell beyond the diagonal is proved by the certificate of its image, with κ1 and κ2 exchanged.
     """
@@ -260,7 +260,7 @@ def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
 
 
 def uncertified_triangle(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
-    """Report if the certificates of a triangle do not reach `proved_below`; "" if they do."""
+    """Return a message if the certificates do not reach `proved_below`; "" if they do."""
     tile, intervals = tile.load().isel(triangle=0), []
     low, high = np.reshape([tile[name] for name in _CORNERS], (2, 2))
     for certificate in certificates:
@@ -289,7 +289,7 @@ def pack_certificates(proofs: Iterable[Any]) -> dict[str, bytes]:
 
 
 def unpack_certificates(data: bytes) -> list[Certificate]:
-    """Return the list of certificates from the bytes that `pack_certificates` compressed.
+    """Return the list of certificates in the bytes that `pack_certificates` produced.
 
     Raises
     ------

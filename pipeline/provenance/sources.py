@@ -1,4 +1,4 @@
-"""The sources of `nasm` and `pipeline.cubes`: what a module imports, and digests of their files.
+"""The sources of `nasm` and `pipeline.cubes`: the imports of each module, and digests of files.
 
 The closure of a module is the set of modules that it imports, directly or indirectly, according to
 the import statements in their texts; nothing is executed. If a name is imported from a package, the
@@ -20,7 +20,7 @@ _LIBRARIES = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zar
 
 
 def _read(suffix: str) -> dict[str, bytes]:
-    """Return the contents of files with a suffix, by module name; for a package, its __init__."""
+    """Return the contents of files with a suffix, by module; an __init__ counts as its package."""
     paths = [*_ROOT.glob(f"nasm/**/*{suffix}"), *_ROOT.glob(f"pipeline/cubes/**/*{suffix}")]
     files = {}
     for path in sorted(paths):
@@ -29,7 +29,7 @@ def _read(suffix: str) -> dict[str, bytes]:
     return files
 
 
-# Read at import: a process that runs while files are edited uses the old ones.
+# The files are read at import: a process that runs while they are edited uses the old ones.
 _SOURCES, _STUBS = _read(".py"), _read(".pyi")
 
 PROGRAM = f"{DISTRIBUTION} {__version__}"
@@ -69,7 +69,7 @@ def digest(modules: tuple[str, ...]) -> str:
 
 @cache
 def closure(modules: tuple[str, ...]) -> tuple[str, ...]:
-    """List modules, all that they import, even indirectly, and the packages that contain them.
+    """List the given modules, all that they import, even indirectly, and their packages.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""Tiles: list the missing ones, commit one, read them all.
+"""Tiles of a cube: list the missing ones, commit a tile, and read all tiles.
 
 Every tiled variable has one chunk for each tile: uncompressed numbers, followed by their CRC-32C.
-The commit record is stored likewise, in a separate group that readers of the cube do not see. The
-checksum in the record covers the tile's data, its place and the code that computed it, so that a
-chunk of another tile or cube does not match.
+The commit record is stored in the same way, in a separate group that readers of the cube do not
+see. The checksum in the record covers the tile's data, its place and the code that computed it, so
+that a chunk of another tile or cube does not match.
 """
 
 import json
@@ -46,7 +46,7 @@ FORMAT = 2
 """Version of the format of cubes; version 1 had no checksum of a tile's data."""
 
 _CRC_BYTES = 4  # size of the checksum after the numbers of a chunk
-_MAX_REASON = 500  # maximum number of characters kept of the reason for a failure
+_MAX_REASON = 500  # maximum number of characters stored of the reason for a failure
 
 DAMAGED = ArithmeticError, AttributeError, FileNotFoundError, LookupError, RecursionError
 DAMAGED += TypeError, ValueError  # type: ignore[assignment]
@@ -60,7 +60,7 @@ def arrays_of(place: Place, name: str) -> dict[str, Array]:
     Raises
     ------
     Refused
-        If its metadata are lost, or were written by another program.
+        If the cube's metadata are lost, or were written by another program.
     """
     with suppress(*DAMAGED):
         root = json.loads(place.read(f"{name}.zarr/zarr.json", MAX_METADATA))
@@ -180,8 +180,8 @@ def _listed(place: Place, array: Array, times: FloatArray | None = None) -> Bool
     is_complete, n_bytes = np.zeros(array.cdata_shape, bool), _bytes_of_chunk(array)
     root, rows, (*grid, n) = f"{array.path}/c", {}, array.cdata_shape
     for file in place.files(root):
-        # A folder contains a row of the grid. Its path is parsed once, as there may be a million
-        # files.
+        # A folder contains a row of the grid. Its path is parsed only once, as there may be a
+        # million files.
         folder, _, last = file["path"].rpartition("/")
         if folder not in rows:
             rows[folder] = _index(folder.removeprefix(root).split("/")[1:], grid)
@@ -237,10 +237,10 @@ def commit(
     Parameters
     ----------
     place, name, index
-        Where the cube is kept, its name, and the index of the tile.
+        Where the cube is stored, its name, and the index of the tile.
     arrays : mapping of str to ndarray
-        The values of each variable; `certificates`, if there are any, are bytes, which are kept in
-        a separate file.
+        The values of each variable; `certificates`, if there are any, are bytes, which are written
+        to a separate file.
     seconds : float
         CPU seconds that the tile took.
 
@@ -311,7 +311,7 @@ def chunk(place: Place, key: str, array: Array, block: tuple[int, ...]) -> Any:
     """Read a chunk of the array `key`; ValueError with the reason if it is damaged or lost."""
     with store_errors(place):
         try:
-            place.objects().head(chunk_key(array, block))  # else zarr returns fill values
+            place.objects().head(chunk_key(array, block))  # otherwise zarr would return fill values
             return array.get_block_selection(block)
         except FileNotFoundError:
             raise ValueError(f"a chunk of {key} is lost") from None
@@ -328,7 +328,7 @@ def damage(place: Place, arrays: dict[str, Array], index: Sequence[int]) -> str:
     except ValueError as error:
         return str(error)
     checksum = values.pop(COMMIT).flat[1]
-    # In tiles without certificates, or of earlier versions, the checksum covers no certificates.
+    # The checksum covers no certificates if the tile has none, or is of an earlier version.
     if checksum == _checksum(arrays, index, values):
         return ""
     name = arrays[COMMIT].path.split("/")[0].removesuffix(".zarr")
@@ -360,7 +360,7 @@ def record_failure(place: Place, name: str, index: Sequence[int], reason: str) -
 
 
 def wanted_key(name: str) -> str:
-    """Return the key of the number of wanted tiles, which is stored if not all are wanted."""
+    """Return the key of the number of wanted tiles, which is stored only if some are not wanted."""
     return f"{name}.zarr/.wanted"
 
 
@@ -374,7 +374,7 @@ def read(place: Place, name: str) -> xr.Dataset:
 
     Numbers are read lazily, strings at once; a missing string is "". `flag_values` have the dtype
     of their variable, as the CF conventions require, also in a file that `to_netcdf` writes. In
-    the JSON of a zarr store, and from `xr.open_zarr` alone, they are plain integers.
+    the JSON of a zarr store, and if read by `xr.open_zarr` alone, they are plain integers.
 
     Raises
     ------
@@ -418,7 +418,7 @@ def read(place: Place, name: str) -> xr.Dataset:
             texts = {k: v.fillna("") for k, v in cube.variables.items() if v.dtype == object}
             return cube.assign({key: text for key, text in texts.items() if key not in cube.dims})
         except (*DAMAGED, MemoryError, RuntimeError) as error:
-            if "checksum" in str(error):  # of a chunk
+            if "checksum" in str(error):  # the error of a damaged chunk
                 raise
             raise _damaged(place, name) from None
 

@@ -1,4 +1,4 @@
-"""Estimates, before a run, of how much of a cube remains to be computed."""
+"""Estimate, before a run, how much of a cube remains to be computed."""
 
 import time
 from contextlib import suppress
@@ -14,7 +14,7 @@ from pipeline.store import Place
 from pipeline.sweep.grid import tile_coords
 from pipeline.sweep.sweep import COMMIT_SECONDS
 
-_MAX_SECONDS = 0.3  # CPU time spent on the prediction
+_MAX_SECONDS = 0.3  # limit on the CPU time spent on the prediction
 
 
 class Estimate(NamedTuple):
@@ -25,7 +25,7 @@ class Estimate(NamedTuple):
     tiles, files : float
         Number of missing tiles, and of the files in which they will be stored.
     megabytes, cpu_seconds : float
-        Their predicted size and CPU time.
+        Predicted size and CPU time of the missing tiles.
     """
 
     tiles: float
@@ -47,9 +47,9 @@ def estimate(
     Parameters
     ----------
     job : Job
-        One cube and how it is computed.
+        The cube, and how it is computed.
     out : str, path or Place
-        As for `fill`; it need not exist.
+        Where the cube is stored, as for `fill`; this place need not exist.
     wanted : set of tuple of int, optional
         Indices of the tiles to count; by default all.
 
@@ -73,7 +73,7 @@ def estimate(
         costs.append(float(job.predict(coords, cube.settings)))
         if time.thread_time() > end:
             break
-    files = len(tiles) * (len(cube.computed) + 1)  # and the commit record
+    files = len(tiles) * (len(cube.computed) + 1)  # + 1 for the commit record
     megabytes = cube.template.nbytes / 1e6 * len(tiles) / prod(cube.tile_counts)
     mean_cost = sum(costs) / max(1, len(costs)) + COMMIT_SECONDS
     return Estimate(len(tiles), files, megabytes, len(tiles) * mean_cost)

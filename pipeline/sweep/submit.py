@@ -1,7 +1,7 @@
-"""Run calls on dask workers, a few per worker at a time, and yield their results as they end.
+"""Run calls on dask workers, a few per worker at a time, and yield each result as its call ends.
 
-All computations on workers, for sweeps and the explorer, go through here. Workers may join and
-leave.
+All computations on workers, for sweeps and the explorer, use this module. Workers may join and
+leave at any time.
 """
 
 import sys
@@ -18,7 +18,7 @@ from distributed.comm import CommClosedError
 from pipeline.sweep.cluster import NO_SCHEDULER, are_on_this_machine, are_starting
 
 _ROLL_CALL = 1  # seconds after which the workers are counted again
-_PATIENCE = 30  # seconds without any worker, after which to give up
+_PATIENCE = 30  # seconds to wait without any worker before giving up
 _STARTING = 300  # the same while workers are starting, which takes a minute at a load average of 20
 _FETCHING = 5  # seconds to fetch the result of a call that has ended
 
@@ -31,7 +31,7 @@ def as_completed(
     look: float = _ROLL_CALL,
     priority: int = 0,
 ) -> Iterator[tuple[Any, Any] | None]:
-    """Yield (key, result or exception) as calls end; None when none has ended for `look` seconds.
+    """Yield (key, result or exception) of each call that ends, or None after `look` idle seconds.
 
     Closing this generator cancels the calls in flight.
 
@@ -52,9 +52,9 @@ def as_completed(
     Raises
     ------
     ConnectionError
-        If the scheduler is gone, or this machine has had no worker for half a minute (for five
-        minutes while workers are starting). For workers of a scheduler elsewhere there is no limit,
-        because their queue decides when they start.
+        If the scheduler has disappeared, or this machine has had no worker for half a minute (for
+        five minutes while workers are starting). For workers of a scheduler on another machine
+        there is no limit, because their queue decides when they start.
     """
     in_flight: dict[Future, Any] = {}
     done: SimpleQueue[Future] = SimpleQueue()

@@ -7,7 +7,7 @@
 3. A worker whose versions differ from the driver's, or that cannot see the cube, reports this
    instead of computing. It is retired, and its batch goes to another worker.
 4. Tiles whose worker died are suspects: they are rerun alone at the end. A tile whose worker dies
-   then too, or that raises an error, has failed: it stays missing, the store keeps the reason, and
+   again, or that raises an error, has failed: it stays missing, the store keeps the reason, and
    the sweep continues with the others.
 5. At the end, list the missing tiles once more, to find tiles that were lost, e.g. with a file
    system that was unmounted.
@@ -120,7 +120,7 @@ def sweep(
     ClusterError
         If no worker is fit to compute.
     ConnectionError
-        If the scheduler or all workers are gone. Committed tiles are kept in each case.
+        If the scheduler or all workers are lost. Whatever is raised, committed tiles are kept.
     """
     name = job.cube.name
     store.create(place, job.cube, job.code.computed_by, call)
@@ -199,7 +199,7 @@ class _Run:
             batch = None if interrupt.is_set() else next(queue, None)
             if batch is None:
                 return None
-            # As bytes, because dask would otherwise send each array separately.
+            # The tiles are pickled here, because dask would otherwise send each array separately.
             tiles = list(tile_coords(cube, self.tiles[batch]))
             return batch, run, work, pickle.dumps(tiles, protocol=5)
 
@@ -227,7 +227,7 @@ class _Run:
         raise store.StoreFailed(f"{self.place} was moved, or deleted, during the sweep") from reason
 
     def retire(self, address: str, complaint: str) -> None:
-        """Remove an unfit worker from the scheduler; ClusterError if no fit worker remains."""
+        """Remove an unfit worker; raise ClusterError if no fit worker remains."""
         cube, message = self.job.cube, f"the worker {address} {complaint}"
         if not store.is_visible(self.place, cube.name, cube.config_hash):
             self.fail()
@@ -271,7 +271,7 @@ def _compute_batch(
                 store.commit(place, name, index, arrays, time.thread_time() - start)
         except (store.StoreFailed, store.Refused, KeyboardInterrupt, SystemExit):
             raise  # it is not the tile's fault
-        except BaseException as exception:  # dask would hang if it is not an Exception
+        except BaseException as exception:  # dask would hang on one that is not an Exception
             reason = "".join(format_exception_only(exception))
             errors[index] = store.record_failure(place, name, index, reason)
     return _Report(errors, time.thread_time() - used, time.monotonic() - began)
@@ -321,7 +321,8 @@ def _pack(costs: FloatArray, n_workers: int) -> Iterator[IntArray]:
 def _draining_on_interrupt() -> Iterator[threading.Event]:
     """Yield an Event that the first Ctrl-C sets; the second interrupts at once.
 
-    Outside the main thread, or if the previous handler was not set by Python, nothing sets it.
+    Outside the main thread, or if the previous handler was not set by Python, nothing sets
+    the Event.
     """
     interrupt, previous = threading.Event(), signal.getsignal(signal.SIGINT)
     if previous is None or threading.current_thread() is not threading.main_thread():

@@ -10,7 +10,7 @@ _ORBITS, _STARTS = 256, 2000
 
 
 def answer_aperiodic(kappa):
-    """Return the results of converse KAM and of orbits as text, and a function that draws them."""
+    """Return the results of converse KAM and direct iteration as text, and a drawing function."""
     survivor = aperiodic.last_survivor(kappa)
     lo, hi = escape.PAPER_WINDOW
     first = aperiodic.escape_time(kappa, 0.0, *escape.ensemble(_ORBITS), (lo, hi)).min()

@@ -4,8 +4,8 @@ One process serves all tabs and runs short computations in threads; dask workers
 A page of another site may be open in the same browser. It can neither read this page nor connect to
 it, even if the name of its host is made to point at this machine: a request must name this machine
 (with any port, because ssh may forward one) and must not come from a page of another name or port.
-Links to this page may be on any site. The address of a page starts no computation until the page is
-connected: until then its texts are only parsed, and `nasm.texts` limits the numbers in them.
+Links to this page may be on any site. Opening an address starts no computation until the page is
+connected: until then the values in the address are only parsed, within the limits of `nasm.texts`.
 """
 
 import logging
@@ -64,9 +64,10 @@ _HEADERS = {
 class Shared:
     """The objects that all tabs share.
 
-    plane : of forcings. place : of cubes to show; only read. rays : Rays, the boundary so far.
-    fields : {(View, N): Field}, complete ones, the newest last.
-    client : function → dask Client, which waits until it is connected.
+    plane : the plane of forcings. place : where the cubes to show are stored; only read.
+    rays : Rays, the boundary computed so far.
+    fields : {(View, N): Field}, the complete fields, the newest last.
+    client : function that waits for the connection and returns the dask Client.
     connected : Event, set when the workers have started, or failed to start.
     loaded : {"portrait", "verdict": Event, set when its kernels are loaded, or failed to load}.
     preparing : what the page must wait for, as text; "" when all is ready.
@@ -91,7 +92,7 @@ class Shared:
         return client
 
     def prepare(self):
-        """Start the workers and load the kernels; run in a thread.
+        """Start the workers and load the kernels; `serve` calls this in a thread.
 
         The kernels are compiled in a worker, so that this process can show the cubes of OUT
         meanwhile.
@@ -132,10 +133,11 @@ _WARM_UPS = {"portrait": warm_up_portrait, "verdict": warm_up_verdict}  # in ord
 def serve(plane, place, port, opens, cluster):
     """Serve the page until Ctrl-C or SIGTERM.
 
-    plane, place : as for `Shared`. port : of the page, 0 for any. opens : True to open it in the
-    browser. cluster : arguments of `cluster.connect`.
+    plane, place : as for `Shared`. port : the port of the page, 0 for any free port. opens : True
+    to open the page in the browser. cluster : arguments of `cluster.connect`.
 
-    click.UsageError if the port is taken; ClusterError if the arguments of the cluster are invalid.
+    Raise click.UsageError if the port is taken, and ClusterError if the arguments of the cluster
+    are invalid.
     """
     for name in ("bokeh", "tornado"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # they would report each closed tab
@@ -159,7 +161,7 @@ def serve(plane, place, port, opens, cluster):
         loop.start()
         signal.alarm(_CLOSING)
         server.stop()
-        shared.connected.wait(20)  # workers that are about to start would be left running
+        shared.connected.wait(20)  # otherwise, workers about to start would be left running
     signal.alarm(0)
 
 
@@ -167,9 +169,9 @@ def _stop_at_signals(loop):
     """Stop the event loop at SIGINT or SIGTERM; if it is blocked, end the process.
 
     A blocked process ends `_GRACE` seconds later. If Python code blocks the loop, its thread still
-    runs the handler of the signal. A compiled kernel that blocks it has released Python's lock;
-    then Python writes the signal to a pipe that another thread reads. Both the handler and that
-    thread set an alarm, at which the system ends the process.
+    runs the handler of the signal. A compiled kernel that blocks the loop has released Python's
+    lock; then Python writes the signal to a pipe that another thread reads. Both the handler and
+    that thread set an alarm, at which the system ends the process.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)

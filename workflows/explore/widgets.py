@@ -12,7 +12,7 @@ from bokeh.themes import Theme
 
 from workflows.explore.state import ZOOM, State
 
-_DELAY = 20  # milliseconds, within which the browser reports changes that belong together
+_DELAY = 20  # milliseconds; the browser reports related changes within this time
 _TOOLS = "box_zoom,pan,wheel_zoom,zoom_in,zoom_out,reset,save"
 _ATTRIBUTES = {
     "Toolbar": {"logo": None, "styles": {"min-width": "230px"}}
@@ -24,15 +24,16 @@ THEME = Theme(json={"attrs": _ATTRIBUTES})
 
 
 def alert(text):
-    """Return a text as an HTML message that screen readers speak; "" if it is empty."""
+    """Return `text` as an HTML message that screen readers speak, or "" if `text` is empty."""
     return f'<span role="alert" style="color: var(--alert)">{escape(text)}</span>' if text else ""
 
 
 def field(model, take):
     """Return a text field with a message below it.
 
-    take : function of the text, called when it changes. The message is the ValueError that
-    it raises, or the text that it returns, if any. The field keeps what was typed.
+    take : function that is called with the text whenever the text changes. The message is that of
+    a ValueError raised by `take`, or the text that `take` returns, if any. The field keeps what was
+    typed.
     """
     message = models.Div(width=model.width, margin=(0, 5))
 
@@ -111,7 +112,7 @@ def small(title, x_label, y_label, **options):
 
 
 def sides_of(plot):
-    """Return (lowest, highest) of both axes."""
+    """Return (lowest, highest) for each of the two axes of a figure."""
     return [tuple(sorted(map(float, (r.start, r.end)))) for r in (plot.x_range, plot.y_range)]
 
 
@@ -133,7 +134,7 @@ def pixels_of(plot, largest, default=None):
 def on_view(plot, work, refresh):
     """Call refresh() soon after the view or size of the figure changes, once for several changes.
 
-    Return a function that schedules such a call.
+    Return a function that schedules a call of refresh().
     """
     scheduled = []
 

@@ -11,7 +11,7 @@ from workflows.figures.planes import symbols
 from workflows.figures.style import COLOURS, VERMILION, cell, dots
 
 _ESCAPING, _BREAKUP = VERMILION, COLOURS[0]
-_PLAIN = {"frameon": False, "fontsize": "small"}  # legends
+_PLAIN = {"frameon": False, "fontsize": "small"}  # options of legends
 
 
 def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
@@ -37,7 +37,7 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
         options = style.circle_style(omega) | {"marker": "", "ls": "-", "lw": 1.8, "zorder": 3}
         x, y = (values[:: max(1, values.size // 4096)] for values in verdict.circle)
         x, y = (x % 1)[order := np.argsort(x % 1)], cell(y)[order]
-        # One more point at each end, so that the curve covers the whole period.
+        # Add a point at each end, so that the curve covers the whole period.
         x, y = np.r_[x[-1] - 1, x, x[0] + 1], np.r_[y[-1], y, y[0]]
         axes.plot(x, y, label=rf"certified circle, $\omega = {omega}$", **options)
     if longest is not None:
@@ -94,7 +94,7 @@ def _locate(axes, plane, point, bracket):
 
 
 def _mark(axes, forcing, breakup, size):
-    """Draw the forcing, and the breakup of the last circle on its ray if it is known."""
+    """Draw the forcing, and the breakup of the last circle on its ray if the breakup is known."""
     known = np.isfinite(breakup).all()
     words = "breakup of the last circle" if known else None
     axes.plot(*breakup, "o", color=_BREAKUP, mfc="none", ms=size, label=words)
@@ -104,10 +104,10 @@ def _mark(axes, forcing, breakup, size):
 
 
 def draw_once(kappa, survivor, y, lives):
-    """Draw the kicks, those that eliminate the longest-lived start, and lifetimes of starts.
+    """Draw the kicks, shading those that eliminate the longest-lived start, and lifetimes.
 
     survivor : `converse_kam.symmetry_line.LongestLived`. y, lives : y and lifetimes of the starts
-    on its line; inf for those that survive.
+    on the line of `survivor`; the lifetime of a start that survives is inf.
     """
     figure, (kicks, line) = style.panels(1, 2, 11, 4)
     kicks.plot(np.arange(1, kappa.size + 1), kappa, ".-", color="0.6", ms=3, lw=0.5)

@@ -1,4 +1,4 @@
-"""The boundaries CB_ω of circles, and their cusps, Figs. 8 and 9."""
+"""The boundaries CB_ω of circles, and their cusps (Figs. 8 and 9)."""
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -7,7 +7,7 @@ from workflows.figures import planes, style
 
 
 def draw_circle_boundaries(breakdown, barrier):
-    """Draw CB_ω of each rotation number, CB_gt behind them, Fig. 8."""
+    """Draw CB_ω of each rotation number, with CB_gt behind these curves (Fig. 8)."""
     figure, (axes,) = style.panels(1, 1, 10, 6.6)
     planes.fill_inside(axes, barrier, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, breakdown)
@@ -22,7 +22,7 @@ def circle_boundaries_caption(breakdown, residues, barrier):
 
     breakdown : the result of continuation, or `residues` again if the rays do not start at zero.
     """
-    scales = ["critical_scale", "error"]  # of `residues`, else of `breakdown`
+    scales = ["critical_scale", "error"]  # taken from `residues` where known, else from `breakdown`
     best = residues[scales].load().fillna(style.known(breakdown)[scales].load())
     ratio = 100 * best.critical_scale / barrier.critical_scale
     beyond = best.critical_scale - best.error > barrier.critical_scale + barrier.error
@@ -61,7 +61,7 @@ def describe_circles(circles):
 
 
 def draw_tips(residues, circles, barrier):
-    """Draw the cusps at 45° and 135°, Fig. 9: residues as lines, continuation as points.
+    """Draw the cusps at 45° and 135° (Fig. 9): residues as lines, continuation as points.
 
     Rays without an answer are marked by ×.
     """
@@ -116,7 +116,7 @@ def draw_circles(axes, breakdown, **more):
 
 
 def _looks(circles, reflection):
-    """Return each circle's style: that of its class, or its own if two of them share a class."""
+    """Return the style of each circle's class, or one style per circle if two share a class."""
     classes = [style.circle_class(text, reflection) for text in circles]
     if len({*classes}) < len(classes):
         reflection, classes = 0, [style.circle_class(text, 0) for text in circles]

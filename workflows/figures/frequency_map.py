@@ -1,4 +1,4 @@
-"""The rotation number over phase space, and its digits."""
+"""The rotation number over phase space, and how many of its digits are reliable."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ _FEW_DIGITS = "0.85"
 
 
 def draw_frequency_map(cube):
-    """Draw ω of each start, grey where few digits are shared, and the number of shared digits."""
+    """Draw ω of each start (grey if few digits are shared) and the number of shared digits."""
     wide, tall = (float(np.ptp(cube[f"{name}_bounds"].values)) for name in "xy")
     height = min(max(tall / wide, 0.4), 2)
     least = cube.attrs["regular_digits"]

@@ -15,7 +15,7 @@ _SURVIVORS = 48  # maximum number of points drawn for the longest-lived start
 
 
 def ends(orbits):
-    """Return ω of the first and the last colour: 0 and P/2, or the extremes for a part of the cell.
+    """Return ω of the first and last colours: 0 and P/2, or its extremes if only a part is shown.
 
     orbits : Dataset returned by `workflows.shared.phase_space.portraits`.
     """
@@ -50,7 +50,7 @@ def draw_orbits(axes, orbits):
 def draw_survivor(axes, x, y, **style):
     """Draw the longest-lived start's orbit as separate dots, to show that it is not a circle.
 
-    x, y : coordinates of its points, in any order.
+    x, y : coordinates of the orbit's points, in any order.
     """
     spread = np.argsort(x % 1)[:: 1 + x.size // _SURVIVORS]
     size = 2.5 if in_column() else 4

@@ -1,4 +1,4 @@
-"""Loss of the threshold under a ripple against its frequency, and the limit of slow ripples."""
+"""The loss of the threshold against the frequency of a ripple, and the limit of slow ripples."""
 
 from workflows.figures import style
 
@@ -8,7 +8,7 @@ _MARKERS = "os^Dv"
 def draw_ripple_spectrum(cube, theory):
     """Draw the loss against Ω with the prediction, and κ_c(1 + d)/κ_G with the slow-ripple limit.
 
-    Where only an upper bound on κ_c is known, an arrow points to the side on which the value lies.
+    Where only an upper bound on κ_c is known, a hollow triangle points towards the value.
     """
     figure, (losses, largest) = style.panels(1, 2, 12, 5.4)
     for i, depth in enumerate(cube.depth.values):
@@ -58,7 +58,7 @@ def _draw_largest_kick(axes, rows, curve, i, options):
 
 
 def _draw_points(axes, rows, values, lower, upper, i, options):
-    """Draw values with their brackets, or the ends that are known."""
+    """Draw values with their brackets; if only one end is known, draw this end."""
     marker = {"marker": _MARKERS[i % len(_MARKERS)], "ms": 4, "ls": ""}
     axes.plot(rows.frequency, values, **marker, **options)
     ends = lower.values, upper.values

@@ -9,7 +9,7 @@ _BEGINNING = 250  # number of kicks of the transient to draw
 
 
 def draw_self_consistent(fields, verdicts, settling):
-    """Draw strength and phase, spectra, particles, the verdicts, and the folded curve."""
+    """Draw the strength, phase and spectrum, the particles, the verdicts, and the folded curve."""
     figure, (field, phase, spectrum, particles, barriers, folded) = panels(2, 3, 13, 8)
     count = fields.coupling.size
     chosen = sorted({count // 4, count // 2, count - 1})
@@ -71,7 +71,7 @@ def draw_self_consistent(fields, verdicts, settling):
 
 
 def _strongest(verdicts):
-    """Return the verdict on the strongest coupling with a survivor in its field, or the first."""
+    """Return the row of the strongest coupling with a survivor in its field, else the first row."""
     return verdicts.isel(coupling=max(np.flatnonzero(np.isinf(verdicts.kicks.values)), default=0))
 
 

@@ -36,7 +36,7 @@ class Exhibit:
 
 
 def listed(file):
-    """Return the Exhibits of a TOML file of this folder."""
+    """Return the Exhibits listed in a TOML file in this folder."""
     texts = tomllib.loads(Path(__file__).with_name(file).read_text(encoding="utf-8"))
     beyond = texts.pop("beyond", {})
     own = [Exhibit(name, **about) for name, about in texts.items()]
@@ -44,7 +44,7 @@ def listed(file):
 
 
 def run(exhibit, out, workers, quick, quiet):
-    """Run the command with its cubes, tables and figures in a directory of OUT."""
+    """Run the command of an exhibit, which writes to the folder OUT/NAME."""
     main = main_of(exhibit.name)
     swept = any(option.name == "scheduler" for option in main.params)
     options = [*exhibit.options(quick), "--out", f"{out}/{exhibit.name}"]

@@ -24,7 +24,7 @@ SMOOTH = "cosine", "k^-4", "k^-3", "k^-2"
 
 
 def ramps(rates):
-    """Find how long barriers persist under κ_n = κ_G + r·n: a Dataset with the dim rate."""
+    """Find how long barriers persist under κ_n = κ_G + r·n; return a Dataset with the dim rate."""
     critical = critical_scale((1.0,), 1e-4).value
     patience = (6 * rates**-ESCAPES).astype(int)
     crossed = [_escape(critical + r * np.arange(n)) for r, n in zip(rates, patience, strict=True)]
@@ -47,10 +47,10 @@ def _escape(kappa):
 
 
 def irregular(ripples, kicks):
-    """Find how long barriers persist under κ_n = 0.3·(1 + ripple·f_n): dims (kind, ripple).
+    """Find how long barriers persist under κ_n = 0.3·(1 + ripple·f_n), by (kind, ripple).
 
-    life : the shortest of the lifetimes on eight lines in the middle of the kicks; escapes are
-    observed for 20 times as many kicks.
+    life : the shortest of the lifetimes on lines at eight sites near the middle of the kicks.
+    Escapes are observed for 20 times as many kicks.
     """
     shapes = _shapes(np.arange(20 * kicks))
     kappas = [[0.3 * (1 + ripple * f) for ripple in ripples] for f in shapes.values()]
@@ -78,7 +78,7 @@ def irregular(ripples, kicks):
 
 
 def _shapes(n):
-    """Return {kind: f_n, from -1 to 1}."""
+    """Return {kind: f_n}, where f_n is from -1 to 1."""
     phase, odd = n * _GOLDEN % 1, range(1, 60, 2)
     shapes = {"period two": 1 - 2 * (n % 2), "cosine": np.cos(2 * np.pi * phase)}
 

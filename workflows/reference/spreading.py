@@ -1,4 +1,4 @@
-"""Diffusion and escape without following the spread: second methods for `nasm.diffusion`, `escape`.
+"""Second methods for diffusion and escape, which do not follow the spread of orbits.
 
 The Green-Kubo formula derives D from the correlations of the changes d_t = y_{t+1} - y_t, averaged
 over the unit cell with uniform density,
@@ -6,14 +6,14 @@ over the unit cell with uniform density,
     D = <d_0²>/2 + Σ_{τ=1}^L w_τ <d_0 d_τ>,    w_τ = (1 + cos πτ/L)/2.
 
 The weights fall smoothly, since correlations in islands oscillate without end; with a sharp
-cutoff D would be up to 24% too large, for the forcing (3, 2). `nasm.diffusion` computes D from the
+cutoff, D for the forcing (3, 2) would be up to 24% too large. `nasm.diffusion` computes D from the
 mean squares of long displacements.
 
-Escape by transport: the window is divided into cells. The entries of Ulam's matrix are the shares
-of each cell that T maps into each of the cells. Applied n times to the density of the starts, this
-matrix gives the share that is still inside after n steps; the sum of these shares is the mean
-escape time. Once the density has reached its final shape, the share is multiplied in each step by a
-constant factor, the leading eigenvalue of the matrix. `nasm.escape` follows orbits.
+Escape by transport: the window is divided into cells. Each entry of Ulam's matrix is the share
+of one cell that T maps into another, or into itself. Applied n times to the density of the starts,
+this matrix gives the share of orbits still inside after n steps; the sum of these shares is the
+mean escape time. Once the density has reached its final shape, the share is multiplied in each step
+by a constant factor, the leading eigenvalue of the matrix. `nasm.escape` follows orbits instead.
 """
 
 import numpy as np

@@ -73,7 +73,7 @@ def sections(entries):
 
 
 def cells(entry):
-    """Return the texts of the cells of a value."""
+    """Return the texts of the table cells for one reference value."""
     return (
         ", ".join(f"{name} = {_plain(value)}" for name, value in entry["conditions"].items()),
         rounded_value(entry["value"], entry["error"]),
@@ -84,7 +84,7 @@ def cells(entry):
 
 
 def _finite(value):
-    """Return None for a number that was not found: JSON has no NaN."""
+    """Return None for NaN or infinity, which JSON lacks, and any other value unchanged."""
     return None if isinstance(value, float) and not isfinite(value) else value
 
 

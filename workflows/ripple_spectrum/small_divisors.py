@@ -8,11 +8,11 @@ f⁻ = e^{-2πiΩ} f(θ - ω),
 
     c (w⁺ - w) - [c (w⁺ - w)]⁻ = h'(θ) (κ/2π) sin 2πh(θ),     c(θ) = h'(θ) h'(θ + ω).
 
-Its solution divides the mode e^{2πimθ} twice by e^{2πi(mω + Ω)} - 1: it resonates where Ω is near
--mω mod 1. To this order the curve is a graph before every kick, whatever the phase of the ripple,
-as long as d·max |w'| < 1. The predicted threshold of a circle is the strength κ where this fails,
-and that of the forcing is the largest of the thresholds of several nobles: where a resonance breaks
-one circle early, another one persists longer.
+Solving this equation divides the mode e^{2πimθ} twice by e^{2πi(mω + Ω)} - 1: w resonates where Ω
+is near -mω mod 1. To this order the curve is a graph before every kick, whatever the phase of the
+ripple, as long as d·max |w'| < 1. The predicted threshold of a circle is the strength κ where this
+fails, and that of the forcing is the largest of the thresholds of several nobles: where a resonance
+breaks one circle early, another one persists longer.
 
 The prediction has no free parameter. It leaves out sidebands mω + kΩ, |k| > 1, which a slow ripple
 excites, as it sweeps the rotation number over many resonances.
@@ -44,9 +44,9 @@ def strain(u, omega, kappa, frequencies):
     Parameters
     ----------
     u : ndarray, shape (n,)
-        Deviation of the circle.
+        The deviation u(θ) = h(θ) - θ of the circle.
     omega : float
-        Its rotation number.
+        Rotation number of the circle.
     kappa : float
         Strength of the constant kicks.
     frequencies : ndarray
@@ -83,7 +83,7 @@ def family(omega):
 
 
 def thresholds(omega, frequencies, depths):
-    """Predict κ at which a circle breaks, shape (Ω, d): where d·max |w'| reaches 1.
+    """Predict the κ at which a circle breaks, i.e. d·max |w'| reaches 1; shape (Ω, d).
 
     1/max |w'| is interpolated in κ; it vanishes at the breakup under constant kicks, and is
     proportional to 1/κ for weak kicks.

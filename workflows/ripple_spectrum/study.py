@@ -1,4 +1,4 @@
-"""The frequencies of `ripple_spectrum`, what is predicted for them, and the findings."""
+"""The losses that `ripple_spectrum` computes, their predictions, and the findings."""
 
 import numpy as np
 from scipy.stats import binom
@@ -31,10 +31,10 @@ def with_loss(cube, golden):
 def adiabatic_bound(frequency, depth):
     """Estimate an upper bound on κ_c(1 + d)/κ_G from the kicks around the largest one.
 
-    At a relative distance ε beyond the breakup converse KAM eliminates all starts within N = C/ε
+    At a relative distance ε beyond the breakup, converse KAM eliminates all starts within N = C/ε
     kicks in either direction (C: `LONGEST_LIFETIME`). Within N kicks of the largest one, strengths
-    are at least κ(1 + d)(1 - d/(1 + d)·(1 - cos 2πNΩ)): if that is κ_G(1 + ε), none survives. The
-    bound is the smallest over ε; it tends to 1 as Ω → 0.
+    are at least κ(1 + d)(1 - d/(1 + d)·(1 - cos 2πNΩ)). If this minimum is κ_G(1 + ε), no start
+    survives. The smallest bound over all ε is returned; it tends to 1 as Ω → 0.
     """
     excess = np.geomspace(1e-4, 10, 2000)
     turns = np.minimum(np.multiply.outer(frequency, LONGEST_LIFETIME / excess), 0.5)
@@ -43,10 +43,10 @@ def adiabatic_bound(frequency, depth):
 
 
 def prediction(fractions, depths, n):
-    """Predict κ_c by small divisors, and its bound for slow ripples, at these Ω and in between.
+    """Predict κ_c by small divisors, and its bound for slow ripples, at the given Ω and in between.
 
     The attribute `golden` is κ_G, at which the golden circle of constant kicks breaks, by residues.
-    n : number of additional Ω, evenly spaced; as many again are spaced in equal ratios.
+    n : number of additional Ω that are evenly spaced; n more form a geometric series.
     """
     given, least = np.array(fractions, float), float(min(fractions))
     spread = [np.geomspace(least, 0.5, n), np.linspace(least, 0.5, n)]
@@ -71,13 +71,13 @@ def prediction(fractions, depths, n):
 
 
 def side_by_side(cube, theory):
-    """Return the cube with the predictions at its frequencies."""
+    """Return the cube, extended by the predictions at its frequencies."""
     there = theory.drop_dims("mode").sel(frequency=cube.frequency)
     return cube.assign(there.data_vars)
 
 
 def findings(cube, theory):
-    """Describe what small divisors and the largest kick explain of the spectrum, with verdicts."""
+    """Describe how much of the spectrum small divisors and the largest kick explain."""
     table = side_by_side(cube, theory)
     known = int(cube.loss.notnull().sum())
     only = cube.fraction.values[(cube.loss.isnull() & cube.upper.notnull()).any("depth")]
@@ -91,7 +91,7 @@ def findings(cube, theory):
 
 
 def steps(table):
-    """Compare neighbouring frequencies: does the loss rise (1) or fall (-1), and what is predicted?
+    """Return whether the loss rises (1) or falls (-1) between neighbours in Ω, and the prediction.
 
     The first result is 0 where the brackets of neighbours overlap, or one is missing: such pairs
     decide nothing.
@@ -116,7 +116,7 @@ def _small_divisors(table):
         "of the ripples"
     )
     claim = "losses rise and fall with Ω as small divisors of circles of constant kicks predict"
-    # With 0.5**n above this, n agreements could be due to chance.
+    # If 0.5**n exceeds this probability, even n agreements could be due to chance.
     return finding(claim, text, agree == n, chance < _CHANCE, 0.5**n < _CHANCE)
 
 

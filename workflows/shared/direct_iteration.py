@@ -95,7 +95,7 @@ def direct_bias(cube: xr.Dataset, steps: ArrayLike) -> xr.DataArray:
     escaped = (cube.escape_time <= n).isel(excess=slice(None, None, -1))
     beyond = escaped.cumprod("excess").astype(bool)
     bias = cube.excess.where(beyond).min("excess")
-    # The boundary is off the grid if orbits escape at every excess, or not at the largest.
+    # The boundary is off the grid if orbits escape at every excess, or not even at the largest.
     known = beyond.any("excess") & ~beyond.all("excess")
     label = "boundary of n* <= N, relative to the breakup, minus 1"
     return bias.where(known).rename("bias").assign_attrs(described(label))
@@ -104,7 +104,7 @@ def direct_bias(cube: xr.Dataset, steps: ArrayLike) -> xr.DataArray:
 def exponent(n: FloatArray, bias: FloatArray) -> tuple[float, float]:
     """Fit bias ~ n^(-1/η) by a straight line through the logarithms.
 
-    Returns η and its standard error; both are NaN if fewer than four biases are known, or if they
+    Return η and its standard error; both are NaN if fewer than four biases are known, or if they
     do not fall.
     """
     slope, error = power_law.exponent(n, bias)
@@ -127,7 +127,7 @@ def boundary_dataset(escapes: xr.Dataset, barrier: xr.Dataset, steps: Sequence[i
     -------
     xarray.Dataset
         Dims (n, angle). `critical_scale` is s_N, `bias` is s_N/s_c - 1; `resolution` is the
-        spacing of the cube's grid: s_N might be smaller by as much.
+        spacing of the cube's grid: s_N might be smaller by up to this spacing.
     """
     plane = plane_of(escapes.attrs)
     breakup, angle = barrier.critical_scale.values, escapes.angle.values

@@ -10,10 +10,11 @@ from nasm.types import FloatArray
 
 
 def read_forcings(words: Sequence[float | Path]) -> tuple[list[FloatArray], bool]:
-    """Return the forcings of KAPPA ..., strengths or one file, and True if the file is a table.
+    """Return the forcings that the arguments KAPPA specify, and True if they form a table.
 
-    Raise ValueError if a file is combined with other arguments, or if it contains anything but
-    numbers, comments and the names of columns.
+    The arguments are the strengths of one forcing, or the path of one file. Raise ValueError if a
+    file is combined with other arguments, or if it contains anything but numbers, comments and the
+    names of columns.
     """
     paths = [word for word in words if isinstance(word, Path)]
     if not paths:
@@ -37,7 +38,7 @@ def numbers_in(content: bytes) -> list[float]:
 
 
 def forcings_in(content: bytes) -> tuple[list[FloatArray], bool]:
-    """Return the forcings in a text file, and whether it is a table with one forcing per line.
+    """Return the forcings in a text file, and True if it is a table with one forcing per line.
 
     A file with one number per line, or with a single line, is one forcing. In a table, commas or
     spaces separate the numbers, lines may differ in length, and column names in the first line are

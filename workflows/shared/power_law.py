@@ -5,7 +5,7 @@ import numpy as np
 from nasm.types import FloatArray
 
 FLUX = 3.01172
-"""ln αβ/ln δ of the flux through the golden circle beyond its breakup, by MacKay's constants."""
+"""Exponent ln αβ/ln δ of the flux through the broken golden circle, from MacKay's constants."""
 
 
 def exponent(x: FloatArray, y: FloatArray) -> tuple[float, float]:

@@ -13,23 +13,23 @@ _GOLDEN = float(parse("gamma"))
 EXPONENT = np.log(_GOLDEN) / (np.log(_GOLDEN) - np.log(UNSTABLE_EIGENVALUES[1,]))
 """Predicted exponent 0.497: graphs are excluded after ~ r^-0.497 kicks.
 
-As κ - κ_G shrinks by a factor δ, times grow by 1/γ, and r shrinks by δ/γ.
+As κ - κ_G shrinks by a factor δ, times grow by a factor 1/γ, and r shrinks by a factor δ/γ.
 """
 
 _PLACES = np.array([0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3])
 """Positions of the lines, in units of r^-0.497 kicks."""
 
 Lifetime = Callable[[FloatArray, int], float]
-"""(kappa, site) → kicks until all starts on the line before that kick are eliminated."""
+"""Maps (kappa, site) to the kicks that eliminate all starts on the line before kick `site`."""
 
 
 def lines(rate: float) -> list[int]:
-    """Return the kicks before which the lines lie, numbered from the kick of strength κ_G."""
+    """Return the kicks before which lines are searched, counted from the kick of strength κ_G."""
     return np.unique(np.rint(_PLACES * rate**-EXPONENT).astype(int)).tolist()
 
 
 def longest_lived(kappa: FloatArray, site: int, effort: int = 1) -> float:
-    """Return the lifetime on a line by the search of `nasm.converse_kam.aperiodic`."""
+    """Return the longest lifetime on a line, as found by `nasm.converse_kam.aperiodic`."""
     return aperiodic.longest_lived(kappa, 0.0, site, effort)[2]
 
 

@@ -1,4 +1,4 @@
-"""Standard output and error, made safe whatever state a session leaves them in.
+"""Make standard output and standard error safe to write to, whatever their state.
 
 Characters that a stream's encoding lacks, e.g. κ in latin-1, are written as \\u03ba. If the reader
 (`| head -1`) or the terminal disappears, the run continues: later output is dropped, and files are
@@ -42,7 +42,7 @@ def prepare() -> None:
     for descriptor in range(3):
         try:
             os.fstat(descriptor)
-        except OSError:  # closed: the next file opened would take its number
+        except OSError:  # closed: the next file opened would get its number
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
     for name, descriptor in (("stdout", 1), ("stderr", 2)):
         if (stream := getattr(sys, name)) is getattr(sys, f"__{name}__"):
