@@ -9,7 +9,7 @@ points of the action
 
     A = Σ_n (x_{n+1} - x_n)²/2 - (κ_n/4π²) cos 2πx_n,        x_{n+N} = x_n + p.
 
-Eliminate all sites but x_0: the others minimize A for a given x_0. That leaves the *reduced
+All sites but x_0 are eliminated: they minimize A for a given x_0. That leaves the *reduced
 action* a(x_0), with
 
     a' = -G,    a'' = S,    R = -S Π(pivots)/4,
@@ -28,12 +28,12 @@ Steps of x_0 by +G/|S| lead to the minimizing orbit, and steps by -G/|S| to the 
 2. *Scan.* Begin the orbit at the site where its gap is widest, and move x_0 across that gap. The
    highest maximum of a is the minimax orbit, which may lie on any symmetry line, or on none.
 3. *Descend.* The scan can fail if the action is steep with several minima, or if no single site
-   shows the maximum. Orbits of periods up to 100 are then found in the way in which their
-   existence is shown: orbits whose sites follow the forces on them never cross each other. Such
-   orbits descend to minima, and the pass between two minima lies on the boundary of their basins of
+   shows the maximum. Orbits of periods up to 100 are then found by the argument that shows their
+   existence: orbits whose sites move along the forces on them never cross each other. Such
+   orbits descend to minima, and the pass between two minima is on the boundary of their basins of
    attraction.
-4. *Follow.* Orbits are then continued along the segment of forcings by Newton's method, and longer
-   ones are joined from them.
+4. *Follow.* Orbits are then continued along the segment of forcings by Newton's method, and are
+   joined end to end to find longer orbits.
 
 Deviations u are stored instead of x, so that rounding errors do not grow with x.
 
@@ -73,13 +73,13 @@ __all__ = [
 ]
 
 Minimizers: TypeAlias = dict[float, tuple[FloatArray, int, dict[tuple[int, int], FloatArray]]]
-"""By scale: the forcing from one site on, the site, and constrained minimizers by (p, q)."""
+"""For each scale: the forcing from one site on, that site, and constrained minimizers by (p, q)."""
 
 SURE_PERIOD = 100
 """Longest period of orbits that are found by descent if the scan misses them."""
 
 FLAT = 1e-15
-"""Slopes of the reduced action below this times √N are rounding errors: R vanishes to rounding."""
+"""Slopes of the reduced action below this value times √N are rounding errors; R then vanishes."""
 
 _ROUNDING = 1e-12
 """Rounding error of the distance between two sites, and of a pivot."""
@@ -99,24 +99,24 @@ _EQUAL_GAPS = 0.99
 """Gaps of at least this fraction of the widest count as equal; orbits begin at the first one."""
 
 _FOLLOW_RANGE = 0.3
-"""Largest change of the largest strength, multiplied by q, over which an orbit is followed."""
+"""Largest change of any strength κ_j, multiplied by q, over which an orbit is followed."""
 
 _JOIN_STEP = 0.8
 """Largest step of x_0 when orbits are joined, multiplied by the longer period. Of 5030 orbits
-found with at least one value of this step, 398 are lost to oscillation with 0.1, 266 with 0.4, and
-178 with 0.8."""
+found with at least one value of this step, 398 are lost to oscillation if the step is 0.1, 266 if
+it is 0.4, and 178 if it is 0.8."""
 
 _JOIN_PERIOD = 300
 """Period above which orbits are joined from shorter ones rather than scanned for."""
 
 _MAX_SITES_ALONE = 600
-"""Largest number of sites with which an orbit is also sought without using shorter ones."""
+"""Largest number of sites of an orbit that is also sought without using shorter orbits."""
 
 _SADDLE_SHIFT = 0.05
 """Displacement of sites, multiplied by q, that moves a symmetric guess off a saddle."""
 
 _DESCENT_STEPS = 1000
-_MAX_MINIMA = 20  # in a gap
+_MAX_MINIMA = 20  # largest number of minima in one gap
 
 _SAME_DISTANCE = 1e-6
 """Distance, in turns, below which two minima count as the same one."""
@@ -126,7 +126,7 @@ _CACHED_SCALES = 30
 
 
 class LostError(Exception):
-    """The ordered orbits of a fraction were not found, or were lost when they were followed.
+    """The ordered orbits of a fraction were not found, or were lost while they were followed.
 
     The message states the reason. These orbits exist under any forcing. Long ones are lost far
     beyond the breakup of the circles near p/q; short ones should always be found, so losing them
@@ -137,7 +137,7 @@ class LostError(Exception):
     message : str
         The reason.
     period : int
-        q; 0 if the error does not concern a single fraction.
+        The denominator q, or 0 if the error does not concern a single fraction.
 
     Examples
     --------
@@ -166,8 +166,8 @@ class ConvergentOrbits:
     fractions : sequence of Fraction
         Consecutive convergents of a number, q increasing.
     minimizers : dict, optional
-        An empty dict at first; objects on one segment that share it reuse each other's constrained
-        minimizers.
+        A dict, empty at first; if objects on the same segment share it, they reuse each other's
+        constrained minimizers.
     known : sequence of Orbit
         Orbits already known on that segment.
 
@@ -205,15 +205,15 @@ class ConvergentOrbits:
         Returns
         -------
         Orbit
-            Its residue is 0 if it vanishes to rounding.
+            The orbit; its residue is 0 if R vanishes to rounding.
 
         Raises
         ------
         LostError
             If the orbit is not found.
         """
-        # An orbit is joined from two shorter ones, and these are joined likewise: the cache avoids
-        # computing them repeatedly.
+        # An orbit is joined from two shorter ones, and these from still shorter ones; the cache
+        # avoids computing the same orbit repeatedly.
         if scale != self._scale:
             self._scale, self._answers = scale, {}
         if (n, kind) not in self._answers:
@@ -248,7 +248,7 @@ class ConvergentOrbits:
         Raises
         ------
         LostError
-            If they are not found.
+            If the orbits are not found.
         """
         chain = self.chains[n]
         try:
@@ -264,7 +264,7 @@ class ConvergentOrbits:
         }
 
     def _scan(self, n, scale):
-        """Return the first site, deviations and residues of both orbits, by steps 1 and 2."""
+        """Find both orbits by steps 1 and 2; return their first site, deviations and residues."""
         chain, (site, u) = self.chains[n], self._begin(n, scale)
         first = _widest_gap(chain, _roll(u, -site)) - site
         site, u = (site + first) % chain.period, chain.rolled(u, first)
@@ -276,10 +276,10 @@ class ConvergentOrbits:
         return site, sites, residues
 
     def _begin(self, n, scale):
-        """Return (site, u) of an orbit of fraction n to scan from.
+        """Return (site, u) of the orbit of fraction n from which a scan starts.
 
-        This is the `constrained_minimizer`; if that is lost, far beyond the breakup, it is the
-        minimizing orbit next to the cantorus, joined from shorter ones.
+        This orbit is the `constrained_minimizer`. If that is lost, far beyond the breakup, the
+        scan starts from the minimizing orbit next to the cantorus, joined from shorter orbits.
         """
         try:
             return self.constrained_minimizer(n, scale)
@@ -342,7 +342,8 @@ def joined(last: Orbit, one: Orbit, chain: Chain, kind: int) -> Orbit | None:
     Parameters
     ----------
     last, one : Orbit
-        `last` is used once, and `one` as often as `chain` requires; the result is at their scale.
+        Orbits at the same scale, which is also that of the result. `last` is used once, and `one`
+        as often as `chain` requires.
     chain : Chain
         Chain of the result.
     kind : int
@@ -351,7 +352,7 @@ def joined(last: Orbit, one: Orbit, chain: Chain, kind: int) -> Orbit | None:
     Returns
     -------
     Orbit or None
-        None if it is not found.
+        The ordered orbit, or None if it is not found.
 
     Examples
     --------
@@ -382,7 +383,7 @@ class Orbit:
     Attributes
     ----------
     chain : Chain
-        Its fraction.
+        Chain of its fraction p/q.
     kind : int
         1 if it is minimizing, -1 if minimax, 0 if x_0 is held fixed by a symmetry.
     site : int
@@ -392,7 +393,7 @@ class Orbit:
     residue : float
         R, accurate to about N² ulp.
     scale : float
-        s.
+        The scale s of the forcing.
     """
 
     def __init__(
@@ -411,20 +412,20 @@ class Orbit:
 
     @property
     def kappa(self) -> FloatArray:
-        """The forcing, from `site` on."""
+        """The forcing at the current scale, beginning with the kick at `site`."""
         return self.start + self.scale * self.profile
 
     def refined_residue(self) -> float:
-        """Compute R to the last digits, in double-double arithmetic."""
+        """Compute R, accurate to the last digits, in double-double arithmetic."""
         chain = self.chain
         return _refined_residue(self.kappa, chain.numerators, self.u, chain.frame[2])
 
     def sites(self) -> FloatArray:
-        """Return x of all N sites from `site` on, on the lift: shape (N,)."""
+        """Return x of all N sites on the lift, beginning at `site`: shape (N,)."""
         return np.arange(self.u.size) * (self.chain.p / self.u.size) + self.u
 
     def beginning_like(self, other: Orbit) -> FloatArray:
-        """Return u, beginning at the site nearest to the first site of the other orbit."""
+        """Return u rotated to begin at the site nearest to the first site of the other orbit."""
         first = (other.site - self.site) % self.start.size
         sites = slice(first, None, self.start.size)
         distance = self.chain.theta[sites] + self.u[sites] - other.u[0]
@@ -437,7 +438,7 @@ class Orbit:
         Returns
         -------
         x, y : ndarrays, shape (q,)
-            In order of time, x on the lift.
+            The points in order of time; x is on the lift.
         """
         x = self.sites()
         starts = slice(-self.site % self.start.size, None, self.start.size)
@@ -459,14 +460,14 @@ class Orbit:
 
 
 class Chain:
-    """Quantities that all orbits of one fraction p/q under forcings of P kicks share.
+    """Quantities shared by all orbits of one fraction p/q under forcings of P kicks.
 
     Parameters
     ----------
     period : int
-        P.
+        Number P of kicks per period.
     fraction : Fraction
-        p/q.
+        Rotation number p/q.
 
     Examples
     --------
@@ -482,7 +483,7 @@ class Chain:
 
     @cached_property
     def numerators(self) -> IntArray:
-        """Angles of the rotation in units of 1/N, reduced mod N: exact for any length."""
+        """Angles of the rotation in units of 1/N, reduced mod N, and thus exact for any N."""
         return np.arange(self.n_sites) * (self.p % self.n_sites) % self.n_sites
 
     @cached_property
@@ -497,7 +498,7 @@ class Chain:
         return self.frame[0]
 
     def lost(self, reason: str) -> LostError:
-        """Return the LostError for these orbits."""
+        """Return a LostError that states why these orbits were not found."""
         return LostError(
             f"the ordered orbits of {self.p}/{self.q} were not found: {reason}", self.q
         )
@@ -517,7 +518,8 @@ class Chain:
         Returns
         -------
         ndarray, shape (N,)
-            Deviations from the rotation of this fraction, the Farey sum of all those joined.
+            Deviations from the rotation of this fraction, which is the Farey sum of the fractions
+            of all orbits joined.
         """
         (before, u_before), (chain, u) = last, one
         copies = (self.q - before.q) // chain.q
@@ -540,22 +542,22 @@ def ordered_orbits(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     p, q : int
-        Coprime, 1 ≤ q ≤ 10⁶.
+        Coprime integers, 1 ≤ q ≤ 10⁶.
     minimizers : dict, optional
-        An empty dict at first; calls for one forcing that share it reuse each other's work.
+        A dict, empty at first; calls for the same forcing that share it reuse each other's work.
 
     Returns
     -------
     minimizing, minimax : Orbit
-        Both begin at the same site, in its widest gap. If R vanishes to rounding, both returned
-        orbits are the same one.
+        Both begin at the same site, the one with the widest gap. If R vanishes to rounding, both
+        returned orbits are the same one.
 
     Raises
     ------
     LostError
-        If they are not found. Both exist under any forcing, and are found up to twice the scale at
-        which the last circle breaks; far beyond the breakup of all circles near p/q, orbits of
-        periods above 100 may be lost.
+        If the orbits are not found. Both exist under any forcing, and are found up to twice the
+        scale at which the last circle breaks; far beyond the breakup of all circles near p/q,
+        orbits of periods above 100 may be lost.
 
     Examples
     --------
@@ -576,9 +578,10 @@ def ordered_orbits(
 
 
 def _find_by_descent(kappa, chain):
-    """Return the first site, the deviations and the residues of both orbits, by step 3."""
+    """Find both orbits by step 3; return their first site, deviations and residues."""
     theta, hop, work = chain.frame
-    # This rotation has no symmetry, so its descent cannot end on the boundary between two basins.
+    # The descent starts from a rotation without symmetry, so it cannot end on the boundary between
+    # two basins.
     u = np.full(chain.n_sites, 0.3 / chain.q)
     error = chain.lost(f"they are not at rest after a descent of {_DESCENT_STEPS} steps")
     if not _descend(kappa, theta, work, u):
@@ -626,7 +629,8 @@ def _widest_gap(chain, u):
 def is_ordered(u, hop, gap):
     """Return True if the sites are in the order of their angles, to within rounding.
 
-    The site `hop` places after any given one has the next larger angle, larger by `gap`.
+    The site `hop` places after any given site has the next larger angle; the difference of the two
+    angles is `gap`.
     """
     n = u.size
     for j in range(n):
@@ -638,7 +642,7 @@ def is_ordered(u, hop, gap):
 
 @kernel
 def total_action(kappa, theta, u):
-    """Compute A over the N sites, less the constant p²/2N."""
+    """Compute A of the N sites, less the constant p²/2N."""
     n, action = u.size, 0.0
     for j in range(n):
         stretch = u[j + 1 if j < n - 1 else 0] - u[j]
@@ -658,7 +662,7 @@ def _minimize_constrained(kappa, theta, hop, work, u):
 
 @kernel
 def _find_extremum(kappa, theta, hop, work, u, kind, max_step, n_steps):
-    """Move u to the extremum, in place; return R, or NaN if no orbit is found.
+    """Move u to an extremum of the action, in place; return R, or NaN if no orbit is found.
 
     Each step of x_0 is at most max_step.
     """
@@ -719,13 +723,13 @@ def _scan_gap(kappa, theta, hop, work, u, width, sites):
 
 @njit(nogil=True)
 def _damped_step(kappa, theta, work, u, stiffness):
-    """Take the step (H + σ) Δu = force for all sites, in place; σ = stiffness.
+    """Take the step Δu that solves (H + σ) Δu = force for all sites, in place; σ = stiffness.
 
     The step preserves the order of any two orbits as long as H + σ is positive definite and
     2π|κ_n Δu_n| < σ; otherwise σ is increased and no step is taken. Near a minimum σ falls to 0,
-    and the steps become Newton's.
+    and the steps become those of Newton's method.
 
-    Returns the next σ, and the largest Δu, or inf if no step was taken.
+    Returns the next σ and the largest |Δu|; the latter is inf if no step was taken.
     """
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     _forces(kappa, theta, u, force, diagonal)
@@ -754,7 +758,7 @@ def _descend(kappa, theta, work, u):
 def _saddle(kappa, theta, work, u):
     """Take Newton steps of all sites, in place, to a stationary orbit.
 
-    Returns R if exactly one curvature of the action is negative there, NaN otherwise.
+    Returns R if exactly one curvature of the action is negative at that orbit, NaN otherwise.
     """
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     for _ in range(20):
@@ -780,12 +784,13 @@ def _saddle(kappa, theta, work, u):
 def _find_pass(kappa, theta, hop, work, left, right, orbit):
     """Find the pass between two minima, write it to `orbit`, and return R.
 
-    If there is another minimum between them, write that one and return -1; return NaN if neither is
-    found. Orbits between two adjacent minima descend to one or the other. The boundary of their
-    basins is found by bisection; a descent from that boundary comes close to the pass.
+    If there is another minimum between them, write this minimum to `orbit` and return -1; return
+    NaN if neither a pass nor a minimum is found. Orbits between two adjacent minima descend to one
+    or the other. The boundary of their basins is found by bisection; a descent from that boundary
+    comes close to the pass.
     """
     low, high = left.copy(), right.copy()
-    # Weights differ from site to site: the pass may be less symmetric than the minima.
+    # Weights differ from site to site because the pass may be less symmetric than the minima.
     weights = 0.5 + 0.1 * np.cos(np.arange(left.size) ** 2)
     u, tolerance = left, 1e-4
     while tolerance > 1e-16:
@@ -793,7 +798,7 @@ def _find_pass(kappa, theta, hop, work, left, right, orbit):
             u = low + weights * (high - low)
             orbit[:] = u
             if not _descend(kappa, theta, work, orbit):
-                break  # it stays on the boundary itself
+                break  # the descent stays on the boundary itself
             if np.abs(orbit - left).max() < _SAME_DISTANCE:
                 low = u
             elif np.abs(orbit - right).max() < _SAME_DISTANCE:
@@ -820,8 +825,8 @@ def _follow(
 ):  # fmt: skip
     """Continue an orbit, in place, from s = begin to end; `before` is the orbit one step earlier.
 
-    Returns the scale that was reached, short of the end if steps became too small; the last step;
-    and R.
+    Returns the scale that was reached, the last step, and R. The scale is short of `end` if the
+    steps became too small.
     """
     at, step, gap = begin, end - begin, profile.size / u.size
     while at != end:
@@ -847,13 +852,14 @@ def _follow(
 def _newton_step(force, diagonal, kind, max_step, inverse, pull):
     """Compute Newton's step, and write it over the forces.
 
-    The step moves all sites but x_0, and unless kind = 0 also x_0, by kind·G/|S| but at most by
-    max_step. Returns S, G, ln |product of the pivots|, and the number of pivots that are not
+    The step moves all sites but x_0. Unless kind = 0, it also moves x_0 by kind·G/|S|, but at most
+    by max_step. Returns S, G, ln |product of the pivots|, and the number of pivots that are not
     positive; `pull` becomes the derivative of each site with respect to x_0.
     """
     n, half = force.size, force.size // 2
     log_pivots, product, n_bad = 0.0, 1.0, 0
-    # From both ends to the middle: two chains of divisions take no longer than one.
+    # Eliminate sites from both ends to the middle, because two chains of divisions take no longer
+    # than one.
     ahead = behind = 0.0, 0.0, 1.0
     for i in range(1, n - half):
         ahead, pivot = _eliminate(i, ahead, force, diagonal, inverse, pull)
@@ -883,7 +889,7 @@ def _newton_step(force, diagonal, kind, max_step, inverse, pull):
         curvature = diagonal[0] - (pull[1] + pull[n - 1])
         slope = force[0] + (force[1] + force[n - 1])
     else:
-        curvature, slope = diagonal[0] - 2, force[0]  # its own neighbour on both sides
+        curvature, slope = diagonal[0] - 2, force[0]  # x_0 is its own neighbour on both sides
     step = 0.0
     if kind != 0 and curvature != 0:
         step = min(max(kind * slope / abs(curvature), -max_step), max_step)
@@ -897,7 +903,7 @@ def _newton_step(force, diagonal, kind, max_step, inverse, pull):
 def _eliminate(j, before, force, diagonal, inverse, pull):
     """Eliminate site j after its neighbour, whose (1/pivot, force/pivot, pull/pivot) is `before`.
 
-    Returns the same for site j, and the pivot.
+    Returns the same three quotients for site j, and its pivot.
     """
     pivot = diagonal[j] - before[0]
     force[j] += before[1]
@@ -915,7 +921,7 @@ def newton_solve(kappa, theta, u, kind, max_step, n_steps, work):
     # Numba treats rows unpacked in one assignment as strided, and would not vectorize the loops.
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     change, last_change, curvature, slope, log_pivots, n_bad = np.inf, np.inf, 0.0, 0.0, 0.0, 0
-    stiffness = 0.0  # of springs that hold the sites where the action is not convex
+    stiffness = 0.0  # springs hold the sites where the action is not convex
     for _ in range(n_steps):
         _forces(kappa, theta, u, force, diagonal)
         for j in range(1, n if stiffness else 0):
@@ -960,7 +966,7 @@ def _forces(kappa, theta, u, force, diagonal):
 
 @njit(nogil=True)
 def _sines(theta, u, sine, cosine):
-    """Write sin and cos of 2πx into vectors, in a separate loop so that it is vectorized."""
+    """Write sin and cos of 2πx into vectors, in a separate loop that can be vectorized."""
     for j in range(u.size):
         x = theta[j] + u[j]
         sine[j], cosine[j] = sin2pi(x), cos2pi(x)
@@ -970,8 +976,8 @@ def _sines(theta, u, sine, cosine):
 def _refined_residue(kappa, numerators, u, work):
     """Compute R in double-double arithmetic.
 
-    Newton steps with forces in double-double come first; R then follows from the trace of the
-    product of all tangent maps.
+    Newton steps with forces in double-double arithmetic come first; R then follows from the trace
+    of the product of all tangent maps.
     """
     n, period = u.size, kappa.size
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
@@ -997,7 +1003,7 @@ def _refined_residue(kappa, numerators, u, work):
             u[j], low[j] = add((u[j], low[j]), (change, 0.0))
             slopes[0, j], slopes[1, j] = add((slopes[0, j], slopes[1, j]), (bends[j] * change, 0.0))
             largest_change = max(largest_change, abs(change))
-        if largest_change < 1e-12:  # quadratic convergence: done
+        if largest_change < 1e-12:  # convergence is quadratic, so the next change is negligible
             break
     x_x, y_x, x_y, y_y = (1.0, 0.0), (0.0, 0.0), (0.0, 0.0), (1.0, 0.0)
     for j in range(n):

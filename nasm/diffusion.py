@@ -3,15 +3,15 @@
     D = lim <(y_n - y_0)²> / 2n,     with n in periods of the forcing, and y as in `nasm.maps`,
 
 where <…> is the mean over all starts in the cell 0 ≤ x, y < 1. The mean includes islands, from
-which nothing spreads, so that a density gradient drives the flux -D ∂ρ/∂y. The literature on the
-standard map mostly states <(p_n - p_0)²>/n for p = 2πy, which is 8π²D. While a barrier exists, D is
-0.
+which nothing spreads; with this definition, a density gradient drives the flux -D ∂ρ/∂y. The
+literature on the standard map mostly states <(p_n - p_0)²>/n for p = 2πy, which is 8π²D. While a
+barrier exists, D is 0.
 
 Motion within a cell adds a constant to <(y_n - y_0)²>, so D is computed from the slope between lags
-of n/8 and n/2. n is doubled until the root mean square of y_{n/2} - y_0 reaches 2. D does not exist
-if an accelerator mode carries some orbits along, with y ~ n: then the squares grow faster than n,
-or one orbit is far ahead of all others. For strong kicks, compare with Rechester & White, Phys.
-Rev. Lett. 44 (1980) 1586.
+of n/8 and n/2. The time n is doubled until the root mean square of y_{n/2} - y_0 reaches 2. D does
+not exist if an accelerator mode carries some orbits along, with y ~ n: then the squares grow faster
+than n, or one orbit is far ahead of all others. For strong kicks, compare with Rechester & White,
+Phys. Rev. Lett. 44 (1980) 1586.
 """
 
 from dataclasses import dataclass
@@ -43,13 +43,14 @@ class DiffusionSettings:
     ----------
     n_parts : int
         Number of equal parts of the time, a power of 2; momenta are recorded at the end of each.
-        The longer lag is half of the parts, and the shorter lag is one part.
+        The longer lag spans half of the parts, and the shorter lag spans one part.
     min_mean_square : float
         n suffices once the mean square of the displacements over the longer lag reaches this value.
     max_growth_exponent : float
         Largest exponent of n in the growth of mean squares; faster growth is anomalous.
     max_square_ratio : float
-        Ratio of the largest square to the mean square; no orbit exceeds it by chance.
+        Largest ratio of the mean square of one orbit to that of all orbits; no orbit exceeds it by
+        chance.
 
     Examples
     --------

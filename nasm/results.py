@@ -1,8 +1,8 @@
-"""The result of methods that look for a breakup: the scale at which a circle breaks.
+"""The result of methods that determine a breakup: the scale at which a circle breaks.
 
 On the ray κ = s·profile, s ≥ 0, the circle of rotation number ω exists for small s and breaks at
 the critical scale. The critical points of ω form the boundary CB_ω, and those of the last circle
-CB_gt (arXiv:1606.04824, Sec. V).
+form CB_gt (arXiv:1606.04824, Sec. V).
 """
 
 import math
@@ -131,9 +131,9 @@ class CriticalScale(Result):
     error : float
         Estimated absolute error of the value.
     lower, upper : float
-        Bracket that the method *shows*: it finds a circle at lower, and excludes all at upper; in
-        floating point, unless the method is one of `nasm.proofs`. A bound that it does not show
-        is NaN.
+        Bracket that the method *shows*: it finds a circle at lower, and excludes all circles at
+        upper. It does so in floating point, unless it is one of the methods of `nasm.proofs`. A
+        bound that is not shown is NaN.
     omega : RotationNumber or None
         Rotation number of the circle per period; None if the method does not identify the circle.
     status : Status
@@ -207,7 +207,7 @@ def _spell(omega: RotationNumber, digits: int) -> str:
 
 
 def no_answer(omega: RotationNumber | None, status: Status, method: str = "") -> CriticalScale:
-    """Return the CriticalScale of a method that failed: all numbers are NaN.
+    """Return the CriticalScale of a method that failed: all its numbers are NaN.
 
     Examples
     --------

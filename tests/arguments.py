@@ -54,7 +54,7 @@ TOLERANCES = {"distance": 0.01, "budget": 0.1}
 AXES = {"lo": 0, "hi": 1, "text": "0:1:4"}
 GOOD = FORCINGS | NUMBERS | STARTS | COUNTS | TOLERANCES | AXES
 
-# Functions that need other values of some arguments.
+# Arguments of functions that need other values than those above.
 OTHERS = {
     escape.first_escape: {"x": np.zeros(5)},
     orbits.orbit: {"x": np.zeros(2)},
@@ -69,7 +69,7 @@ OTHERS = {
 
 
 def arguments(function):
-    """Return valid arguments of a function for the parameters without a default."""
+    """Return valid arguments for those parameters of a function that have no default."""
     parameters = inspect.signature(function).parameters.values()
     needed = {p.name: GOOD[p.name] for p in parameters if p.default is p.empty}
     return needed | OTHERS.get(function, {})

@@ -1,4 +1,4 @@
-"""Audits of the proof programs: copies with changed lines, and checks that must notice them."""
+"""Audits of the proof programs: copies with changed lines, and checks that must detect changes."""
 
 import ast
 import inspect
@@ -37,10 +37,10 @@ def changed(source, changes):
 
 
 def mutant(module, *changes):
-    """Return a copy of a module, run from its source after the changes."""
+    """Return a copy of a module, executed from its source after the changes."""
     other = types.ModuleType("mutant")
-    with pytest.MonkeyPatch.context() as patch:  # restores this key only, not other imports
-        patch.setitem(sys.modules, "mutant", other)  # dataclasses look it up there
+    with pytest.MonkeyPatch.context() as patch:  # restores only this key, and keeps other imports
+        patch.setitem(sys.modules, "mutant", other)  # dataclasses look the module up there
         exec(changed(inspect.getsource(module), changes), vars(other))
     return other
 
@@ -56,7 +56,7 @@ def fused(a, b, c):
 
 
 def in_python(functions, *changes, fma=fused):
-    """Return the last of `functions`, after changes to their sources, as plain Python on floats.
+    """Return the last of `functions` as plain Python on floats, after changes to the sources.
 
     Calling it returns the values of the kernel, followed by a dict of all its variables.
     """
@@ -80,10 +80,10 @@ def in_python(functions, *changes, fma=fused):
 
 @dataclass(frozen=True)
 class Kernel:
-    """What audits need to know about a kernel.
+    """The properties of a kernel that audits need.
 
     functions : the last one applies one kick; it calls the others. names : names of the numbers of
-    a state. known : the known displacement of an orbit is Σ factor·displacement; for each term, the
+    a state. known : for each term of the known displacement of an orbit, Σ factor·displacement, the
     names of the displacement, of its last difference, and of its sum in Q. The factors are the
     parameters and then their products. places : orbits in a box that are tested, as (σ,) or, in
     cells, (σ, σ_0, σ_1). rounding : bound on the rounding error of x̂ in one kick, as (coefficient
@@ -143,7 +143,7 @@ def combined(factors, state, names):
 
 
 def used(value, bound):
-    """Return value/bound; it exceeds 1 if the value is larger by even a single bit."""
+    """Return value/bound; it exceeds 1 if the value exceeds the bound by even a single bit."""
     if not bound > 0:
         return math.inf if value > 1e-30 else 0.0
     share = float((value / bound).mid())
@@ -151,7 +151,7 @@ def used(value, bound):
 
 
 def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
-    """Compare the state after one kick with what it should be, in multiprecision arithmetic.
+    """Check in multiprecision arithmetic that the state after one kick satisfies all bounds.
 
     strengths : k, and in cells also h, and k and h of the next kick. Returns, by name, the share
     of each bound that is used; it exceeds 1 if the bound is too small. For a bad box, these shares

@@ -8,7 +8,7 @@ A search is a function of (profile, tol, start=None) that returns a CriticalScal
 the script prints
 
     cases, answered  number of rows searched, and of those with a value (status OK or WIDE);
-    value            false values: farther from the table's value than both errors together;
+    value            false values: farther from the table's value than the sum of both errors;
     lower            false lower ends: above a scale beyond which no circle exists;
     upper            false upper ends: below a scale at which a circle exists;
     width            (upper - lower)/value, median and largest;
@@ -31,12 +31,12 @@ from judged import table
 
 from nasm.results import Status
 
-WARM = (1.0, 0.3), (0.3, 0.2, 0.25)  # compile the kernels before the clock starts
+WARM = (1.0, 0.3), (0.3, 0.2, 0.25)  # searched before the clock starts, to compile the kernels
 
 
 @dataclass(frozen=True)
 class Score:
-    """The result for one row. false : names of the fields of `found` that the row contradicts."""
+    """The result for one row; `false` names the fields of `found` that the row contradicts."""
 
     row: object
     found: object

@@ -1,4 +1,4 @@
-"""Figures at low resolution, for tests that do not look at them."""
+"""Figures at low resolution, for tests that do not examine figures."""
 
 from contextlib import contextmanager
 
@@ -10,7 +10,7 @@ SAVE = Figure.savefig
 
 @contextmanager
 def sketches():
-    """Draw figures at low resolution; leave PDFs empty, because they would double the time."""
+    """Draw figures at low resolution, but leave PDFs empty: drawing them would double the time."""
 
     def save(figure, file, **how):
         if how["format"] != "pdf":

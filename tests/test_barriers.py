@@ -1,4 +1,4 @@
-"""The last barrier compared with κ_G, other circles and methods; symmetries; misled searches."""
+"""The last barrier versus κ_G, other circles and other methods; symmetries; misled searches."""
 
 import time
 from dataclasses import replace
@@ -31,12 +31,12 @@ def mirror_images(omega, period):
 
 
 def is_shown(found):
-    """True if the status is OK and the value lies between lower and upper."""
+    """Return True if the status is OK and the value is between lower and upper."""
     return found.status is Status.OK and found.lower < found.value < found.upper
 
 
 def first_escapes(found, profile):
-    """Return steps until the first escape, at the lower scale and at 1.2 times the upper one."""
+    """Return the steps until the first escape, at the lower scale and at 1.2 times the upper."""
     kappas = np.outer([np.fmin(found.lower, found.value), 1.2 * found.upper], profile)
     return escape.first_escape(kappas, *escape.ensemble(64), [64], 300_000)[0]
 
@@ -84,7 +84,7 @@ def test_the_last_barrier_breaks_last_among_all_simple_nobles(angle, bound, q_ma
 
 
 PROFILES = [(1, 0.2, 0.2), ray(20), (1.8, -0.1, -0.1), ray(37), (0.2, 0.1, 1, 0.1), ray(115)]
-# Both symmetry lines of the centre meet minimizing orbits here.
+# For these two forcings, both symmetry lines of the centre meet minimizing orbits.
 PROFILES += [rotating_forcing(*ray(93), "1/3", 0), rotating_forcing(*ray(160), "1/3", 0.02)]
 GENERIC = (0.3, 0.2, 0.25)
 CASES = [(1e-3, profile, None) for profile in PROFILES]
@@ -198,7 +198,7 @@ def test_near_a_shorter_period_the_value_is_right_or_missing(profile, tol, break
     ],
 )
 def test_near_antiperiodic_forcing_no_circle_breaks_above_upper(away, omega, q, tol):
-    # An earlier search missed these two circles: its upper ends were below their breakups.
+    # An earlier search missed these two circles: its upper bounds were below their breakups.
     profile = np.array([1, 1, -1, -1 + away])
     judge = periodic.critical_scale(omega, profile, q, between=(0.354, 0.356))
     result = critical_scale(profile, tol)
@@ -361,7 +361,7 @@ def compiled():
 @pytest.mark.parametrize("seconds", [2, 6])
 @pytest.mark.parametrize("period", [9, 24, 64])
 def test_a_search_ends_within_the_seconds_allowed(period, seconds, compiled):
-    """The search may first finish the question in progress when the time runs out."""
+    """When the time runs out, the search may still finish the question in progress."""
     profile = np.random.default_rng(64).normal(size=period)
     begun = time.thread_time()
     result = critical_scale(profile, 1e-4, seconds=seconds)

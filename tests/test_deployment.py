@@ -5,7 +5,7 @@ a real S3 server.
 
 Run as `python test_deployment.py SCHEDULER_FILE PEM URL SIDE`, this file acts as the driver: a
 script in which a user sweeps a function of their own. At the end it prints the CPU time and the
-memory that it needed.
+memory that it used.
 """
 
 import json
@@ -34,7 +34,7 @@ PATIENCE = 600  # seconds; workers may have to compile kernels
 
 
 def least_residue(kappa):
-    """The smaller residue of the orbits 13/34 and 21/55."""
+    """Return the smaller of the residues of the orbits 13/34 and 21/55."""
     return min(periodic.residue(kappa, 13, 34), periodic.residue(kappa, 21, 55))
 
 

@@ -24,7 +24,7 @@ def test_two_sum_is_exact(a, b):
 
 
 @given(NUMBERS, NUMBERS, NUMBERS, NUMBERS)
-def test_sums_and_products_keep_thirty_digits(a, b, c, d):
+def test_sums_and_products_are_accurate_to_thirty_digits(a, b, c, d):
     first = double_double.two_sum(a, b * 2.0**-54)
     second = double_double.two_sum(c, d * 2.0**-54)
     size = abs(exact(first)) + abs(exact(second))
@@ -35,7 +35,7 @@ def test_sums_and_products_keep_thirty_digits(a, b, c, d):
 
 
 @given(st.integers(1, 10**6), st.integers(1, 10**6))
-def test_a_ratio_of_integers_keeps_thirty_digits(a, b):
+def test_a_ratio_of_integers_is_accurate_to_thirty_digits(a, b):
     quotient = exact(double_double.divided(float(a), float(b)))
     assert abs(quotient - Fraction(a, b)) <= Fraction(a, b) * Fraction(2) ** -104
 

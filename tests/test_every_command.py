@@ -55,7 +55,7 @@ def test_if_python_flint_is_missing_proving_commands_state_what_to_install(tmp_p
         assert code == 0 or not list((tmp_path / "out" / name).glob("*"))
 
 
-def test_every_command_ends_as_expected_and_its_cubes_become_netcdf(tmp_path):
+def test_every_command_ends_as_expected_and_its_cubes_convert_to_netcdf(tmp_path):
     """Each command runs twice, and computes nothing the second time.
 
     Bokeh, which the explorer needs, is hidden. Commands that prove nothing do not look for FLINT.

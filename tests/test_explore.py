@@ -69,7 +69,7 @@ NEAR = View((0.96995, 0.97005), (0.09995, 0.10005), (54, 54))
 
 
 @pytest.mark.parametrize("view", [VIEW, NEAR])
-def test_pixels_that_escape_or_lie_at_the_boundary_are_computed_singly(view):
+def test_escaping_pixels_and_boundary_pixels_are_computed_individually(view):
     result, n_forcings = pictures(view, 300)
     times, block = result[-1]
     assert block == 1
@@ -95,9 +95,9 @@ def test_expensive_pixels_are_computed_only_along_the_boundary(monkeypatch):
     assert (times == own)[near].all()
     blocks, apart = (x.reshape(18, 3, 18, 3) for x in (times, ~near))
     alike = (blocks == blocks[:, 1:2, :, 1:2]).all(axis=(1, 3))
-    # Away from the boundary, whole blocks share a time.
+    # Away from the boundary, the pixels of a block share one escape time.
     assert alike[apart.all(axis=(1, 3))].mean() > 0.9
-    # With fewer steps the boundary is elsewhere, and its pixels have yet to be computed.
+    # For fewer steps the boundary is elsewhere, so its pixels are not among the known ones.
     known = Field(*beyond.centres(), times, 300, apart=3)
     fewer = pictures(beyond, 200, [known])[0][-1][0]
     np.testing.assert_array_equal(fewer, pictures(beyond, 200)[0][-1][0])
@@ -119,7 +119,7 @@ def test_mirror_images_in_the_plane_are_computed_once():
     assert (times == times[::-1]).all()
     assert n_forcings < 0.2 * times.size
     row, column = np.argwhere(times <= 400)[7]
-    image = sorted((abs(row - 53.5), abs(column - 53.5)))  # between 0 and 45 degrees
+    image = sorted((abs(row - 53.5), abs(column - 53.5)))  # the image between 0 and 45 degrees
     assert times[row, column] == escapes(view, *(np.array(image) + 53.5).astype(int), 400)
 
 
@@ -134,7 +134,7 @@ def test_known_pixels_are_not_computed_again():
     (first, *_), n_forcings = pictures(moved, 300, [known])
     assert (first[0][:, :45] == times[:, 9:]).mean() > 0.97
     assert 0 < n_forcings < 0.35 * times.size
-    nearer = View((0.95, 0.96), (0.1, 0.11), (54, 54))  # a preview, then the full picture
+    nearer = View((0.95, 0.96), (0.1, 0.11), (54, 54))  # a preview is shown before the full picture
     result, n_forcings = pictures(nearer, 300, [known])
     assert not np.isnan(result[0][0]).any()
     assert n_forcings > 1000
@@ -444,12 +444,15 @@ def with_page(ask, client=None):
         page.stop()
         return result
 
-    with ThreadPoolExecutor() as thread:  # Playwright may run a loop in this thread
+    with ThreadPoolExecutor() as thread:  # Playwright may run an event loop in this thread
         return thread.submit(asyncio.run, asked()).result()
 
 
 def answers(requests):
-    """Return how a server without workers answers each (path, headers), and what it computed."""
+    """Return the answers of a server without workers, and the list of what it computed.
+
+    requests : the (path, headers) of each request.
+    """
 
     async def ask(port):
         client, result = AsyncHTTPClient(), []
@@ -478,14 +481,14 @@ REQUESTS = [  # path, headers, and the expected HTTP status
     *(("/ws", WEBSOCKET | {"Origin": origin}, 403) for origin in (f"http://{ELSEWHERE}", "null")),
     ("/ws", WEBSOCKET | {"Origin": "http://["}, 403),
     ("/ws", WEBSOCKET | {"Origin": "http://localhost:1"}, 403),  # a page of another local server
-    ("/?k1=%ff", {}, 200),  # a page with a message
+    ("/?k1=%ff", {}, 200),  # the answer is a page with a message
     ("/?plane=%c3%28&n=%00", {}, 200),
     ("/?omega=0.5000000000000000000000000000000", {}, 200),
 ]
 
 
 def fetch(site, what):
-    """Return the headers by which a browser states where a request is from and what it is for."""
+    """Return the headers in which a browser states the origin and the purpose of a request."""
     return {"Sec-Fetch-Site": site, "Sec-Fetch-Dest": what}
 
 
@@ -552,7 +555,7 @@ _POST = "POST / HTTP/1.1\r\nHost: localhost\r\n"
 async def said_to(port, text):
     """Send a text as a slow client would; return the first line of the answer.
 
-    The line is b"" if the server closes the connection.
+    The line is b"" if the server closes the connection without an answer.
     """
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     writer.write(text.encode())
@@ -711,7 +714,7 @@ def test_workers_count_as_started_while_kernels_are_being_compiled(monkeypatch):
     thread = threading.Thread(target=shared.prepare)
     thread.start()
     assert compiling.wait(60)
-    assert shared.connected.is_set()  # Ctrl-C waits for nothing else
+    assert shared.connected.is_set()  # Ctrl-C waits only for this
     assert not shared.loaded["portrait"].is_set()
     ended.set()
     thread.join()

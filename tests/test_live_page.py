@@ -35,7 +35,7 @@ def test_one_step_agrees_with_the_map(page):
         assert seen == pytest.approx(maps.step(kappa, x, y), abs=1e-15)
 
 
-def test_regular_orbits_agree_over_a_hundred_steps(page):
+def test_regular_orbits_agree_with_nasm_over_a_hundred_steps(page):
     rng = np.random.default_rng(2)
     for x, y in rng.uniform(0, 1, (20, 2)):
         kappa = [0.1, 0.05]
@@ -51,7 +51,7 @@ def test_a_rotation_number_is_the_weighted_birkhoff_average(page):
     assert seen == pytest.approx(float(omega), abs=1e-9)
 
 
-def test_short_escape_times_agree(page):
+def test_short_escape_times_agree_with_nasm(page):
     kappa, starts = [9.0, 7.0], np.linspace(0.01, 0.99, 30)
     call = "([kappa, y]) => escapeTime(kappa, 0.2, y, 5)"
     seen = [page.evaluate(call, [kappa, y]) for y in starts]
@@ -91,7 +91,7 @@ def test_forcings_that_the_page_calls_proved_can_be_proved(page, n):
         assert barrier.prove(omega, kappa).proved, kappa
 
 
-def test_proved_regions_lie_on_the_correct_sides_of_the_boundary(page):
+def test_proved_regions_are_on_the_correct_sides_of_the_boundary(page):
     program = """() => {
       const size = Math.hypot, turn = (x, y) => (Math.atan2(y, x) * 180) / Math.PI;
       const on = (x, y) => neighbours(turn(x, y)).map((ray) => BOUNDARY.value[ray]);

@@ -1,4 +1,4 @@
-"""What a user types and sees: names that tab completion offers, and the printed form of results."""
+"""What a user types and sees: the names that tab completion offers, and how results are printed."""
 
 import ast
 import subprocess

@@ -58,7 +58,7 @@ def ramp(rate, n_kicks):
     return KAPPA_G + rate * np.arange(-n_kicks, n_kicks + 1)
 
 
-def test_the_search_finds_the_lifetimes_of_a_scan_under_changing_kicks():
+def test_under_changing_kicks_the_search_finds_lifetimes_as_long_as_a_scan():
     kappa, low, high, longest = ramp(1e-3, 600), 0.4, 0.41, 0.0
     while high - low > 1e-12:
         y = np.linspace(low, high, 20_001)
@@ -78,11 +78,11 @@ def test_a_lifetime_beyond_the_horizon_in_a_ramp_is_reported_as_undecided():
     assert next(once._sentences(ramp(1e-3, 2000), survivor, np.inf)).startswith("UNDECIDED")
 
 
-def test_asymptotic_circles_converge_as_the_kicks_fade_and_keep_their_area():
+def test_asymptotic_circles_converge_as_the_kicks_fade_and_preserve_area():
     kappa = 0.5 * np.exp(-np.arange(200) / 5)
     _, y, dx = asymptotic_circle(kappa)
     assert np.mean(y * dx) == pytest.approx(0.618, abs=1e-12)
-    n = np.arange(10, 101, 10)  # the truncation error grows n-fold on the way back
+    n = np.arange(10, 101, 10)  # the truncation error grows by a factor n on the way back
     errors = [np.abs(asymptotic_circle(kappa[:k])[1] - y).max() for k in n]
     assert np.polyfit(n, np.log(errors / n), 1)[0] == pytest.approx(-1 / 5, rel=0.05)
 

@@ -60,7 +60,7 @@ def test_at_zero_mean_adding_one_half_to_both_frequencies_keeps_the_torus():
     assert np.abs(one.u - two.u).max() < 1e-8
 
 
-def test_tori_are_odd_and_negative_amplitudes_shift_the_phase_by_a_half(torus):
+def test_tori_are_odd_and_negative_amplitudes_shift_the_phase_by_one_half(torus):
     mirrored = np.roll(torus.u[::-1, ::-1], (1, 1), axis=(0, 1))
     assert np.abs(torus.u + mirrored).max() < 1e-9
     other = tori.invariant_torus(*TRIBONACCI, BELOW_BREAKUP[0], -BELOW_BREAKUP[1]).u
@@ -158,7 +158,7 @@ def test_graphs_persist_at_a_certified_torus_and_are_excluded_far_beyond():
 
 
 # One period of each forcing, the breakup of its last circle by residues or continuation, and the
-# relative distance beyond it at which no graph is left. This distance is larger without a symmetry,
+# relative distance beyond it at which no graph remains. This distance is larger without a symmetry,
 # because minimizing orbits then cross the lines on which survivors are sought.
 KNOWN = ((1.0,), KAPPA_G, 0.01), ((0.3, 0.2, 0.25), 1.79656, 0.05)
 
@@ -177,7 +177,7 @@ def test_a_few_strong_random_kicks_eliminate_even_the_longest_lived_start():
     last = aperiodic.last_survivor(kappa)
     site, reach = last.site, int(last.kicks)
     assert reach < 20
-    for less, life in ((0, reach), (1, np.inf)):  # these kicks alone suffice, but fewer do not
+    for less, life in ((0, reach), (1, np.inf)):  # these kicks alone suffice; fewer do not
         first, end = max(site - reach + less, 0), site + reach - less
         alone = aperiodic.elimination_time(kappa[first:end], 0.0, site - first, [last.x], [last.y])
         assert alone == life

@@ -12,7 +12,7 @@ from workflows.shared.cli import command, place_options
 
 
 def tell(path, state):
-    """Print the State of a cube of the run in a folder."""
+    """Print the State of a cube, which belongs to the run in the folder `path`."""
     from pipeline.store import printable
     from pipeline.sweep.progress import duration, plural
 

@@ -17,9 +17,9 @@
   every process that loads it. A kernel runs with the rights of its user: directories and files that
   belong to anyone but this user or root, or to which others can write, are not used.
 
-The directory is in NUMBA_CACHE_DIR if that is set, else in the user's cache folder. Only functions
-called from Python need to be kernels; the functions that they call are compiled into them, and need
-only `njit`.
+The directory is in NUMBA_CACHE_DIR if that is set, otherwise in the user's cache folder. Only
+functions called from Python need to be kernels; the functions that kernels call are compiled into
+them and need only `njit`.
 """
 
 import hashlib
@@ -84,18 +84,18 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         return partial(kernel, **options)
     dispatcher = njit(nogil=True, **options)(function)
     if directory() is not None:
-        dispatcher._cache = _Cache(function)  # what cache=True does, with our own cache
+        dispatcher._cache = _Cache(function)  # as cache=True would, but with our own cache
     return dispatcher
 
 
 def begin_without_scipy() -> None:
-    """Import what Numba imports with its first kernel, without scipy.fft and scipy.linalg.
+    """Import what Numba needs for its first kernel, except scipy.fft and scipy.linalg.
 
-    Those two are half of what Numba imports. Call this function in programs; no module calls it on
-    import. Afterwards Numba compiles neither np.cov nor scipy.fft, which no kernel of nasm calls.
+    Those two make up half of what Numba imports. Call this function in programs; no module calls it
+    on import. Afterwards Numba compiles neither np.cov nor scipy.fft; no kernel of nasm calls them.
     """
     if unused := {"scipy.fft", "scipy.linalg"} - sys.modules.keys():
-        sys.modules.update(dict.fromkeys(unused))  # type: ignore[arg-type]  # None hides it
+        sys.modules.update(dict.fromkeys(unused))  # type: ignore[arg-type]  # None hides a module
         import_module("numba.np.arraymath")
         import_module("rocket_fft")
 
@@ -176,8 +176,8 @@ class _Locator(_CacheLocator):
         return directory().name
 
     def get_disambiguator(self):
-        # Numba would use only the last part of the module name, the same in circles.newton and
-        # tori.newton.
+        # Numba would use only the last part of the module name, which is the same for
+        # circles.newton and tori.newton.
         return f"{self._module}-{self._line}"
 
 
@@ -186,7 +186,10 @@ class _CompileResults(CompileResultCacheImpl):
 
 
 class _Files(IndexDataCacheFile):
-    """Numba's cache files of a function: an index, and one per signature; OSError if damaged."""
+    """Numba's cache files of a function: an index, and one file per signature.
+
+    Reading a damaged file raises OSError.
+    """
 
     def _data_name(self, number):
         # Random, so that processes without a lock do not store two signatures in the same file.
@@ -199,7 +202,7 @@ class _Files(IndexDataCacheFile):
     @contextmanager
     def _open_for_write(self, path):
         with super()._open_for_write(path) as file:
-            os.fchmod(file.fileno(), 0o600)  # whatever the umask is
+            os.fchmod(file.fileno(), 0o600)  # regardless of the umask
             yield file
 
     def _load_index(self):
@@ -213,9 +216,9 @@ class _Files(IndexDataCacheFile):
 
 
 def _check(path, start=0):
-    """Raise OSError if the file is damaged, or `_is_trusted` rejects it.
+    """Raise OSError if the file is damaged or `_is_trusted` rejects it.
 
-    The last 32 bytes must be the digest of the content from `start` up to them.
+    The last 32 bytes must be the digest of all bytes between `start` and these 32.
     """
     with open(path, "rb") as file:
         if not _is_trusted(os.fstat(file.fileno())):
@@ -246,7 +249,7 @@ class _Cache(FunctionCache):
         from filelock import FileLock  # 0.1 s to import, and rarely needed
 
         self._lock = self._lock or FileLock(f"{self._cache_file._index_path}.lock")
-        with suppress(Exception):  # without the lock others may compile it too
+        with suppress(Exception):  # without the lock, others may compile the kernel too
             self._lock.acquire(timeout=_LOCK_TIMEOUT)
         overload = None
         try:

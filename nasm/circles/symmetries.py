@@ -1,8 +1,8 @@
 """Circles mapped by symmetries to other parameters (Sec. VI.C of the paper).
 
 If T∘K(θ) = K(θ + ω), and a change of variables C turns T into T', then C∘K is a circle of T'. Here
-K is given by the deviations u_j of its sites (see `circles`), for which the paper's compositions
-are
+K is given by the deviations u_j of its sites (see `circles`), in terms of which the paper's
+compositions are
 
     S∘S:               (κ) → (κ, κ),          ω → 2ω:       u_j(θ) = u(θ + jω)           (49)
     R_{1/2} ∘ K:       κ → -κ:                              u_j(θ) → u_j(θ - 1/2)      (50)
@@ -11,7 +11,7 @@ are
     S_κ0 ∘ K:          (κ_0, …) → (…, κ_0):                 u_j(θ) → u_{j+1}(θ - ω/P)
 
 The third symmetry maps the paper's circle of S_κ∘R_{-1/2} to one of (κ, -κ) with 2ω + 1. For P = 2,
-S_κ2⁻¹∘K is the same circle as the last one, one step of T earlier. Each resulting circle is
+S_κ2⁻¹∘K is the circle of the last line, one step of T earlier. Each resulting circle is
 certified anew.
 """
 
@@ -73,7 +73,7 @@ def alternate(circle: InvariantCircle) -> InvariantCircle:
 
 
 def interleave(circle: InvariantCircle) -> InvariantCircle:
-    """Return the circle under (κ_0/2, 0, κ_1/2, 0, …): kicks are halved, with 0 between them.
+    """Return the circle under (κ_0/2, 0, κ_1/2, 0, …): half of each kick, then a kick of 0.
 
     Examples
     --------
@@ -91,7 +91,9 @@ def interleave(circle: InvariantCircle) -> InvariantCircle:
 
 
 def shift(circle: InvariantCircle) -> InvariantCircle:
-    """Return the circle under (κ_1, …, κ_{P-1}, κ_0), a swap if P = 2; ω is unchanged.
+    """Return the circle under the shifted forcing (κ_1, …, κ_{P-1}, κ_0); ω is unchanged.
+
+    For P = 2, the two kicks are swapped.
 
     Examples
     --------
@@ -105,7 +107,7 @@ def shift(circle: InvariantCircle) -> InvariantCircle:
     site_turn = fourier.turns(moebius(circle.omega, 1, 0, 0, n_sites), n // 2 + 1)
     u = np.vstack([circle.u[1:], fourier.rotate(circle.u[:1], turn)])
     u = fourier.rotate(u, site_turn.conj())
-    # The origin of θ is fixed by ⟨u_0⟩ = 0; without a symmetry centre this needs a shift.
+    # The origin of θ is fixed by ⟨u_0⟩ = 0; without a symmetry centre this requires a shift of θ.
     mean = u[0].mean()
     u = fourier.rotate(u, np.exp(-1j * TWO_PI * mean * np.arange(n // 2 + 1))) - mean
     return certified(circle.omega, np.roll(circle.kappa, -1), u)

@@ -16,7 +16,7 @@ points. The residual obeys
 Adjoining patches from s = 0 upwards therefore show that the circle exists for all weaker kicks too:
 it does not break and reappear on the way. See proofs/README.md, "A patch". A proof relies on
 `_Patch` and the functions of `nasm.proofs.barrier` that it calls; C may come from any source.
-Certificates call a patch a fan.
+In certificates, a patch is called a fan.
 """
 
 import time
@@ -60,21 +60,21 @@ try:
 except ImportError:  # the extra `proof`
     arb = None  # type: ignore[assignment, misc]
 
-# Ratio of the distances from the breakup at the end of a patch and at its beginning.
+# Distance from the breakup at the end of a patch, relative to that at its beginning.
 _MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
-# The ε that suffices 1% below the breakup, and the power of the distance with which it scales.
+# The ε that suffices 1% below the breakup; ε is proportional to this power of the distance.
 _RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 3e-19, 6.3
 _LONG_DOUBLE_RESIDUAL = 1e-15  # ε down to which circles in long doubles are accurate enough
 _GRID_FACTOR = 1.1  # number of grid points, relative to that for a single forcing
 _MIN_NODES, MAX_NODES = 8, 64  # Chebyshev points in s, and in t
 _TRIAL_NODES = 24  # points in t at the far end of a patch, from which R is chosen
-_STRIP_RATIO = 0.1  # ρ relative to the half width of the strip where circles are analytic, roughly
+_STRIP_RATIO = 0.1  # ρ relative to the estimated half width of the strip of analyticity
 _SLOWDOWN = 1.25  # allowance for work that grows faster than 1/distance
 _BOUND_FRACTION = 0.8
 """A patch counts as proved if the theorem's left sides are below this fraction of its right sides.
 
-The checker of certificates computes its own bounds, which may be slightly larger: for one of 988
-cells of forcings, by a factor of 1.15.
+The checker of certificates computes its own bounds, which may be slightly larger: they are larger
+by a factor of 1.15 for one of 988 cells of forcings.
 """
 
 
@@ -96,14 +96,14 @@ def proved_below(
         Direction of the ray, not zero.
     value : float
         Scale at which the circle breaks, e.g. from `periodic.critical_scale`; 1e-300 to 1e306. For
-        a triangle, the smallest such scale on its rays. Used only to choose where to try proofs.
+        a triangle, the smallest such scale on its rays. It only determines where proofs are tried.
     budget : float
-        CPU seconds, approximately. For two kicks, 2 s suffice for 0.97 of the breakup, and 12 s for
-        0.99; proofs/README.md has a table.
+        CPU seconds, approximately. For two kicks, 2 s suffice to reach 0.97 of the breakup and 12 s
+        to reach 0.99; proofs/README.md has a table.
     tilt : array_like, shape (P,), optional
-        For a triangle, which consists of the rays profile + t·tilt, -1 ≤ t ≤ 1.
+        Required for a triangle, which consists of the rays profile + t·tilt, -1 ≤ t ≤ 1.
     nearest : float
-        Relative distance from the breakup at which to stop, from 0 to 1.
+        Relative distance from the breakup, from 0 to 1, at which to stop.
 
     Returns
     -------
@@ -186,7 +186,7 @@ def covered_up_to(intervals: Iterable[tuple[float, ...]]) -> float:
 
 
 def _proved_between(low: float, high: float, value: float, about: dict[str, Any]) -> BarrierProof:
-    """Try to prove that the circle exists for low ≤ s ≤ high, below the breakup at value."""
+    """Try to prove that the circle exists for low ≤ s ≤ high, below the breakup at `value`."""
     about = about | {"scales": (low, high)}
     omega, profile, tilt = (about[key] for key in ("short_omega", "short_kappa", "tilt"))
     middle, half, distance = (low + high) / 2, (high - low) / 2, 1 - high / value
@@ -210,7 +210,7 @@ def _proved_between(low: float, high: float, value: float, about: dict[str, Any]
     R, starts = _points_across(far, n, epsilon / 10) if any(tilt) else 1, []
     if max(Q, R) > MAX_NODES:
         return BarrierProof(False, "not proved: the patch is too wide", **about)
-    for sigma in _points(Q).tolist():  # the closest to the breakup first
+    for sigma in _points(Q).tolist():  # the points closest to the breakup come first
         for t in _points(R).tolist():
             start = circle(sigma, t)
             if not start.certified:
@@ -268,7 +268,7 @@ def _points_across(far: list[circles.InvariantCircle], n: int, max_error: float)
 def _above_rounding(coefficients: list[Any], Q: int, R: int) -> list[Any]:
     """Replace coefficients C by 0 if they are as small as the rounding errors of long doubles.
 
-    C decays with the sum of its degrees: where both degrees are high, it is only rounding error.
+    C decays with the sum of its degrees: if both degrees are high, only rounding errors are left.
     """
     size = max(1, *(len(part) for table in coefficients for row in table for part in row))
     sizes = np.zeros((Q * R, size))

@@ -1,4 +1,4 @@
-"""A user's own function of a forcing, over a plane of forcings."""
+"""Sweeps of a user's own function of a forcing over a plane of forcings."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -23,14 +23,14 @@ def over_plane(
     tile: int,
     seconds: float,
 ) -> Job:
-    """Return the Job of a function over a plane; dims (second axis, first axis).
+    """Return the Job that computes a function over a plane; dims are (second axis, first axis).
 
     Parameters
     ----------
     name : str
         Name of the cube.
     function : callable
-        Maps κ, shape (P,), to one number for each variable.
+        Function that maps κ, of shape (P,), to one number for each variable.
     variables : mapping of str to str
         Name and description of each variable.
     plane : Plane
@@ -80,5 +80,5 @@ def _predict(seconds: float, coords: Coords, settings: Settings) -> float:
 
 def _warm_up(function: Callable[[FloatArray], Any], plane: Plane) -> None:
     """Call the function once, so that compilation does not count towards the time of a tile."""
-    with suppress(Exception):  # a tile will report the error
+    with suppress(Exception):  # computing a tile will report the same error
         function(plane.forcing(0.1, 0.1))

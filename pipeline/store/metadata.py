@@ -1,4 +1,4 @@
-"""Metadata of cubes: determined by the cube and the code that computes it, written before any tile.
+"""Metadata of cubes: they follow from the cube and its code, and are written before any tile.
 
 The first driver to write the group's zarr.json creates the cube; any other driver must agree with
 it. A second file, NAME.zarr/digests.json, holds the same attributes, and a digest of each file that
@@ -34,17 +34,17 @@ if TYPE_CHECKING:
     from pipeline.cubes.cube import Cube
 
 DIGESTS = "digests.json"
-"""Name of the file of a cube with its digests."""
+"""Name of the file that contains the digests of a cube."""
 
-_MAX_NAMED = 3  # changed files that a message names
-_MAX_CHUNK = 1024  # cells along each dim of a chunk, in cubes without tiles
+_MAX_NAMED = 3  # maximum number of changed files that a message names
+_MAX_CHUNK = 1024  # maximum number of cells along each dim of a chunk, in cubes without tiles
 
 COMPUTED_BY = EVERYTHING.computed_by
-"""The code that computes cubes without a job, in one line; with a job, `job.code.computed_by`."""
+"""One line that names the code of cubes without a job; with a job, use `job.code.computed_by`."""
 
 
 def names(place: Place) -> list[str]:
-    """Return the names of the cubes in the place; Refused if it does not exist."""
+    """Return the names of the cubes in a place; raise Refused if the place does not exist."""
     with store_errors(place):
         try:
             folders = place.objects().list_with_delimiter()["common_prefixes"]
@@ -59,16 +59,16 @@ def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
     Parameters
     ----------
     place : Place
-        Where the cube is kept.
+        Where the cube is stored.
     cube : Cube
-        The plan.
+        The plan of the cube.
     computed_by : str
         The code that computes the cube, `job.code.computed_by`.
 
     Returns
     -------
     dict
-        The attributes of the cube in the store, {} if it does not exist yet.
+        The attributes of the cube in the store, or {} if the cube does not exist yet.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
 
 
 def create(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None:
-    """Create the cube with all tiles missing, or check that the existing one is the same.
+    """Create the cube with all tiles missing, or check that an existing cube may be resumed.
 
     Metadata and coordinates that are damaged or missing are written again. Further parameters and
     errors are as for `check`.
@@ -113,7 +113,7 @@ def replace(place: Place, cube: "Cube", computed_by: str, call: str = "") -> Non
     exist. The parameters, and the error for other settings, are as for `create`.
     """
     template, by = cube.template.compute(), _provenance(computed_by, call)
-    # Drop the provenance of a cube that the template was made from: this cube is new.
+    # If the template was made from another cube, drop the provenance of that cube.
     template.attrs = {key: value for key, value in template.attrs.items() if key not in by}
     cube = dataclasses.replace(cube, template=template)
     attributes = _check_settings(place, cube)
@@ -127,7 +127,7 @@ def replace(place: Place, cube: "Cube", computed_by: str, call: str = "") -> Non
 
 
 def is_visible(place: Place, name: str, config_hash: str) -> bool:
-    """Return True if this process can read that cube; workers call it before each batch."""
+    """Return True if this process can read the cube; workers call this before each batch."""
     tiles.forget()  # the cube may have been deleted and recreated
     return _attributes(place, name).get("config_hash") == config_hash
 
@@ -145,12 +145,12 @@ def _provenance(computed_by: str, call: str) -> dict[str, str]:
 
 
 def _check_settings(place: Place, cube: "Cube") -> dict[str, Any]:
-    """Return the attributes of the stored cube, {} if there is none; Refused if it differs."""
+    """Return the attributes of the stored cube, or {} if missing; raise Refused if it differs."""
     attributes = _noted(place, cube.name)[0] or _attributes(place, cube.name)
     if {"config_hash": cube.config_hash, "store_format": FORMAT}.items() <= attributes.items():
         return attributes
     if not attributes:
-        for file in ("zarr.json", ".zgroup", ".zarray"):  # by another program, in zarr 3 or 2
+        for file in ("zarr.json", ".zgroup", ".zarray"):  # of another program, in zarr 3 or 2
             with suppress(ValueError, RecursionError):
                 if json.loads(place.read(f"{cube.name}.zarr/{file}", MAX_METADATA)):
                     raise _not_ours(place, cube.name)
@@ -168,14 +168,14 @@ def _check_settings(place: Place, cube: "Cube") -> dict[str, Any]:
 
 
 def _brief(setting: Any) -> Any:
-    """Return a setting for messages: the name of a plane, any other setting unchanged."""
+    """Shorten a setting for messages: a plane to its name; other settings stay unchanged."""
     with suppress(KeyError, RecursionError, TypeError, ValueError):
-        return json.loads(setting)["name"]  # of a plane
+        return json.loads(setting)["name"]  # the setting is a plane
     return setting
 
 
 def _attributes(place: Place, name: str) -> dict[str, Any]:
-    """Return the attributes of the cube, {} if it is missing, damaged or another program's."""
+    """Return the attributes of the cube, or {} if it is missing, damaged or another program's."""
     with suppress(*DAMAGED):
         return _parsed(place.read(_key(name), MAX_METADATA))
     return {}
@@ -184,7 +184,7 @@ def _attributes(place: Place, name: str) -> dict[str, Any]:
 def _parsed(data: bytes) -> dict[str, Any]:
     """Parse the cube's attributes in zarr.json or digests.json; raise only errors in DAMAGED."""
     attributes = json.loads(data)["attributes"]
-    attributes.pop("coordinates", None)  # xarray adds it
+    attributes.pop("coordinates", None)  # xarray adds this attribute
     if not isinstance(attributes["config_hash"], str):
         raise TypeError
     return attributes
@@ -207,7 +207,7 @@ def has_digests(place: Place, name: str) -> bool:
 
 
 def changes(place: Place, name: str) -> str:
-    """Name the files of a cube that were changed or lost since they were written, and the cure.
+    """Return a message that names the changed or lost files of a cube, and the cure.
 
     Files of metadata and coordinates are compared with their digests; in a cube without tiles, all
     files are compared.
@@ -215,7 +215,7 @@ def changes(place: Place, name: str) -> str:
     Returns
     -------
     str
-        "" if no file differs, or the cube has no digests.
+        The message, or "" if no file differs or the cube has no digests.
     """
     if not has_digests(place, name):
         return ""
@@ -280,9 +280,9 @@ def _differing(place: Place, files: Mapping[str, bytes]) -> dict[str, bytes]:
 def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
     """Return the files {key: bytes} of the cube before any tile is written.
 
-    If its template has all values, the files contain them, compressed.
+    If the cube's template contains all values, the files also contain them, compressed.
 
-    by : attributes that state what computed the cube.
+    by : attributes that state which code computes the cube.
     """
     ours = {"config_hash": cube.config_hash, "store_format": FORMAT}
     labels = cube.template.attrs  # first, so that reading them back yields the same order
@@ -295,10 +295,11 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
     computed = cube.computed
     for key, array in variables.items():
         if computed:
-            tile = {} if array.dims == (key,) else cube.tile  # one chunk: readers need all of it
+            # A coordinate is stored in one chunk, because readers need all of it.
+            tile = {} if array.dims == (key,) else cube.tile
             chunks = [tile.get(str(dim), n) for dim, n in array.sizes.items()]
             encoding["/"][key] = _encoding(array.dtype, chunks)
-        else:  # chunks of the same length along a dim in all variables
+        else:  # along each dim, chunks have the same length in all variables
             chunks = [min(n, _MAX_CHUNK) for n in array.shape]
             encoding["/"][key] = _encoding(array.dtype, chunks, ZstdCodec())
     if computed:
@@ -336,7 +337,7 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
 
 
 def _encoding(dtype: np.dtype, chunks: Sequence[int], *codecs: ZstdCodec) -> dict[str, Any]:
-    """Return zarr's settings for an array; its fill value stands for missing chunks.
+    """Return zarr's settings for an array; its fill value represents missing chunks.
 
     The fill value is the largest or smallest integer, which is never a computed value, or NaN,
     which may also be a computed value.

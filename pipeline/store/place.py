@@ -1,7 +1,7 @@
-"""Where cubes are kept: a directory, or a prefix in an object store, both through obstore.
+"""Places where cubes are stored: a directory or a prefix in an object store, accessed by obstore.
 
-Credentials, endpoint and region come from the environment (AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL, …)
-of the driver and of each worker, and are not passed on.
+The driver and each worker read credentials, endpoint and region from their own environment
+(AWS_ACCESS_KEY_ID, AWS_ENDPOINT_URL, …); the driver does not pass them on to workers.
 """
 
 import errno
@@ -58,7 +58,7 @@ def printable(text: str) -> str:
 
 @dataclass(frozen=True)
 class Place:
-    """Where cubes are kept; made by `place_of`. Keys are paths of files relative to it.
+    """A place where cubes are stored, made by `place_of`. Keys are paths relative to the place.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Place:
         return f"{self.root}/{name}.zarr"
 
     def objects(self, name: str | None = None) -> "ObjectStore":
-        """Return the obstore store of all files, or of those of one cube.
+        """Return the obstore store of all files, or of the files of one cube.
 
         Raises
         ------
@@ -90,12 +90,12 @@ class Place:
         """
         path = self.cube(name) if name else self.root
         exists = os.path.isfile(f"{path}/zarr.json") if name else os.path.isdir(path)
-        if self.is_directory and not exists:  # obstore would recreate it
+        if self.is_directory and not exists:  # obstore would create it anew
             raise FileNotFoundError(f"{path} does not exist, was moved, or its disk is gone")
         return _opened(path)
 
     def read(self, key: str, most: int = MAX_FILE) -> bytes:
-        """Return the bytes of a file, b"" if it is missing; Refused if it exceeds `most` bytes."""
+        """Return the bytes of a file, b"" if missing; raise Refused if it exceeds `most` bytes."""
         with store_errors(self), suppress(*_NOT_THERE):
             file = self.objects().get(key)
             if (size := file.meta["size"]) > most:
@@ -159,7 +159,7 @@ def place_of(out: str | os.PathLike[str]) -> Place:
 
 
 def without_password(text: str) -> str:
-    """Return the text without the users and passwords in its URLs.
+    """Return the text without the user names and passwords in its URLs.
 
     Examples
     --------
@@ -175,22 +175,22 @@ def _opened(path: str) -> "ObjectStore":
     """Return the obstore store of a directory or a URL."""
     if "://" not in path:
         return LocalStore(path)
-    # Retries are limited only by time: obstore's default of ten is used up in 2 to 8 seconds.
+    # Retries are limited only by time: obstore's default of ten retries is used up in 2 to 8 s.
     timeout = timedelta(seconds=PATIENCE)
     return from_url(path, retry_config={"max_retries": 10**6, "retry_timeout": timeout})
 
 
 @contextmanager
 def driver_lock(place: Place) -> Iterator[None]:
-    """Hold the lock of a directory, created if needed, so that no second driver writes to it.
+    """Lock a directory, creating it if necessary, so that no second driver writes to it.
 
-    Object stores, and directories on file systems without locks, are not locked: there two
-    drivers would do the same work twice.
+    Object stores, and directories on file systems without locks, are not locked; in these,
+    two drivers would do the same work twice.
 
     Raises
     ------
     Refused
-        If another driver holds the lock, or the directory cannot be written.
+        If another driver holds the lock, or the directory cannot be written to.
 
     Examples
     --------

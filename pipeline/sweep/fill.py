@@ -87,7 +87,7 @@ def fill(
     Parameters
     ----------
     job : Job
-        One cube and how it is computed, from a maker like `pipeline.last_barrier`.
+        The cube and how to compute it, as returned by a function like `pipeline.last_barrier`.
     out : str or path
         Directory of the cube, or URL of an object store, s3://BUCKET/PREFIX (or gs://, az://). The
         cube is OUT/NAME.zarr; other cubes in the directory remain unchanged.
@@ -109,14 +109,14 @@ def fill(
     TilesFailed
         If tiles failed; the others are computed first.
     Interrupted
-        On Ctrl-C; it is a KeyboardInterrupt.
+        On Ctrl-C; this exception is a KeyboardInterrupt.
     store.Refused
-        If `out` holds that cube with other settings, or an incomplete one begun by other
+        If `out` contains that cube with other settings, or an incomplete cube begun by other
         code, or if another run is writing to `out`. Nothing was changed.
     store.StoreFailed
         If the disk or the object store fails.
     ClusterError
-        If no worker is fit to compute, or if `client` is unusable or given together with `workers`.
+        If no worker is suitable, or if `client` is unusable or given together with `workers`.
     ConnectionError
         If workers cannot be started, or all of them are gone.
 
@@ -152,7 +152,7 @@ def compute_missing(
     wanted: set[tuple[int, ...]] | None = None,
     call: str = "",
 ) -> xr.Dataset:
-    """Compute the missing tiles of the job's cube, or those among `wanted`; return the cube.
+    """Compute the missing tiles of the job's cube, or only those in `wanted`; return the cube.
 
     Parameters and further errors are those of `sweep`.
 
@@ -180,7 +180,7 @@ def connected(connection: Callable[[], Client], line: Progress, is_local: bool) 
 
 
 def _using(client: Client, workers: int | None) -> nullcontext[Callable[[], Client]]:
-    """Return what `connect` returns, for the user's own client, which stays open."""
+    """Return a context like that of `connect`, for the user's own client, which stays open."""
     if workers is not None:
         raise ClusterError(f"the client has its own workers; leave workers={workers} out")
     if client.asynchronous:

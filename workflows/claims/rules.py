@@ -6,9 +6,8 @@ written by hand. Each rule returns the value, as text or numbers, and the Verdic
     identity   the two sides of an equation differ by no more than rounding
     agrees     a value and a printed number differ by no more than the errors of both
     grade      the claim holds, or holds only in the weaker sense of the note, or does not hold
-               (both in `workflows.shared.judgement`)
 
-The verdict on NaN is UNDECIDED.
+`agrees` and `grade` are defined in `workflows.shared.judgement`. The verdict on NaN is UNDECIDED.
 """
 
 import tomllib
@@ -23,12 +22,12 @@ from workflows.shared.judgement import Verdict, grade
 class Claim:
     """A statement of the paper, with our value and verdict."""
 
-    place: str  # in the paper
+    place: str  # where the paper states it
     statement: str
     value: str  # our result, as text
     verdict: Verdict  # derived from the value by a rule
-    command: str  # command that shows it
-    note: str = ""  # the sense in which it holds, or why it does not
+    command: str  # command that shows the value
+    note: str = ""  # the sense in which the claim holds, or why it does not hold
 
 
 @dataclass(frozen=True)
@@ -84,11 +83,11 @@ def rounding(kicks):
 
 
 def identity(deviation, bound, label="largest deviation"):
-    """Judge an equation by the deviation of its sides."""
+    """Judge an equation by the deviation between its two sides."""
     text = f"{label} {deviation:.1e} (allowed: {bound:.1e})"
     return grade(text, deviation <= bound, known=isfinite(deviation))
 
 
 def printed(text):
-    """Return a number as printed, and half a unit of its last digit."""
+    """Return the value of a printed number, and half a unit of its last digit."""
     return float(text), 0.5 * 10.0 ** -len(text.partition(".")[2])

@@ -1,4 +1,4 @@
-"""Direct iteration on rays whose breakup is known: its exponent η."""
+"""The exponent η of direct iteration on rays whose breakup is known."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from workflows.shared.tables import dataset
 
 
 def breakups(plane, angles):
-    """Return {angle: scale of the last breakup}; raise ValueError if one is unknown."""
+    """Return {angle: scale of the last breakup}; raise ValueError if a breakup is unknown."""
     plane.rays_start_at_zero("the convergence of direct iteration")
     scales = {}
     for angle in angles:
@@ -24,9 +24,9 @@ def breakups(plane, angles):
 
 
 def on_the_diagonal(bias, critical):
-    """Fit η to κ_N - κ_c on (κ, κ), Fig. 7, for the lower and for the upper half of N.
+    """Fit η to κ_N - κ_c on the diagonal (Fig. 7), for the lower and for the upper half of N.
 
-    bias : from `direct_bias`, including the angle 45. critical : scale of the breakup there.
+    bias : from `direct_bias`, including the angle 45. critical : scale of the breakup at 45°.
     """
     kappa_c = critical * np.sqrt(0.5)
     distance = kappa_c * bias.sel(angle=45.0).isel(ensemble=-1).transpose("n").values

@@ -1,4 +1,4 @@
-"""Interactive explorer in the browser: click on a forcing, see its orbits and the verdict.
+"""Interactive explorer in the browser: click on a forcing to see its orbits and the verdict.
 
 The page shows the plane of forcings on the left, with first escape times and the boundary of the
 last circle; the phase portrait of the selected forcing on the right; and the verdict above both.
@@ -6,8 +6,8 @@ last circle; the phase portrait of the selected forcing on the right; and the ve
 Escape times and the boundary of an earlier run in OUT are shown immediately; OUT is only read, and
 need not exist. Everything else is computed on demand. Ctrl-C stops the explorer.
 
-The page is served on localhost only. To view it from another machine, forward a port from there,
-ssh -L 5006:localhost:5006 MACHINE, and open http://localhost:5006/ there.
+The page is served on localhost only. To view it on another machine, forward a port from that
+machine, ssh -L 5006:localhost:5006 MACHINE, and open http://localhost:5006/ there.
 """
 
 import click

@@ -56,7 +56,7 @@ def fill(document, shared):
 
 
 def _controls(state, problem):
-    """Return the fields for the exact point, the slider for N, and the link to the view.
+    """Return the fields for the exact point, a button, the slider for N, a link and a message.
 
     The fields show ten digits; the point keeps all of its digits until another point is typed.
     """
@@ -93,7 +93,7 @@ def _controls(state, problem):
     link.js_on_change("text", CustomJS(code="showAddress(cb_obj.text)"))
 
     def update_link():
-        if not state.plays:  # while playing, the link is not updated until the end
+        if not state.plays:  # the link is not updated until playing ends
             link.text = f'<a href="?{state.address()}">link to this view</a>'
             message.text = ""
 
@@ -110,7 +110,7 @@ def _rounded(value):
 
 
 def _show_status(line, document, work, shared):
-    """Keep a status line up to date: what is being prepared or computed, and what failed."""
+    """Keep a line up to date that shows what is being prepared or computed, and what failed."""
 
     def show():
         busy = sorted(work.busy.items())

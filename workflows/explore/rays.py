@@ -1,6 +1,6 @@
 """Breakups of the last circle on rays: those known so far, and the rays that a view needs.
 
-They are computed as in arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`. The result
+Breakups are computed as in arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`. The result
 for a ray also applies to its images under the symmetries of the plane.
 """
 
@@ -20,20 +20,20 @@ from workflows.explore.work import spread
 from workflows.figures.style import circle_class, circle_style, longest_arcs
 from workflows.shared.tables import columns, dataset
 
-_SPACING = 2.0  # degrees, in a view around the origin
+_SPACING = 2.0  # degrees between rays, in a view that contains the origin
 _N_RAYS, _STRIDES = (
     65,
     (16, 8, 4, 2, 1),
-)  # in other views, in addition to the diagonals; every 16th ray first
+)  # rays in other views, in addition to the diagonals; every 16th ray comes first
 _CUSP_OFFSETS = np.geomspace(2.0, 0.02, 6)  # degrees from the diagonals, where cusps are
 _PARTS = 8  # groups of the rays of a circle, each computed separately
-_BRACKET = 1e-3  # relative
+_BRACKET = 1e-3  # relative width of brackets
 _WIDE_VIEW = 0.2  # width of a view above which a wide bracket suffices
-_MIN_RAYS = 8  # with at most this many in a view, the legend also names circles outside it
+_MIN_RAYS = 8  # with at most this many rays in a view, the legend also names circles outside it
 _PICTURE_PAUSE = 1.0  # seconds between two pictures
-_START_DELAY = 0.5  # seconds without a new view, as the computation of a ray cannot be stopped
+_START_DELAY = 0.5  # seconds to wait for a newer view, because computing a ray cannot be stopped
 _MAX_NUMBER, _PRECISION = 1e6, 2.0**-50  # size and relative precision of decimal rotation numbers
-_MAX_GAP = 25.0  # degrees between rays that a line connects
+_MAX_GAP = 25.0  # largest angle in degrees between rays that a line connects
 
 _COLUMNS = {
     "scale": "scale at which the last circle breaks",  # NaN if not known
@@ -41,11 +41,11 @@ _COLUMNS = {
     "circle": "rotation number of the last circle, per step, exact",  # "" if not known
     "omega": "rotation number of the last circle, per step, as a float",
 }
-Breakup = namedtuple("Breakup", _COLUMNS)  # of the last circle on a ray
+Breakup = namedtuple("Breakup", _COLUMNS)  # the breakup of the last circle on a ray
 
 
 class Rays:
-    """The `known` breakups in a plane, {angle in degrees from 0 to 360: Breakup}."""
+    """Known breakups in a plane; `known` is {angle in degrees, from 0 to 360: Breakup}."""
 
     def __init__(self, plane):
         self.plane, self.known = plane, {}
@@ -59,7 +59,7 @@ class Rays:
             self.known[angle % 360] = Breakup(*values)
 
     def lines(self, view):
-        """Return the boundary as columns a, b, colour, with a piece for each ray, and a legend.
+        """Return (boundary, legend); the boundary is columns a, b, colour, with a piece per ray.
 
         The legend is {text of ω: colour} for circles that are last on more than 1% of the view.
         The boundary is None with fewer than two rays.
@@ -74,7 +74,7 @@ class Rays:
         shades = [circle_style(text)["color"] for text in classes]
         named = longest_arcs(angles[seen], classes[seen])
         colours = {text: circle_style(text)["color"] for text in named}
-        is_adjacent = (np.roll(angles, -1) - angles) % 360 <= _MAX_GAP  # to the next
+        is_adjacent = (np.roll(angles, -1) - angles) % 360 <= _MAX_GAP  # to the next ray
         after = np.where(is_adjacent, (points + np.roll(points, -1)) / 2, points)
         before = np.where(np.roll(is_adjacent, 1), np.roll(after, 1), points)
         pieces = np.stack([before, points, after], axis=1)
@@ -82,7 +82,7 @@ class Rays:
         return {"a": pieces.real.tolist(), "b": pieces.imag.tolist(), "colour": shades}, colours
 
     def _points(self):
-        """Return angles, points as complex numbers, and circles of the rays with a breakup."""
+        """Return angles, points as complex numbers, and circles of rays with a known breakup."""
         rays = [(k, ray) for k, ray in sorted(self.known.items()) if np.isfinite(ray.scale)]
         angles = np.array([angle for angle, _ in rays])
         scales, circles = ([getattr(ray, name) for _, ray in rays] for name in ("scale", "circle"))
@@ -91,7 +91,8 @@ class Rays:
     def excess(self, a, b):
         """Return the relative distance of points (a, b) beyond the boundary.
 
-        The result has the shape of a and b; it is NaN where no rays are known on both sides.
+        The result has the shape of a and b; it is NaN unless nearby rays on both
+        sides of a point are known.
         """
         angles, points, _ = self._points()
         if not angles.size:
@@ -114,7 +115,7 @@ class Rays:
         return self.known[angles[np.argmin(abs(away))]]
 
     def table(self):
-        """Return all known rays as a Dataset with dim (angle); None if there are none."""
+        """Return all known rays as a Dataset with the dim angle; None if there are none."""
         if not self.known:
             return None
         angles = sorted(self.known)
@@ -123,10 +124,10 @@ class Rays:
         return dataset("Where the last circle breaks", coords, variables, self.plane.record)
 
     def missing(self, view):
-        """Return the rays to compute next for a view, in degrees, one per set of images.
+        """Return the rays to compute next for a view, in degrees, one for each set of images.
 
         If the origin is outside the view, these are a few rays at first, then rays between known
-        ones with different circles.
+        rays with different circles.
         """
         angles, spacing = _across(view, _SPACING)
         if spacing == _SPACING:
@@ -146,7 +147,7 @@ class Rays:
         return []
 
     def _unknown(self, angles, apart):
-        """Return those of the rays that are not close to a known one, in an evenly spread order."""
+        """Return the rays that are not close to a known one, ordered so that they spread evenly."""
         folded = np.unique(self.plane.fold(angles)[0].round(9))
         known = np.array(sorted(self.known))
         if known.size:
@@ -157,9 +158,10 @@ class Rays:
 
 
 def computed(client, rays, view):
-    """Compute the rays of a view; yield `Rays.known` and the number of rays, or None.
+    """Compute the rays of a view; yield (`Rays.known`, number of these rays as text) for a picture.
 
-    client : function → dask Client; one worker is left for other tasks. rays : Rays so far.
+    None is yielded while no picture is due. client : function that returns a dask Client; one
+    worker is left for other tasks. rays : the Rays known so far.
     """
     own, n_rays, shown = Rays(rays.plane), 0, monotonic()
     own.known |= rays.known
@@ -181,7 +183,10 @@ def computed(client, rays, view):
 
 
 def circle(client, plane, omega, view):
-    """Yield the line on which the circle of ω (text) breaks, as far as it is known, or None."""
+    """Yield the known part of the line on which the circle of ω (a text) breaks, or None.
+
+    None is yielded while nothing is added to the line.
+    """
     angles, _ = _across(view, 1.0)
     alike = [shift == 0 for *_, shift in plane.symmetries]  # symmetries that preserve ω
     folded, where = np.unique(plane.unfold(angles)[alike].min(axis=0), return_inverse=True)
@@ -201,7 +206,7 @@ def named_by(text):
     """Return the text of an irrational number, and a message.
 
     A decimal number is replaced by a noble number that rounds to it; the message names this number.
-    Other texts are returned unchanged, with the message "". ValueError for a rational number.
+    Other texts are returned unchanged, with the message "". A rational number raises ValueError.
     """
     digits = re.fullmatch(r"[+-]?\d+\.(\d+)", text)
     if not digits and text and parse(text).is_rational:
@@ -215,7 +220,7 @@ def named_by(text):
     if not abs(value) < _MAX_NUMBER:
         raise ValueError(f"{abbreviate(text)} must be below {_MAX_NUMBER:g}; write one like 0.618")
     half = max(0.5 * 10.0 ** -len(digits[1]), _PRECISION * max(1.0, abs(value)))
-    # The decimal number itself is rational.
+    # The decimal number is itself rational, so take a noble number that rounds to it.
     noble = str(nobles_near(value + 0.382 * half, 0.618 * half, 1)[0])
     return noble, f"a noble number that rounds to it: {noble}"
 
@@ -228,8 +233,8 @@ def _effort(view):
 def _across(view, spacing):
     """Return the angles of rays across a view, and their spacing.
 
-    The spacing is `spacing` if the origin is in the view; otherwise there are 65 rays, and the
-    diagonals.
+    The spacing is `spacing` if the origin is in the view; otherwise there are 65 rays, in
+    addition to the diagonals.
     """
     corners = np.array([complex(a, b) for a in view.a for b in view.b])
     if view.a[0] <= 0 <= view.a[1] and view.b[0] <= 0 <= view.b[1]:
@@ -238,12 +243,12 @@ def _across(view, spacing):
     towards, turns = np.rad2deg(np.angle(middle)), np.rad2deg(np.angle(corners / middle))
     low, high = towards + turns.min(), towards + turns.max()
     angles, spacing = np.linspace(low, high, _N_RAYS, retstep=True)
-    diagonals = np.arange(np.ceil(low / 45), np.floor(high / 45) + 1) * 45  # with the cusps
+    diagonals = np.arange(np.ceil(low / 45), np.floor(high / 45) + 1) * 45  # where the cusps are
     return np.union1d(angles, diagonals), spacing
 
 
 def _on_ray(plane, angle, tol):
-    """Compute the boundary at the images of a ray, on a worker.
+    """Compute, on a worker, the boundary on all images of a ray.
 
     A wide bracket suffices if residues determine the value to within the tolerance.
     """
@@ -254,7 +259,7 @@ def _on_ray(plane, angle, tol):
 
 
 def _circle_on_rays(plane, omega, angles, q_max):
-    """Compute the scales at which the circle breaks, on a worker."""
+    """Compute, on a worker, the scales at which the circle of ω breaks on rays."""
     job = by_residue(plane, [parse(omega)], angles, q_max)
     arrays = job.compute({"circle": [omega], "angle": angles}, job.cube.settings)
     return arrays["critical_scale"][0]

@@ -10,11 +10,11 @@ from nasm.verdicts import verdict
 from workflows.explore.work import spread
 from workflows.shared.verdict_sentences import sentences
 
-_START_DELAY = 0.05  # seconds to wait for a newer point while one is dragged
+_START_DELAY = 0.05  # seconds to wait for a newer point while the point is dragged
 
 
 def describe(message, state, work):
-    """Keep up to date a message that describes the verdict on the state's point."""
+    """Describe the verdict on the state's point in a message, and keep the message up to date."""
     message.min_height = 103  # the height of the longest verdict in two columns
     lane = work.latest("verdict")
 
@@ -35,7 +35,7 @@ def describe(message, state, work):
 
 
 def copy_button(state):
-    """Return the button that copies the view as Python, and its hidden text."""
+    """Return the button that copies the view as Python, and the hidden text that it copies."""
     code, copy = Div(visible=False), Button(label="copy as Python")
     args = {"code": code, "copy": copy}
     copy.js_on_event("button_click", CustomJS(args=args, code="copyText(code.text, copy)"))
@@ -45,7 +45,7 @@ def copy_button(state):
 
 
 def _verdict_and_seconds(client, kappa):
-    """Wait, as workers cannot be interrupted; then return the verdict and its time in seconds."""
+    """Return the verdict and the time it took; wait first, as workers cannot be interrupted."""
     time.sleep(_START_DELAY)
     results = spread(client(), deque([(None, _timed, kappa)]), priority=1)
     return next(result[1] for result in results if result)
@@ -57,14 +57,14 @@ def _timed(kappa):
 
 
 def _html(lines):
-    """Return the lines as HTML that screen readers speak, the first one in bold."""
+    """Return the lines as HTML that screen readers read aloud, with the first line in bold."""
     first, *rest = map(escape, lines)
     rest = f'<div style="columns: 2 27em">{"<br>".join(rest)}</div>'
     return f'<div role="status" aria-live="polite"><b>{first}</b>{rest}</div>'
 
 
 def _python(state):
-    """Return a program that computes the verdict on the forcing and its portrait."""
+    """Return a Python program that computes the verdict and the portrait of the forcing."""
     return f"""\
 from nasm import escape, orbits
 from nasm.verdicts import verdict

@@ -1,4 +1,4 @@
-"""Thresholds of pairs of kicks against their spacing, and of signs and bursts."""
+"""Draw thresholds of pairs of kicks against their spacing, and thresholds of signs and bursts."""
 
 from fractions import Fraction
 
@@ -11,7 +11,7 @@ SIGNS, FLIPS = "one sign of P flipped", "flipped every M kicks"
 
 
 def draw_patterns(cube):
-    """Draw K_c of pairs against ε, and thresholds of signs and bursts: the middles of brackets."""
+    """Draw K_c of pairs against ε, and thresholds of signs and bursts, as middles of brackets."""
     figure, (spacing, others) = style.panels(1, 2, 12, 5)
     cube = cube.assign(middle=(cube.lower + cube.upper) / 2)
     golden = style.of_family(cube, CONSTANT).critical_scale.item()

@@ -1,4 +1,4 @@
-"""Shared by the figures of any plane of forcings: symbols, labels and outlines."""
+"""Symbols, labels and outlines shared by the figures of all planes of forcings."""
 
 import numpy as np
 
@@ -25,12 +25,12 @@ def symbols(axes, plain=False):
 
 
 def of_two_kicks(dataset):
-    """Return whether the plane is that of two kicks; some parts of figures need this plane."""
+    """Return True if the plane is that of two kicks, which some parts of figures require."""
     return plane_of(dataset.attrs) == two_kicks()
 
 
 def whole_of(dataset):
-    """Return the sum of ω and its image under the plane's symmetries, 0 if ω has no image."""
+    """Return the sum of ω and its image under the plane's symmetries, or 0 without an image."""
     return max(shift for *_, shift in plane_of(dataset.attrs).symmetries)
 
 

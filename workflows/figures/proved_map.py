@@ -17,7 +17,7 @@ _LEGEND = {
 
 
 def draw_proved_map(cube, triangles, barrier):
-    """Draw the four quadrants of the plane, and CB_gt by residues as a line.
+    """Draw the four quadrants of the plane, and CB_gt, computed by residues, as a line.
 
     cube : `proved_map`; its half κ2 > κ1 is filled by reflection. triangles : `proved_triangles`.
     barrier : CB_gt from 0° to 45°.
@@ -42,7 +42,7 @@ def draw_proved_map(cube, triangles, barrier):
 
 
 def _transport(cube):
-    """Return the cells in which transport is proved, (κ2, κ1); half of them by reflection."""
+    """Return an array (κ2, κ1), True where transport is proved; half of it is a reflection."""
     proved = np.triu(has_flag(cube.proved, "transport_is_global"))
     return proved | proved.T
 
@@ -76,7 +76,7 @@ def proved_map_caption(cube, triangles, barrier):
             f"{most:.3g}%, all within {last:.3g}%."
         )
     share = 100 * proved[there].mean()
-    # How far from CB_gt the proved triangles end, on its rays.
+    # Scales at which the proved triangles end on the rays of CB_gt, relative to CB_gt.
     ends = np.zeros(len(rays))
     for _, low, high in _corners(triangles):
         at = np.linalg.solve(np.stack([low, high], 1) + 1e-300 * np.eye(2), rays.T)

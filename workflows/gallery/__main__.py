@@ -38,9 +38,9 @@ def recipes():
 
 
 def recipe(name, out):
-    """Write the recipe of a command into OUT/recipes, as a script and as a notebook, and return it.
+    """Write the recipe of a command into OUT/recipes, as script and notebook; return the script.
 
-    The notebook has the docstring as a text cell, and the rest as a code cell.
+    The notebook contains the docstring as a text cell, and the rest as a code cell.
     """
     script = recipes()[name]
     _, docstring, code = script.split('"""', 2)
@@ -57,7 +57,7 @@ def recipe(name, out):
 
 
 def section_of(exhibit, out, quick):
-    """Return the section of the page with the results of a command."""
+    """Return the entries of the page's section on a command, as a dict."""
     folder, name = Path(out, exhibit.name), exhibit.name
     texts = {path.stem: path.read_text(encoding="utf-8").strip() for path in folder.glob("*.txt")}
     others = sorted(path for kind in ("pdf", "csv", "html") for path in folder.glob(f"*.{kind}"))

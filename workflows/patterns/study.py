@@ -1,4 +1,4 @@
-"""The forcings of `patterns`, and their findings."""
+"""The forcings of the command `patterns`, and its findings."""
 
 from math import gcd
 
@@ -31,7 +31,7 @@ def patterns(quick):
 
 
 def findings(cube):
-    """Describe the cube, and judge the claim on the spacing 1/3 from the brackets alone."""
+    """Describe the cube, and judge the claim about the spacing 1/3 from the brackets alone."""
     pairs = of_family(cube, PAIRS)
     lower, upper = (pairs[side] * pairs.period for side in ("lower", "upper"))
     third = np.isclose(pairs.parameter, 1 / 3)

@@ -1,4 +1,4 @@
-"""The reference values: which quantities, under which conditions, and both measurements of each."""
+"""The reference values: quantities, their conditions, and both measurements of each quantity."""
 
 import tomllib
 from collections.abc import Callable
@@ -19,7 +19,7 @@ from workflows.shared.tables import dataset
 
 _TEXTS = Path(__file__).with_name("reference.toml").read_text(encoding="utf-8")
 KINDS: dict[str, Any] = tomllib.loads(_TEXTS)
-"""{kind: its texts}, see the file."""
+"""The texts of each kind, {kind: texts}, from reference.toml."""
 
 Number = tuple[float, float]  # a value and its error
 
@@ -37,7 +37,7 @@ class Case:
     measure, measure_again : callable
         () → (value, error), by the first and by the second method of the kind.
     texts : dict
-        More entries for the templates of the kind.
+        Further entries for the templates of the kind.
     has_check : bool
         True if the kind's lines of plain Python apply to this case.
     """
@@ -55,13 +55,13 @@ class Case:
         return f"{self.kind} {', '.join(f'{k}={v}' for k, v in self.conditions.items())}".strip()
 
     def written(self, template: str) -> str:
-        """Return a text of the kind, filled in; "" if the kind has no such text."""
+        """Return a text of the kind with its entries filled in; "" if the kind has no such text."""
         entries = {k: tuple(v) if isinstance(v, list) else v for k, v in self.conditions.items()}
         return KINDS[self.kind].get(template, "").format(**entries | self.texts)
 
 
 def cases(quick):
-    """List all Cases; fewer of them, and smaller ensembles, if `quick`."""
+    """List all Cases, or, if `quick`, fewer of them with smaller ensembles."""
     n_orbits, most = (2048, 10**5) if quick else (2**14, 10**6)
     opened = _OPEN[: 1 if quick else None]
     return [
@@ -177,7 +177,7 @@ def _turnstile(kappa, p, q, above):
         return manifolds.turnstile(kappa, p, q, above, spacing)
 
     def measure():
-        # Rounding error of the distances between the two orbits; the norm of these is below 1.
+        # The error is that of rounding the distances between the two orbits, whose norm is below 1.
         return turnstile(4e-4).area, 4 * symmetric.EPSILON
 
     def polygons():
@@ -217,7 +217,7 @@ def _escape(kind, kappa, n_orbits):
         if kind == "escape_time":
             return times.mean(), 3 * times.std() / times.size**0.5
         first = np.ceil(4 * times.mean())
-        left = times[times > first] - first  # 1, 2, …: geometric, with mean 1/(1 - λ)
+        left = times[times > first] - first  # 1, 2, …: geometrically distributed, mean 1/(1 - λ)
         return 1 - 1 / left.mean(), 3 * left.std() / left.size**0.5 / left.mean() ** 2
 
     def again():
@@ -229,7 +229,7 @@ def _escape(kind, kappa, n_orbits):
 
 def _ramp(rate):
     def of(lifetime, *efforts):
-        """Return the result of the greater effort, and its distance from that of the smaller."""
+        """Return the result of the greater effort, and its difference from the other result."""
         few, many = (ramps.lost(_kappa_g()[0], rate, partial(lifetime, **each)) for each in efforts)
         return many, abs(many - few)
 
@@ -241,7 +241,7 @@ def _ramp(rate):
 
 
 def measured(quick):
-    """Measure all values by both methods: a Dataset with the dim value."""
+    """Measure all values by both methods; return a Dataset with the dim value."""
     chosen = cases(quick)
     numbers = np.array([[*case.measure(), *case.measure_again()] for case in chosen]).T
     verdicts = [agrees(*four)[1].value for four in numbers.T.tolist()]

@@ -7,11 +7,11 @@ kick. It closes after q periods, N = Pq kicks, with p turns if it also satisfies
     x_h + x_{N-h} = 2x_0 + p,    h = ⌊N/2⌋.
 
 This is one equation for y. Newton's method solves it while the kicks grow from 0, where y = p/N.
-The action is not used, and neither are the kernels of `nasm`.
+Neither the action nor the kernels of `nasm` are used.
 
 The flux through the gaps of p/q follows from areas alone: the segment from a minimizing point to
-the next minimax point and its image under T^q, which has the same ends, enclose ΔW_{p/q}. It is the
-difference of their ∫ y dx, computed here by Gauss-Legendre quadrature.
+the next minimax point and its image under T^q, which has the same ends, enclose ΔW_{p/q}. This
+area is the difference of their ∫ y dx, computed here by Gauss-Legendre quadrature.
 """
 
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ EPSILON = np.finfo(float).eps
 
 @dataclass(frozen=True)
 class SymmetricOrbit:
-    """An orbit of p/q through x = `x`.
+    """A periodic orbit of rotation number p/q through a point on a symmetry line.
 
     Attributes
     ----------
     x, y : float
-        Its point before the first kick.
+        That point, before the first kick.
     residue, error : float
         Greene's residue, and the effect of rounding on it.
     """
@@ -64,7 +64,7 @@ def symmetric_orbit(kappa, p, q, x, n_scales=200):
 
 
 def _half_way_step(kappa, p, n_kicks, x, y):
-    """Return Newton's correction of y for x_h + x_{N-h} = 2x_0 + p."""
+    """Return Newton's step for x_h + x_{N-h} = 2x_0 + p, to be subtracted from y."""
     at, momentum, slope_x, slope_y = x, y, 0.0, 1.0
     last, last_slope = at, slope_x
     for n in range((n_kicks + 1) // 2):
@@ -79,7 +79,7 @@ def _half_way_step(kappa, p, n_kicks, x, y):
 
 
 def _residue(kappa, n_kicks, x, y):
-    """Return R from the product of the tangent maps, and the norm of the product."""
+    """Return R, computed from the product of the tangent maps, and the norm of this product."""
     a, b, c, d = 1.0, 0.0, 0.0, 1.0
     for n in range(n_kicks):
         strength = kappa[n % len(kappa)]
@@ -94,8 +94,8 @@ def _residue(kappa, n_kicks, x, y):
 def gap_flux(kappa, p, q):
     """Return ΔW_{p/q} of one kick, for odd q, computed from areas, and its error.
 
-    The error is the change from fewer nodes, plus the area left open because the orbits
-    do not close exactly, plus rounding.
+    The error is the difference from the result with fewer nodes, plus the area left open because
+    the orbits do not close exactly, plus rounding errors.
     """
     # For odd q the minimizing orbit has a point on x = 0, and the minimax one on x = 1/2.
     low, high = (symmetric_orbit(kappa, p, q, x) for x in (0.0, 0.5))

@@ -1,9 +1,9 @@
 """Which frequencies of a ripple lower the threshold most? Its spectrum, from fast to slow.
 
 κ_n = κ(1 + d cos 2πnΩ): by what fraction is the strength κ_c at the last breakup below κ_G, that of
-constant kicks? To first order in d small divisors predict it (see `small_divisors`): losses peak
-where Ω is near mω mod 1. A slow ripple keeps strengths near κ(1 + d) for many kicks, so that κ_c
-tends to κ_G/(1 + d) or less.
+constant kicks? To first order in d, small divisors predict this fraction (see `small_divisors`):
+losses peak where Ω is near mω mod 1. A slow ripple keeps the strengths near κ(1 + d) for many
+kicks, so that κ_c tends to κ_G/(1 + d) or less.
 
 For Ω = p/q the last barrier is searched for up to q = 64. For longer periods, such as those of
 power supplies of accelerators, only an upper bound on κ_c is known, from converse KAM or from an
@@ -34,7 +34,7 @@ def parse_frequency(text):
 
 
 def parse_depth(text):
-    """Return the depth d of a modulation, from 10⁻³ to 1."""
+    """Parse the depth d of a modulation, from 10⁻³ to 1."""
     from nasm import checks
     from nasm.texts import parse_float
 

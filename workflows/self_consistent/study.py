@@ -17,10 +17,10 @@ from workflows.shared.tables import columns, dataset
 
 AMPLITUDE, BAND = 1e-4, 0.3 / TWO_PI  # initial amplitude of the wave, initial range of y
 _SEGMENT = 1024  # kicks of a segment; spectra of segments are averaged
-_SLOWEST = 1 / 64  # turns per kick; slower changes are drift
-_LONGEST_PERIOD = 34  # of the fitted forcing
-_SHOWN = 4096  # particles kept
-_ORBIT = 2000  # points of an orbit kept
+_SLOWEST = 1 / 64  # turns per kick; slower changes count as drift
+_LONGEST_PERIOD = 34  # largest period of the fitted forcing
+_SHOWN = 4096  # number of particles stored
+_ORBIT = 2000  # number of points stored of an orbit
 _BEST, _EFFORT = 3, 8  # the best lines are searched again with a larger effort
 
 # The asymptotic circle: κ_n = limit + excess·e^(-n/time), and the circle of the limit.
@@ -42,17 +42,17 @@ _VERDICTS = {
 def fields(couplings, n_particles, n_max):
     """Iterate the self-consistent map for each coupling.
 
-    The Dataset contains kappa, theta (coupling, kick); spectrum (coupling, frequency), that of the
-    second half of kappa; x, y (coupling, particle) after the last kick, x relative to the phase of
-    the wave; and escape (coupling), the kick after which the first of these particles has moved by
-    more than 2 in y, inf if none has.
+    The Dataset contains kappa, theta (coupling, kick); spectrum (coupling, frequency), the spectrum
+    of the second half of kappa; x, y (coupling, particle) after the last kick, x relative to the
+    phase of the wave; and escape (coupling), the kick after which the first of these particles has
+    moved by more than 2 in y, inf if none has.
     """
     couplings = np.unique(couplings)
     x, y = escape.ensemble(n_particles)
     y = BAND * (2 * y / 0.3 - 1)
 
     weights, shown = couplings / n_particles, (x[:_SHOWN], y[:_SHOWN], (-2 - BAND, 2 + BAND))
-    with ThreadPoolExecutor(CPU_COUNT) as threads:  # the CPUs that this job may use
+    with ThreadPoolExecutor(CPU_COUNT) as threads:  # one for each CPU that this job may use
         runs = list(threads.map(lambda weight: evolve(x, y, weight, AMPLITUDE, n_max), weights))
     kappa = np.array([run.kappa for run in runs])
     theta = np.unwrap([run.theta for run in runs], period=1)
@@ -91,7 +91,8 @@ def verdicts(fields):
 
     Starts are on lines before kicks in the middle of the second half. `kicks` is the number of
     kicks in either direction until all starts on one of these lines are eliminated, inf if some
-    survive. x, y (coupling, step) is the orbit of the longest-lived start in the frame of the wave.
+    survive. x, y (coupling, step) are the points of the orbit of the longest-lived start, in the
+    frame of the wave.
     """
     half = fields.kick.size // 2
     frequencies = fields.frequency.values
@@ -128,7 +129,7 @@ def verdicts(fields):
 
 
 def _orbit(kappa, theta, site, x, y, lifetime, drift):
-    """Follow a start before kick `site` up to its elimination; return x - θ_n and y - drift."""
+    """Follow an orbit from before kick `site` to its elimination; return x - θ_n and y - drift."""
     end = int(min(site + lifetime, kappa.size))
     points = [(x, y)]
     for strength, phase in zip(kappa[site:end], theta[site:end], strict=True):
@@ -140,9 +141,9 @@ def _orbit(kappa, theta, site, x, y, lifetime, drift):
 def settling():
     """Pull the golden circle of κ = 0.9 back through κ_n = 0.9 + 0.5 e^(-n/5).
 
-    The curves x, y, dims (curve, point), are the pulled-back circle, before the first kick and
-    before kick `asked`, and the circle itself. excluded (point) is 1 if converse KAM, applied at
-    the first kick, excludes the point.
+    The three curves x, y, with dims (curve, point), are the pulled-back circle before the first
+    kick, the pulled-back circle before kick `asked`, and the golden circle itself. excluded (point)
+    is 1 if converse KAM, applied at the first kick, excludes the point.
     """
     kappa = LIMIT + EXCESS * np.exp(-np.arange(40 * TIME) / TIME)
     angle = np.arange(POINTS) / POINTS

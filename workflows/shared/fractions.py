@@ -1,4 +1,4 @@
-"""Fractions of small denominators, at which frequencies and delays are swept."""
+"""Fractions with small denominators: the values of frequencies and delays in sweeps."""
 
 from collections.abc import Iterable
 from fractions import Fraction

@@ -1,4 +1,4 @@
-"""Self-contained HTML pages, from jinja2 templates in which all text is escaped."""
+"""Self-contained HTML pages, rendered from jinja2 templates in which all text is escaped."""
 
 import re
 from pathlib import Path

@@ -1,7 +1,8 @@
 """The delays of `two_series`, resonances to first order, and the findings.
 
-κ = K·(1, 0, …, r, 0, …)/q, r = K_α/K at the a-th of q kicks (`nasm.planes.pairs`), so that a scale
-is the strength K. The resonance at p = k has the strength K|1 + r e^{2πikτ}| to first order.
+κ = K·(1, 0, …, r, 0, …)/q, where r = K_α/K is the a-th entry after the first of q (see
+`nasm.planes.pairs`), so that a scale is equal to the strength K. The resonance at p = k has the
+strength K|1 + r e^{2πikτ}| to first order.
 """
 
 from fractions import Fraction
@@ -17,7 +18,7 @@ from pipeline.cubes.cube import coordinate, text
 from workflows.shared.judgement import finding
 from workflows.shared.tables import columns, dataset
 
-RATIOS = {"K": 1.0, "K/2": 0.5, "-K": -1.0}  # K_α: K_α/K
+RATIOS = {"K": 1.0, "K/2": 0.5, "-K": -1.0}  # name of K_α: the ratio K_α/K
 PARAMETER = "delay τ of the second series, in periods"
 IRRATIONAL = "[0;2,(1)]"  # the golden delay, (3 - √5)/2
 
@@ -25,7 +26,7 @@ IRRATIONAL = "[0;2,(1)]"  # the golden delay, (3 - √5)/2
 def computed_ratio(delay, ratio):
     """Return the ratio r that is computed in place of `ratio`, and the shift of ω.
 
-    If q is even, a is odd: κ_n → (-1)ⁿκ_n takes r to -r and ω to ω + q/2.
+    If q is even, a is odd; then κ_n → (-1)ⁿκ_n maps r to -r and ω to ω + q/2.
     """
     is_image = delay.denominator % 2 == 0 and ratio < 0
     return (-ratio, delay.denominator // 2) if is_image else (ratio, 0)
@@ -76,13 +77,13 @@ def weakest_resonance(delay, ratio, window=None):
     Parameters
     ----------
     delay : Fraction or float
-        τ; a Fraction if there is no window.
+        The delay τ; it must be a Fraction if `window` is None.
     ratio : float
-        r.
+        The ratio r.
     window : int, optional
-        Largest |k|; by default all k.
+        Largest |k|; by default, all k are included.
     """
-    if window is None:  # kτ modulo 1 takes the values of k/q
+    if window is None:  # kτ modulo 1 takes all values j/q
         turns = np.arange(delay.denominator) / delay.denominator
     else:  # the strengths at k and -k are equal
         turns = delay * np.arange(window + 1)
@@ -112,7 +113,7 @@ def findings(table):
 
 
 def _order(table):
-    """Judge whether K_c falls as the weakest resonance grows, to its lowest at the strongest."""
+    """Judge whether K_c falls as the weakest resonance grows, and is lowest at its maximum."""
     follows, decided, lowest, places = 0, 0, [], []
     for name, ratio in RATIOS.items():
         part = table.sel(ratio=ratio)
