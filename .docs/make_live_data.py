@@ -1,8 +1,9 @@
 """Write what the live page shows: python .docs/make_live_data.py [--proved OUT]
 
-`boundary.js` is CB_gt between 0 and 45 degrees, of which the whole plane is an image; half a minute
-of CPU time. `proved.js` is what `workflows.proved_map` proves with the settings below; two CPU
-minutes, or none if OUT is a finished run of it.
+`boundary.js` contains CB_gt between 0 and 45 degrees, from which the rest of the plane follows by
+symmetry; computing it takes half a minute of CPU time. `proved.js` contains the results of
+`workflows.proved_map` with the settings below; computing them takes two CPU minutes, or none if OUT
+is a finished run of that command.
 """
 
 import argparse
@@ -21,11 +22,11 @@ from workflows.figures.style import has_flag
 TOL = 1e-4
 CUSP = 45 - np.geomspace(0.03, 3, 13)[::-1]  # more rays next to the cusp
 PROVED = "--cells", "128", "--distance", "0.2"
-DIGITS = 7  # of the corners of triangles, which are rounded towards zero
+DIGITS = 7  # digits of the corners of triangles, which are rounded towards zero
 
 
 def boundary_data() -> dict[str, object]:
-    """Return the angles of rays, the last circles there, and their breakups with brackets."""
+    """Return the angles of rays, and on each ray the last circle, its breakup and the bracket."""
     angles = sorted({*np.linspace(0, 45, 46), *CUSP.round(4)})
     cube = boundary(angles, TOL)
     names = {"value": "critical_scale", "lower": "lower", "upper": "upper"}
@@ -34,16 +35,17 @@ def boundary_data() -> dict[str, object]:
 
 
 def proved_data(out: Path) -> dict[str, object]:
-    """Return the triangles in which a barrier is proved, and the cells in which transport is.
+    """Return the triangles in which a barrier is proved, and the cells with proved transport.
 
-    A triangle is (κ1, κ2) of its two corners other than 0. Cells have the width 1/n; a run
-    [row, from, to] of them are those from `from` to before `to` along κ1. All are for
-    0 ≤ κ2 ≤ κ1.
+    A triangle is given by (κ1, κ2) at its two corners other than 0. Cells have the width 1/n; a run
+    [row, from, to] consists of the cells of that row with indices from ≤ i < to along κ1. Triangles
+    and cells cover only 0 ≤ κ2 ≤ κ1.
     """
     names = "proved_map", "proved_triangles"
     cells, triangles = (xr.open_zarr(out / f"{name}.zarr", chunks=None).load() for name in names)
     corners = [f"kappa{i}_{end}" for end in ("low", "high") for i in (1, 2)]
-    # Shrinking a triangle towards its corner 0 keeps it in itself; rounding its corners need not.
+    # A triangle that shrinks towards its corner 0 stays inside the original one; rounding alone
+    # could move its corners outside.
     part = triangles.proved_below * (1 - 10.0**-DIGITS)
     shown = np.stack([(part * triangles[name]).values for name in corners], -1)
     is_proved = np.triu(has_flag(cells.proved, "transport_is_global"))
@@ -55,7 +57,7 @@ def proved_data(out: Path) -> dict[str, object]:
 
 
 def write(name: str, data: dict[str, object]) -> None:
-    """Write data as a constant of a script of the page."""
+    """Write data to a script of the page, as a JavaScript constant."""
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
     path = Path(__file__).with_name("live") / f"{name}.js"
     line = f"// Made by make_live_data.py.\nconst {name.upper()} = {text};\n"

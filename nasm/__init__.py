@@ -6,8 +6,8 @@
 
 These functions build on the methods in `converse_kam`, `periodic` (Greene's residue), `circles` and
 `circles.continuation` (invariant circles), and `escape` (direct iteration). `maps` defines the map,
-and `numbers` exact rotation numbers: `nasm.parse("gamma")`. Modules are imported when they are
-first used; `__init__.pyi` lists them.
+and `numbers` defines exact rotation numbers, e.g. `nasm.parse("gamma")`. Modules are imported when
+they are first used; `__init__.pyi` lists them.
 """
 
 from importlib.metadata import PackageNotFoundError, version

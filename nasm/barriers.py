@@ -14,7 +14,7 @@ The search proceeds from the outside inwards.
    without circles. The first scale is about 1% above the breakup, where converse KAM eliminates all
    starts in 100 steps.
 2. *Leap.* Residues (`nasm.periodic`) determine the scale at which one circle breaks: the circle
-   just found, or else the simplest noble next to the first one listed. If that scale is precise,
+   just found, or else that of the simplest noble near the first one listed. If that is precise,
    and residues show that the circle exists just below it, the tree is searched next at a scale just
    above it.
 3. *Step.* Otherwise, lower the scale. Residues grow like s^q, so orbits of period q exclude circles
@@ -23,10 +23,10 @@ The search proceeds from the outside inwards.
    is tried.
 4. *End.* If the tree shows a circle just above the scale of a leap, this scale is dropped, and the
    search continues with that circle. If it shows none, this scale is the last breakup, unless
-   residues show that one of the listed nobles exists above it. Such a rival takes its place; if
-   residues do not determine precisely where the rival breaks, the search ends with the narrow
-   interval that remains. In bands residues have no limit: steps continue until the scale without
-   circles and the one with a circle are tol/2 apart, and the value is between them.
+   residues show that the circle of one of the listed nobles exists above it. The breakup of this
+   rival then replaces the scale; if residues do not determine it precisely, the search ends with
+   the narrow interval that remains. In bands residues have no limit: steps continue until the scale
+   without circles and the one with a circle are tol/2 apart, and the value is between them.
 
 With one or two kicks there are no bands, and a faster search comes first. The start that converse
 KAM takes longest to eliminate, just beyond the breakup, is next to what remains of the last circle,
@@ -37,9 +37,9 @@ survives above these scales.
 Two *witnesses* confirm the bracket or widen it. Residues and the tree only select which circles are
 tried; what the witnesses show does not depend on them. At `lower`, an invariant circle is certified
 by Newton's method on a finer grid. At `upper`, converse KAM on two unrelated grids finds no start
-that survives. A witness does not set the value; but if a start survives on a circle that exists
-according to its residues, or far above the value, the search is resumed there, and a circle found
-there yields a new value.
+that survives. A witness does not set the value. But if a start survives on a circle that exists
+according to its residues, or far above the value, the search is resumed above the value, and a
+circle found in this second search yields a new value.
 """
 
 from dataclasses import dataclass, replace
@@ -76,16 +76,16 @@ class Effort:
         Share of tol that lies above the value, where converse KAM takes 1/distance steps. The rest
         lies below, where a circle is certified, which takes longer.
     first_steps : int
-        Steps of converse KAM on transversals with which the search begins, about 1/100 above the
-        breakup: at that scale the circle that the tree excludes last is usually the one that breaks
-        last. If a circle exists there, higher scales are tried in steps of 1/100; and survivors
-        that far above a value contradict it.
+        Number of steps of converse KAM on transversals with which the search begins. They eliminate
+        all starts about 1/100 above the breakup, where the circle that the tree excludes last is
+        usually the one that breaks last. If a circle exists at that scale, higher scales are tried
+        in relative steps of 1/100. Survivors that far above a value contradict the value.
     locating_steps : int
         Least number of steps of converse KAM to locate the last circle under one or two kicks.
     max_questions : int
-        Maximum number of scales at which the Farey tree is searched. Once they are used up, the
-        search, converse KAM and certification all end. Of the judged forcings, regular ones need 10
-        to 20 scales, and those with bands up to 60.
+        Maximum number of scales at which the Farey tree is searched. Once this number is
+        reached, the search, converse KAM and certification all end. Among the judged forcings,
+        regular ones need 10 to 20 scales, and those with bands up to 60.
     step : float
         Relative step, multiplied by the longest period used.
     finest_step : float
@@ -97,29 +97,29 @@ class Effort:
     breakup_distance : float
         Relative distance, below a scale without circles, within which the last breakup is sought.
     simpler_distance : float
-        Distance in ω from the noble excluded last, within which a simpler one is tested instead.
+        Distance in ω from the noble excluded last, within which a simpler noble is tested instead.
     orbit_period, last_period : int
         Longest period of the orbits whose residues are used for a leap, and of those from which the
         final value is computed; they yield nine and eleven digits.
     rival_distance : float
         Relative distance above the value at which residues test whether other circles exist.
     cusp_period : int
-        Longest period of these orbits if those up to `last_period` are not precise enough, as
-        happens next to a cusp.
+        Longest period of the orbits that determine the final value if periods up to `last_period`
+        are not precise enough, as happens next to a cusp.
     blurred_period : int
-        If only orbits of longer periods resolve a cusp, the error extends up to `upper`.
+        Period of orbits: if only longer periods resolve a cusp, the error extends up to `upper`.
     band_error : float
         Least relative error where circles break and reappear, unless tol is smaller.
     certified_distances : tuple of float
-        Distances below a bracket, divided by tol, at which a circle is certified if none is
-        certified closer to the bracket.
+        Distances below a bracket, divided by tol, at which the certification of a circle is tried,
+        one after another, until it succeeds.
     circles_tried : int
         Maximum number of circles tried at each of these distances.
     hull_period : int
         Bound on the period of the orbits from whose hull functions circles are certified.
     search_share : float
-        Share of the CPU time after which the search ends. Half of the rest is for converse KAM,
-        and what is left for the certified circle.
+        Share of the CPU time after which the search ends. Half of the remaining time is for
+        converse KAM, and whatever is left after that for the certified circle.
     long_period_tol : float
         Smallest tolerance for more than 64 kicks: lifetimes of a few hundred kicks correspond to
         this distance beyond a breakup.
@@ -202,9 +202,10 @@ def critical_scale(
     -------
     CriticalScale
         value, error : by Greene's residue; in bands, value is the midpoint between two scales.
-        lower : a circle, of omega or another rotation number, is certified there; NaN without one.
-        upper : no start on the dominant line, or on a transversal, survives there; or, if time was
-        short, the Farey tree shows no circle there.
+        lower : a scale at which a circle, of omega or of another rotation number, is certified; NaN
+        if none is.
+        upper : a scale at which no start on the dominant line, or on a transversal, survives; or,
+        if time was short, at which the Farey tree shows no circle.
         omega : rotation number per period of the last barrier, in [0, P/2]. It represents ±ω and
         all ω + P·n, whose circles break together; of two degenerate partners (`degenerate_partner`
         in `nasm.symmetries`) it is the one with the shorter text.
@@ -311,7 +312,7 @@ class _Tree:
     def lowest_excluded(self, above):
         """Return the lowest scale greater than `above` at which the tree showed no circle.
 
-        If there is none yet, try higher scales until there is; inf if the budget is spent first.
+        If there is no such scale yet, try higher ones; return inf if the budget is spent first.
         """
         excluded = (s for s, (omega, *_) in self.answers.items() if omega is None and s > above)
         scale = min(excluded, default=inf)
@@ -497,13 +498,13 @@ def _breakup(tree, tol, omega, inside, outside):
 
 
 def _with_rivals(tree, tol, breakup, inside, outside, nobles):
-    """Return the _Bracket of a breakup, or of another noble that breaks later, below `outside`."""
+    """Return the _Bracket of a breakup, or of a later one of another noble, below `outside`."""
     segment = tree.segment
     for omega in nobles:
         just_above = breakup.value + segment.length(outside, tree.effort.rival_distance)
         if omega != breakup.omega and tree.shows(omega, just_above):
             later = _breakup(tree, tol, omega, inside, outside)
-            if later is None or later.value < breakup.value:  # it breaks somewhere in between
+            if later is None or later.value < breakup.value:  # the rival breaks in between
                 return _Bracket(just_above, outside, omega)
             breakup = later
     near = segment.length(outside, tree.effort.share_above * tol)
@@ -524,7 +525,7 @@ def _search_by_survivors(tree, tol):
     located = symmetry_line.critical_scale(profile, n_steps)
     if located.status is not Status.OK:
         return None
-    # Lifetimes there are 1.2 to 1.5 times n_steps.
+    # At this scale lifetimes are 1.2 to 1.5 times n_steps.
     beyond = segment.at(located.value * (1 + 0.5 / n_steps))
     names = candidates(beyond, longest_lived(beyond, 2 * n_steps))
     last, seen = None, set()
@@ -600,7 +601,7 @@ def _eliminated_above(tree, tol, bracket):
 
 
 def _certified_below(tree, tol, bracket):
-    """Return the scale of a certified circle at a bracket's lower end or below; NaN without one."""
+    """Return the scale of a certified circle at a bracket's lower end or below, or else NaN."""
     segment, effort = tree.segment, tree.effort
     value, _ = _value(tree, tol, bracket)
     lower, begin = nan, bracket.inside
@@ -662,16 +663,16 @@ def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCi
     Parameters
     ----------
     scale : CriticalScale
-        With omega, value and lower, e.g. from `critical_scale`.
+        A result with omega, value and lower, e.g. from `critical_scale`.
     profile : array_like, shape (P,)
         Direction of the ray for which `scale` was computed.
 
     Returns
     -------
     InvariantCircle
-        The circle of scale.omega under the forcing scale.lower·profile, or as close to that forcing
-        as it can be certified again; its graph is `circles.graph`. Status NOT_CERTIFIED, and no
-        deviations, if it is not certified again.
+        The circle of scale.omega under the forcing scale.lower·profile, or under a weaker one if it
+        is certified again only there; its graph is `circles.graph`. If it is not certified again,
+        the status is NOT_CERTIFIED, and there are no deviations.
 
     Raises
     ------
@@ -706,7 +707,7 @@ def boundary(angles: ArrayLike, tol: float = 1e-4) -> list[CriticalScale]:
     Parameters
     ----------
     angles : float or sequence of floats
-        Degrees; (κ1, κ2) = s·(cos angle, sin angle).
+        Angles of the rays (κ1, κ2) = s·(cos angle, sin angle), in degrees.
     tol : float
         As for `critical_scale`; a ray takes 0.25 s of CPU time at 10⁻⁴, and 0.8 s at 2·10⁻⁵.
 

@@ -7,7 +7,7 @@ Consider M particles with weights γ_i, and a wave with amplitude κ and phase �
     y_i' = y_i + (κ'/2π) sin 2π(x_i - θ),     x_i' = x_i + y_i',
     θ' = θ - Ω + C/(2πκ'),          C = Σ_i γ_i cos 2π(x_i - θ).
 
-It is the single-wave map of del-Castillo-Negrete (Chaos 10 (2000) 75; Martínez-del-Río,
+This is the single-wave map of del-Castillo-Negrete (Chaos 10 (2000) 75; Martínez-del-Río,
 del-Castillo-Negrete, Olvera & Calleja, arXiv:1601.00942), which led to the nonautonomous standard
 map (arXiv:1606.04824, Sec. I). Its authors write angles in radians and the kick as -κ sin(x - θ),
 which pulls towards θ. Here the kick is that of `nasm.maps`, which pushes away from θ: their θ is
@@ -45,7 +45,7 @@ MAX_KICKS = 10**9
 MIN_AMPLITUDE = 1e-100
 """Smallest initial amplitude: κ² must not underflow to 0."""
 
-_BLOCK_SIZE = 256  # particles whose terms are summed pairwise; a power of two
+_BLOCK_SIZE = 256  # number of particles whose terms are summed pairwise; a power of two
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -111,8 +111,8 @@ def evolve(
     Returns
     -------
     Record
-        To continue, start from its x, y, kappa[-1] and phase: two such runs equal one longer run,
-        bit for bit.
+        To continue the run, start from x, y, kappa[-1] and phase of the Record: the two runs then
+        equal one longer run, bit for bit.
 
     Raises
     ------

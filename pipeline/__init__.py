@@ -1,4 +1,4 @@
-"""Cubes of results, computed tile by tile on any dask cluster, and stored so they can be resumed.
+"""Cubes of results, computed tile by tile on any dask cluster; interrupted runs can be resumed.
 
     job = pipeline.last_barrier([0, 30, 45])     one cube and how it is computed
     barrier = pipeline.fill(job, "out")          compute what is missing; an xarray Dataset
@@ -9,6 +9,6 @@ jobs of your own. Modules are imported when they are first used; `__init__.pyi` 
 
 import lazy_loader
 
-import nasm  # raises ImportError where none of this can run
+import nasm  # raises ImportError on unsupported platforms
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""Tables of test cases, a third of which the fast suite runs; random continued fractions."""
+"""Tables of test cases, of which the fast suite runs a third, and random continued fractions."""
 
 import pytest
 from hypothesis import strategies as st

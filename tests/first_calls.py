@@ -1,7 +1,7 @@
 """List the kernels that tiles load after the warm-up of a job: `first_calls.py FILE`.
 
-FILE holds a pickled Job. The script prints, as a JSON list, the kernels that some tiles of the job
-still have to load or compile. It needs its own process: a process that has planned the job may
+FILE contains a pickled Job. The script prints, as a JSON list, the kernels that some tiles of the
+job still have to load or compile. It needs its own process: a process that has planned the job may
 have loaded some of the kernels already.
 """
 
@@ -30,7 +30,7 @@ def loaded():
 
 
 def late(job):
-    """Return the names of the kernels that tiles load after the warm-up."""
+    """Return the names of the kernels that some tiles load after the warm-up."""
     tiles = np.argwhere(np.ones(job.cube.tile_counts))
     tiles = np.random.default_rng(0).permutation(tiles)[:N_TILES]
     job.warm_up()

@@ -1,8 +1,8 @@
-"""Ordered periodic orbits by brute force, to test `nasm.action` without using any of it.
+"""Compute ordered periodic orbits by brute force, to test `nasm.action` independently.
 
 A chain of N = Pq sites x_j with x_{j+N} = x_j + p is an orbit if x_{j+1} - 2x_j + x_{j-1} equals
-the kick (κ_j/2π) sin 2πx_j at each site. It is ordered if, for each site of the period, its q
-points are in the order of a rotation.
+the kick (κ_j/2π) sin 2πx_j at each site. The orbit is ordered if, for each site of the
+period, its q points at that site are in the order of a rotation.
 """
 
 import math
@@ -13,7 +13,7 @@ from numba import njit
 
 
 def residue(kappa, x):
-    """Return R from the product of the tangent maps, at mpmath's working precision."""
+    """Return the residue R, from the product of the tangent maps at mpmath's working precision."""
     matrix = mpmath.eye(2)
     for strength, at in zip(kappa, x, strict=True):
         c = mpmath.mpf(strength) * mpmath.cospi(2 * at)
@@ -41,8 +41,8 @@ def hessian(kappa, x):
 def on_symmetry_lines(kappa, p, q):
     """Return residues, computed to 25 digits, of ordered orbits with a point on a symmetry line.
 
-    This works for one or two kicks. The orbits satisfy x_j + x_{-j} = 2c about a site or, with one
-    kick, x_j + x_{-1-j} = 2c about the midpoint of two sites, where 2c = 0 or 1.
+    This works for forcings of one or two kicks. The orbits satisfy x_j + x_{-j} = 2c about a site
+    or, with one kick, x_j + x_{-1-j} = 2c about the midpoint of two sites, where 2c = 0 or 1.
     """
     n_sites, result = len(kappa) * q, []
     centres = [(site, twice, 0) for site in range(len(kappa)) for twice in (0, 1)]
@@ -63,8 +63,8 @@ def on_symmetry_lines(kappa, p, q):
             return x[middle // 2] + x[(middle + 1) // 2] - twice - p
 
         exact = (lambda x: mpmath.sinpi(2 * x)), mpmath.pi
-        # d is the distance to the next site, halved if the centre is between two sites. Ordered
-        # orbits stay within one turn of the rotation.
+        # d is the distance between adjacent sites near the centre, halved if the centre is between
+        # two sites. Ordered orbits stay within one turn of the rotation.
         d = (p / n_sites + np.linspace(-0.7, 0.7, 140_001)) / (1 + between)
         values = miss(d, lambda x: np.sin(2 * np.pi * x), np.pi)
         for i in np.flatnonzero(values[1:] * values[:-1] <= 0):
@@ -91,7 +91,7 @@ def _forces(kappa, p, x, force):
 
 @njit
 def _minimize_others(kappa, p, x):
-    """Minimize the action over all sites but x_0, in place; return True if it converges.
+    """Minimize the action over all sites but x_0, in place; return True on convergence.
 
     Newton's method is used where the action is convex; elsewhere sites are moved one by one.
     """
@@ -130,8 +130,8 @@ def _minimize_others(kappa, p, x):
 def by_scan(kappa, p, q, per_gap=20):
     """Return residues of ordered orbits, found by a dense scan over x_0 at each site of the period.
 
-    The other sites minimize the action; where the force on x_0 changes sign, Newton's method
-    converges to the orbit.
+    For each x_0 the other sites are chosen so that they minimize the action. Where the force on x_0
+    changes sign, Newton's method converges to an orbit.
     """
     kappa, result = np.asarray(kappa, float), []
     for site in range(kappa.size):
@@ -164,7 +164,7 @@ def _polish(strengths, p, q, x, period, found):
 
 
 def misses(orbit, kappa, p, q, kind):
-    """Return what is wrong with an Orbit; "" if nothing is.
+    """Describe the first check that an Orbit fails; return "" if it passes all checks.
 
     The force on each site must vanish, and the orbit must be ordered. The Hessian of the action
     must have one negative eigenvalue at a minimax orbit, and none at a minimizing one.

@@ -1,4 +1,4 @@
-"""Ordered orbits from the action, checked in high precision, by brute force and continuation."""
+"""Ordered orbits from the action, checked in high precision, by brute force and by continuation."""
 
 import mpmath
 import numpy as np
@@ -41,8 +41,8 @@ def test_residues_without_a_symmetry_agree_with_a_fifty_digit_computation(family
 
 def test_a_breakup_beyond_a_near_miss_is_found_by_residues_not_by_norms():
     # The ray passes 4e-4 below another sheet of the boundary, at 0.5195. Circles below that scale
-    # seem about to break there. The residues of long orbits fall beyond it, and rise only at the
-    # breakup.
+    # seem about to break there. Beyond it the residues of long orbits still fall; they rise only
+    # beyond the breakup.
     omega, profile = parse("[0;1,2,1,3,1,2,(1)]"), rotating_forcing(*ray(160), "1/3", 0)
     by_norms = continuation.critical_scale(omega, profile, 1e-3)
     assert by_norms.status is Status.UNDECIDED
@@ -82,7 +82,7 @@ def test_the_residue_of_period_two_is_kappa_squared_over_4_on_every_call():
 
 
 def test_a_minimax_orbit_that_is_not_a_maximum_along_any_site_is_found():
-    # This is 2/5 of the standard map beyond R = 1, treated as two kicks. The action can
+    # These orbits are 2/5 of the standard map beyond R = 1, treated as two kicks. The action can
     # decrease at two sites: with either of them held fixed, a negative curvature remains.
     kappa, p, q = (1.1723, 1.1723), 4, 5
     for kind, orbit in enumerate(action.ordered_orbits(kappa, p, q)):
@@ -91,7 +91,7 @@ def test_a_minimax_orbit_that_is_not_a_maximum_along_any_site_is_found():
 
 
 def _random_cases(n_profiles, kicks, n_fractions, seed):
-    """Yield (kappa, p, q), kappa up to twice the breakup of the last circle; some repeat kicks."""
+    """Yield (kappa, p, q) with kappa up to twice the last breakup; some forcings repeat kicks."""
     random = np.random.default_rng(seed)
     for n in range(n_profiles):
         period = kicks[n % len(kicks)]

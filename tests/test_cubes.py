@@ -82,7 +82,8 @@ def test_a_tile_has_the_variables_of_its_cube_with_names_and_units(name):
 
 
 def test_last_barriers_of_rotating_maps_have_rotation_numbers_per_kick():
-    coords = {"forcing": ["1/2,0", "1/2,0.25"], "angle": np.array([45.0])}  # (√2 s, 0), (s, s)/√2
+    # The forcings are (√2 s, 0) and (s, s)/√2.
+    coords = {"forcing": ["1/2,0", "1/2,0.25"], "angle": np.array([45.0])}
     result = rotating_maps._last_barriers(coords, {"kicks": 400, "tol": 1e-3})
     scales = result["critical_scale"][:, 0]
     assert scales == pytest.approx([KAPPA_G / 8**0.5, KAPPA_G * 2**0.5], rel=1e-9)
@@ -130,7 +131,7 @@ def test_the_main_variable_refers_to_its_error_and_its_status(name, main, names)
     linked = {key: link for key, link in links.items() if link}
     assert linked == {main: names}
     assert {*names.split()} <= {*template.data_vars}
-    # A cube made from this one names only variables of its own.
+    # A cube derived from this one refers only to variables that it contains.
     less = dataclasses.replace(JOBS[name].cube, template=template.drop_vars(["error", "status"]))
     remaining = " ".join(key for key in names.split() if key not in ("error", "status"))
     assert less.template[main].attrs.get("ancillary_variables", "") == remaining
@@ -168,7 +169,7 @@ def test_a_tile_of_rays_takes_seconds_so_that_there_are_few_files(job):
     assert 1 < job.predict(axes, job.cube.settings) <= 3
 
 
-def test_the_boundary_at_an_angle_is_that_at_its_image_in_the_domain():
+def test_the_boundary_at_an_angle_follows_from_that_at_the_folded_angle():
     angles = [200.0, 45.0, 10.0, 95.0]
     result = barrier.boundary(angles, 1e-2)
     assert result.angle.values.tolist() == angles

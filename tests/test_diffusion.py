@@ -1,4 +1,4 @@
-"""Diffusion compared with theory, with exact reductions, and with results from other orbits."""
+"""Diffusion rates compared with theory, between equivalent forcings, and between sets of orbits."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from workflows.diffusion import study
 
 
 def rechester_and_white(one, two):
-    """Return D of two kicks, with correlations between kicks up to four apart.
+    """Return D for a forcing of two kicks, with correlations up to a lag of four kicks.
 
     See Rechester and White, Phys. Rev. Lett. 44 (1980) 1586.
     """
@@ -23,7 +23,7 @@ def rechester_and_white(one, two):
 
 
 @pytest.mark.parametrize("kappa", [(9.0, 9.0), (30.0, 17.0), (-41.0, 8.5), (55.0, 71.0)])
-def test_under_strong_kicks_diffusion_is_as_rechester_and_white_predict(kappa):
+def test_diffusion_under_strong_kicks_agrees_with_rechester_and_white(kappa):
     result = diffusion(kappa, 2048)
     assert result.status is Status.OK
     theory = rechester_and_white(*kappa)
@@ -48,7 +48,7 @@ def test_the_error_matches_the_scatter_of_results_from_other_orbits():
     assert scatter == pytest.approx(np.mean([each.error for each in results]), rel=0.3)
 
 
-def test_with_a_barrier_or_an_accelerator_mode_there_is_no_value():
+def test_no_rate_is_returned_with_a_barrier_or_an_accelerator_mode():
     inside = [critical_scale(ray(angle), 1e-2).lower * ray(angle) for angle in (0.0, 30.0, 45.0)]
     results = [diffusion(kappa, 64, 2**17) for kappa in inside]
     assert {each.status for each in results} == {Status.NOT_CONVERGED}

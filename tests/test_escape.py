@@ -49,7 +49,7 @@ def _kick_each(c, x, y):
 
 
 def scalar_times(kappa, x, y, n_max, window, precision="double"):
-    """Iterate orbit by orbit with the kernel's kick on floats, without lanes, blocks or packing."""
+    """Compute the times orbit by orbit by the kernel's kick, without lanes, blocks or packing."""
     kind, series = escape._PRECISIONS[precision]
     arrays = escape.kick_series(np.array(kappa), series), x - 0.25, y
     return _scalar_times(*(array.astype(kind) for array in arrays), n_max, *window)
@@ -95,7 +95,7 @@ def test_long_escape_times_follow_the_distribution_of_the_definition(kappa):
 
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize("n_orbits", [1, 63, 130])
-def test_lockstep_blocks_and_packing_do_not_change_a_time(kappa, n_orbits):
+def test_lockstep_blocks_and_packing_do_not_change_escape_times(kappa, n_orbits):
     # 20 001 steps reach the longest chunk, and end in a block that is not full. The smaller numbers
     # of steps end at various places in a block, one of them at an escape.
     x, y = ensemble(n_orbits)
@@ -155,8 +155,8 @@ def test_first_escape_is_the_smallest_time_of_each_nested_ensemble(kappa):
 
 
 @pytest.mark.parametrize("shift", [-3, 1, 20])
-def test_shifting_window_and_starts_by_whole_turns_changes_no_time(shift):
-    # Rounded so that y + shift and x + 1000 are exact.
+def test_escape_times_do_not_change_if_window_and_starts_shift_by_turns(shift):
+    # The starts are rounded so that y + shift and x + 1000 are exact.
     x, y = np.round(np.array(ensemble(200)) * 2**30) / 2**30
     window = np.array([-2.0, 2.25])
     times = escape_time((1.9, 1.9), x, y, 500, window)
@@ -211,7 +211,7 @@ def test_boundary_is_where_a_ray_first_meets_transport():
     radius = np.hypot(kappa1, kappa2[:, None])
     times = np.where(radius > 0.6, 100.0, np.inf)
     angles = np.array([[20.0, 45.0], [90.5, 160.0]])
-    half_diagonal = 0.05 / np.sqrt(2) + 0.05 / 16  # of a cell, plus half the spacing of samples
+    half_diagonal = 0.05 / np.sqrt(2) + 0.05 / 16  # of a cell, plus half a sample spacing
     result = boundary(times, kappa1, kappa2, angles, 100)
     assert result.shape == angles.shape
     assert np.abs(result - 0.6).max() <= half_diagonal

@@ -21,7 +21,7 @@ def exact(omega):
         return oracles.continued_fraction(omega.prefix, omega.tail)
 
 
-def test_the_paper_s_numbers_agree_with_their_formulas():
+def test_the_named_numbers_of_the_paper_agree_with_their_formulas():
     expected = ["[0;(1)]", "[1;(1)]", "[1;(4)]", "[2;(4)]", "[1;4,(1)]", "[0;4,(1)]"]
     assert [str(parse(name)) for name in NAMES] == expected
     with mpmath.workdps(100):
@@ -31,7 +31,7 @@ def test_the_paper_s_numbers_agree_with_their_formulas():
 
 
 @given(prefix=prefixes, tail=tails)
-def test_parsing_keeps_the_value_and_printing_gives_the_same_number(prefix, tail):
+def test_parsing_preserves_the_value_and_inverts_printing(prefix, tail):
     omega = parse(spell(prefix, tail))
     assert parse(str(omega)) == eval(repr(omega), {"parse": parse}) == omega
     with mpmath.workdps(100):
@@ -151,7 +151,7 @@ def test_numpy_integers_in_a_moebius_transform_do_not_overflow(integer):
 
 
 @given(prefixes, st.integers(-12, -3))
-def test_a_noble_is_found_from_its_float(prefix, exponent):
+def test_a_noble_number_is_identified_from_its_float(prefix, exponent):
     omega = parse(spell(prefix, [1]))
     result = nobles_near(float(omega), 10.0**exponent, 30)
     assert omega in result

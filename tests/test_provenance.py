@@ -1,4 +1,4 @@
-"""Which code a cube depends on: what its job imports, and a user's own function; nothing else."""
+"""A cube depends only on the modules that its job imports and on the user's own function."""
 
 import importlib
 import pickle
@@ -26,7 +26,7 @@ SCALE = 2.0
 
 @pytest.fixture
 def edited(monkeypatch):
-    """Return a function that edits a module's file as seen by processes started later."""
+    """Return a function that replaces a module's text, as later processes would read it."""
 
     def edit(module, text=b"x = 1"):
         monkeypatch.setitem(sources._SOURCES, module, text)
@@ -62,7 +62,7 @@ def attempt(here, out):
 def test_a_new_module_of_nasm_does_not_invalidate_existing_cubes(here, tmp_path, edited):
     assert len(attempt(here, tmp_path).failed) == 2
     for module in "nasm.new", "nasm.circles.new", "pipeline.cubes.new", "nasm.barriers":
-        edited(module)  # the last one exists, but the function does not use it
+        edited(module)  # the last module exists, but the function does not use it
         assert len(attempt(here, tmp_path).failed) == 2
 
 

@@ -27,7 +27,7 @@ QUICKLY = "residue", "rotation_number", "escape_time"
 
 
 def lines_agree(value):
-    """Run the lines in a Python that can import neither this program nor any library."""
+    """Return True if the lines reproduce the value, run by Python without any installed package."""
     lines = "\n".join(value["check"]["lines"])
     names = [
         name for node in ast.walk(ast.parse(lines)) if isinstance(node, ast.ImportFrom)
@@ -85,7 +85,7 @@ def test_the_command_stored_with_a_value_reproduces_the_value(kind, capsys):
         assert abs(found - value["value"]) <= value["error"]
 
 
-def test_literature_agrees_with_the_critical_strength():
+def test_the_critical_strength_agrees_with_the_literature():
     (value,) = [value for value in VALUES if value["kind"] == "critical_strength"]
     assert abs(value["value"] - KAPPA_G) <= value["error"] < 1e-10
 
@@ -131,7 +131,7 @@ def test_the_flux_through_the_gap_of_a_fixed_point_agrees_with_the_formula():
     assert abs(area - 0.8 / (2 * np.pi**2)) <= error < 1e-14
 
 
-def test_omega_is_that_of_the_circle_through_a_start_and_nan_in_chaos():
+def test_the_rotation_number_is_that_of_the_circle_and_nan_in_chaos():
     circle = invariant_circle("[0;1,1,(2)]", (0.5,), settings=circle_through.FINE)
     y = circle_through.momentum_on(circle, 0.3)
     omega, error = circle_through.rotation_number((0.5,), 0.3, y)
@@ -139,7 +139,7 @@ def test_omega_is_that_of_the_circle_through_a_start_and_nan_in_chaos():
     assert np.isnan(circle_through.rotation_number((2.0,), 0.3, 0.62)).all()
 
 
-def test_a_start_survives_until_the_second_variation_is_not_positive():
+def test_a_start_survives_while_its_second_variation_is_positive():
     kappa = 0.97 + 0.01 * np.arange(-30, 31)
     y = np.linspace(0.3, 0.7, 41)
     times = variation.lifetimes(kappa, 30, 0.5, y)
@@ -149,13 +149,13 @@ def test_a_start_survives_until_the_second_variation_is_not_positive():
 
 
 def test_without_correlations_diffusion_is_quasilinear():
-    # Under strong kicks (κ, 0, …, 0), x advances so far in between that they are uncorrelated.
+    # Between strong kicks (κ, 0, …, 0), x advances so far that the kicks are uncorrelated.
     value, error = spreading.green_kubo((1000.3,), 512, 512, 16)
     assert value == pytest.approx((1000.3 / (4 * np.pi)) ** 2, rel=0.05)
     assert 0 < error < 0.05 * value
 
 
-def test_escapes_by_transport_between_cells_agree_with_those_of_orbits():
+def test_escape_by_transport_between_cells_agrees_with_escape_of_orbits():
     mean, factor = spreading.escapes((8.0,), (-2.0, 2.3), 0.3, 30)
     times = nasm.escape_time((8.0,), *nasm.escape.ensemble(20_000), 10_000)
     assert mean == pytest.approx(times.mean(), rel=0.05)

@@ -4,13 +4,13 @@ from pipeline.sweep import refine
 
 
 def disc(n):
-    """Return which of n² cells of [-1, 1]² have centres inside a circle of radius 0.7."""
+    """Return a mask of the n² cells of [-1, 1]² whose centres are within a circle of radius 0.7."""
     centre = -1 + (np.arange(n) + 0.5) * 2 / n
     return centre[:, None] ** 2 + centre[None] ** 2 < 0.49
 
 
 def refined_disc(coarse, levels, tile):
-    """Refine the disc's field (1 inside, 2 outside); return it and the number of cells computed."""
+    """Return ((field, level), number of cells computed) of a refined disc, 1 inside, 2 outside."""
     computed = {}
 
     def compute(level, tiles):
@@ -37,7 +37,7 @@ def test_a_fifth_of_the_finest_cells_suffices_for_a_smooth_boundary():
     assert level.min() == 0
 
 
-def test_a_cell_is_from_the_finest_level_computed_for_some_ensemble():
+def test_the_level_of_a_cell_is_the_finest_computed_for_some_ensemble():
     coarse = np.array([[[1.0, 2.0]], [[3.0, 4.0]]])
     fine = np.full((2, 2, 4), np.nan)
     fine[0, 0, 1] = 5.0

@@ -1,4 +1,4 @@
-"""Spectrum of a ripple: small divisors, the limit of slow ripples, and findings that can fail."""
+"""Spectrum of a ripple: small divisors, the limit of slow ripples, and how claims are judged."""
 
 from fractions import Fraction
 
@@ -37,7 +37,7 @@ def test_the_response_is_the_derivative_of_circles_under_a_weak_ripple():
 
 @pytest.mark.parametrize("mode", [1, 2, 3])
 def test_the_response_resonates_where_the_frequency_is_a_multiple_of_omega(mode):
-    """A small divisor enters squared: at half the distance the response is four times larger."""
+    """A small divisor enters squared: half as far from resonance, the response quadruples."""
     u = circles.invariant_circle("gamma", 0.3).u[0]
     near, nearer = small_divisors.strain(u, GAMMA, 0.3, mode * GAMMA + np.array([2e-5, 1e-5]))
     assert nearer / near == pytest.approx(4, rel=1e-2)
@@ -55,7 +55,7 @@ def test_a_ripple_of_two_kicks_is_a_forcing_of_the_paper():
     """With Ω = 1/2 and d = 1 the forcing is (2κ, 0): every second kick is missing."""
     coords = {"fraction": ["1/2"], "depth": np.array([1.0])}
     found = rotating_maps._ripples(coords, {"tol": 1e-3})
-    # y changes by 2κ/2π in two kicks, in which x changes by 2y: the standard map with 4κ.
+    # y changes by 2κ/2π in two kicks, in which x changes by 2y: this is the standard map with 4κ.
     assert found["critical_scale"][0, 0] == pytest.approx(KAPPA_G / 4, rel=1e-9)
     assert found["omega"][0, 0] == pytest.approx((3 - 5**0.5) / 4, abs=1e-12)
 
@@ -69,13 +69,13 @@ FREQUENCIES = [0.005, 0.01, 0.2, 0.3, 0.4]
 
 
 def results(loss, upper, predicted=(0.2, 0.25, 0.1, 0.3, 0.2)):
-    """Return the cube and the theory of five frequencies, of which the first two are slow.
+    """Return the cube and the theory for five frequencies, the first two of which are slow.
 
     Both depths have the same values, so there are eight steps between neighbouring frequencies. By
     chance, all of them would agree with the theory in one of 256 cases.
 
-    loss : at each frequency; NaN where there is only an upper bound. upper : bounds at the two slow
-    frequencies, relative to κ_G/(1 + d).
+    loss : the loss at each frequency; NaN where only an upper bound is known. upper : the bounds at
+    the two slow frequencies, relative to κ_G/(1 + d).
     """
     dims, scale = ("frequency", "depth"), (1 - np.array(loss)) * KAPPA_G
     ends = scale * 1.001

@@ -72,7 +72,7 @@ def test_a_tile_that_runs_out_of_memory_fails_alone(here, tmp_path):
 
 
 # Drivers are normally separate processes. Here they are threads, which share warning filters: when
-# one restores the filters, it may remove one that the other still needs.
+# one driver restores the filters, it may remove a filter that the other driver still needs.
 @pytest.mark.filterwarnings("ignore:Consolidated metadata")
 def test_two_drivers_of_one_cube_lose_nothing(here, place):
     """As on an object store, no lock stops the second driver; the cube is verified meanwhile."""

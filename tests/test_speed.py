@@ -49,7 +49,7 @@ def test_the_speed_of_the_kernels_relative_to_plain_numba():
     n_orbits, n = 1024, 20_000
     x, y = escape.ensemble(n_orbits)
     few, short = slice(0, 64), 4000  # plain Numba is slow: time fewer orbits and steps
-    line = np.linspace(0.2, 0.3, 256)  # starts that all survive such weak kicks
+    line = np.linspace(0.2, 0.3, 256)  # all these starts survive such weak kicks
     kicks = escape.kick_series(np.array(KAPPA))
     timed = {
         "plain Numba": lambda: oracles.escape_time(KAPPA, x[few], y[few], short),
@@ -88,7 +88,7 @@ def test_a_newton_step_of_a_circle_costs_n_log_n():
 
 
 def test_fill_adds_less_than_a_millisecond_per_tile_to_the_sweep(here, tmp_path):
-    """The sweep alone and `fill` both store results; the workers (threads) count in both times."""
+    """Both the sweep alone and `fill` store results; both times include the worker threads."""
     side, places = 20, (tmp_path / str(n) for n in range(100))
 
     def swept():

@@ -37,7 +37,7 @@ def alarm():
 
 
 def asked(name, text):
-    """Open the explorer's address in which the parameter `name` is `text`."""
+    """Open the explorer at an address whose parameter `name` is `text`."""
     State(planes.two_kicks()).go({name: text})
 
 
@@ -96,7 +96,7 @@ STORED = '{"name": "plane", "axes": {}, "origin": [%s, 0], "first": [1, 0], "sec
         "" if callable(value) else repr(value)[:20] if isinstance(value, str | bytes) else ""
     ),
 )
-def test_input_too_long_to_compute_is_refused_at_once_in_one_sentence(read, text, words):
+def test_oversized_or_malformed_input_is_refused_at_once_in_one_sentence(read, text, words):
     with pytest.raises((ValueError, click.BadParameter)) as refused:
         read(text)
     output = str(refused.value)

@@ -18,7 +18,7 @@ LATER = """
 
 
 def functions():
-    """Yield (name, function) of all public functions, and of the methods of public classes."""
+    """Yield (name, function) for all public functions and all public methods of public classes."""
     for package in nasm, pipeline, workflows.shared:
         for info in walk_packages(package.__path__, f"{package.__name__}."):
             if not info.ispkg and not info.name.startswith(tuple(LATER.split())):

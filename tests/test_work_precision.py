@@ -27,7 +27,7 @@ ORDERS = {  # the exponent in error ~ effort^exponent, and its tolerance
 
 
 @pytest.mark.parametrize("rays", thirds([("0", "30"), ("0", "three-kicks")]))
-def test_errors_fall_with_effort_and_their_estimates_cover_them(rays, monkeypatch):
+def test_errors_decrease_with_effort_and_error_estimates_cover_them(rays, monkeypatch):
     """Test the better methods at small efforts, on rays with and without a symmetry."""
     for name, efforts in EFFORTS.items():
         monkeypatch.setattr(METHODS[name], "efforts", efforts)
@@ -53,7 +53,7 @@ def test_errors_fall_with_effort_and_their_estimates_cover_them(rays, monkeypatc
         assert np.nanmax(errors[1] / errors[0]) < 0.2
 
 
-def test_time_is_that_of_the_least_effort_from_which_on_errors_are_small():
+def test_an_accuracy_counts_only_if_all_larger_efforts_also_reach_it():
     dims = "ray", "method", "level"
     errors = [[[1e-1, 1e-3, 1e-4]], [[1e-3, 1e-2, 1e-4]]]  # 1e-3 is first reached by chance
     seconds = [[[1.0, 2.0, 3.0]], [[1.0, 2.0, 4.0]]]

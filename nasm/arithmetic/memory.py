@@ -1,8 +1,8 @@
 """Keep memory in the process after arrays are freed.
 
-Tori, and circles near their breakup, are arrays of up to 10⁶ points. Each step of Newton's method
-allocates many such arrays, and by default the C library requests memory for each from the system
-and returns it afterwards: a third of the time is spent in page faults.
+Tori, and circles near their breakup, are stored in arrays of up to 10⁶ points. Each step of
+Newton's method allocates many such arrays. By default the C library requests memory for each of
+them from the system and returns it afterwards, so that a third of the time is spent on page faults.
 """
 
 import ctypes
@@ -14,10 +14,11 @@ _GIGABYTE = 2**30
 
 
 def keep_freed_memory() -> None:
-    """Let the whole process keep freed memory; programs that compute circles should call this.
+    """Make the whole process keep freed memory for reuse.
 
-    Call it in programs, such as workers and commands; no module calls it on import. It affects
-    threads that start after the call. With a C library other than GNU's it does nothing.
+    Programs that compute circles, such as workers and commands, should call this function; no
+    module calls it on import. The call affects the threads that start after it. With a C library
+    other than GNU's it does nothing.
 
     Examples
     --------

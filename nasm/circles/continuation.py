@@ -55,8 +55,8 @@ class ContinuationSettings:
     Attributes
     ----------
     max_points : int
-        Points of the finest grid; the distance from the breakup that is reached is inversely
-        proportional to it.
+        Number of points of the finest grid; the smallest distance from the breakup that can be
+        reached is inversely proportional to it.
     max_certified_points : int
         Maximum number of points of the circle that is certified; its certificate uses a grid four
         times finer.
@@ -72,11 +72,11 @@ class ContinuationSettings:
     modes : float
         Number of modes that resolve a circle, multiplied by its relative distance from the breakup.
     modes_of_path : float
-        The same for circles from which others are extrapolated: of 46 certificates, five failed
-        with 3.5, and none with 4.5.
+        The same number for circles from which others are extrapolated: of 46 certificates, five
+        failed when it was 3.5, and none when it was 4.5.
     two_scale_error : float
-        Error of s_c from two scales, divided by the distance from s_c to the last circle; 2.3 is
-        the largest seen.
+        Error of s_c from two scales, divided by the distance from s_c to the last circle; the
+        largest ratio seen was 2.3.
     error_without_delta : float
         Least error of s_c if δ is not known, divided by the distance from s_c to the last circle.
     test_distance : float
@@ -142,10 +142,11 @@ def critical_scale(
     Returns
     -------
     CriticalScale
-        lower is the scale of the certified circle; upper is NaN. Without an estimate, or with an
-        error as large as the value, value and error are NaN, for example if a large quotient hides
-        the tail of ω from all circles with enough modes; lower is still returned. Status UNDECIDED
-        if residues show that the circle exists beyond the value.
+        lower is the scale of the certified circle; upper is NaN. If there is no estimate, or its
+        error is as large as the value, value and error are NaN, for example because a large
+        quotient hides the tail of ω from all circles for which there are enough modes; lower is
+        still returned. The status is UNDECIDED if residues show that the circle exists beyond the
+        value.
 
     Raises
     ------
@@ -235,8 +236,8 @@ def certified_circle(
 
     Notes
     -----
-    The work grows like 1/distance: 0.1 s at 10⁻⁴, 9 s and 1 GB at 10⁻⁵. Rounding sets a limit
-    there: next to a cusp 3·10⁻⁵ may be the smallest distance.
+    The work grows like 1/distance: 0.1 s at 10⁻⁴, 9 s and 1 GB at 10⁻⁵. At such
+    distances rounding sets a limit: next to a cusp, the smallest one may be 3·10⁻⁵.
 
     Examples
     --------
@@ -262,7 +263,7 @@ def certified_circle(
         if u is None:
             break
         path.append((breakup * (1 - d), u))
-    # Try fewer modes first: they let in less rounding, and this circle is not extrapolated further.
+    # Try fewer modes first: they add less rounding; nothing is extrapolated from this circle.
     tries = [(distance, factor) for factor in (0.4, 0.7, 1.0)] + [(min(1.4 * distance, 0.5), 0.7)]
     nearest = (
         (breakup * (1 - d), circle_at(d, factor * settings.modes / d))
@@ -277,7 +278,7 @@ def certified_circle(
 
 
 def _first_circle(omega, start, settings):
-    """Return the start of a path of circles, [(0.0, u)]; empty if no circle exists at s = 0."""
+    """Return the first entry of a path, as [(0.0, u)]; [] if no circle is certified at s = 0."""
     if not start.any():
         return [(0.0, np.zeros((start.size, newton.MIN_POINTS)))]
     circle = newton.invariant_circle(omega, start, settings.max_points, settings=settings.newton)
@@ -335,8 +336,8 @@ def _continue(omega, profile, tol, settings):
         if status is not Status.OK:
             break
         path.append((last_scale, u))
-        # M from most of the modes and from all of them: the two differ if the last modes are
-        # unresolved.
+        # Compute M from most of the modes and from all of them: the two values differ if the last
+        # modes are unresolved.
         kept = fourier.cut(omega, u.shape[-1], settings.newton.grid)
         finest = fineness(u, np.array([int(settings.mode_share * kept), kept]))
         logarithms.append([log(m) for m in finest])
@@ -357,8 +358,8 @@ def _continue(omega, profile, tol, settings):
                 error,
                 np.ptp(estimates) + abs(estimates[-1] - estimates[-2]) if is_spread else distance,
             )
-            # Add the depth of any cusp that these circles do not resolve; by residues it was 0.8 to
-            # 1.1 times this.
+            # Add the depth of any cusp that these circles do not resolve; the depths found from
+            # residues were 0.8 to 1.1 times those estimated here.
             depths = value * cusps
             unresolved = depths < settings.max_depth_ratio * delta * distance
             error += depths.max(where=unresolved, initial=0.0)

@@ -22,7 +22,7 @@ OPEN = 1
 TRANSPORT = 2
 """State of a cell for which transport is proved to be global."""
 
-# Minimum relative distance from the boundary for which a proof is tried, at 1 s per proof; of 128
+# Minimum relative distance from the boundary for which a proof is tried if it may take 1 s; of 128
 # closer cells only 2 were proved.
 _MIN_DISTANCE = 0.003
 
@@ -30,7 +30,7 @@ _MIN_DISTANCE = 0.003
 def distance(rays: Sequence[Sequence[float]], kappa1: ArrayLike, kappa2: ArrayLike) -> FloatArray:
     """Estimate 1 - s/s_c of forcings with κ1, κ2 ≥ 0; it is negative beyond the breakup.
 
-    Used only to choose which proof to try in a cell.
+    The estimate is used only to choose which proof to try in a cell.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def distance(rays: Sequence[Sequence[float]], kappa1: ArrayLike, kappa2: ArrayLi
     Returns
     -------
     ndarray
-        Distances, of the broadcast shape of kappa1 and kappa2.
+        Distances, in the shape to which kappa1 and kappa2 broadcast.
 
     Examples
     --------
@@ -133,7 +133,7 @@ def proved_cells(
     rays : sequence of (angle, scale)
         The boundary, as for `distance`.
     seconds : float
-        CPU time for a proof in a cell of the finest level; larger squares get half.
+        CPU time for a proof in a cell of the finest level; larger squares get half of it.
     failed : list of (size, distance), optional
         Squares for which no proof of transport was found; used in recursive calls.
 

@@ -67,15 +67,15 @@ __all__ = ["CellProof", "prove_cell"]
 _MAX_DEVIATION, _MAX_UNKNOWN_SHARE, _MAX_WRONSKIAN_ERROR, _MAX_V = 0.1, 0.8, 1e-3, 1e100
 
 _STRENGTH_GRID = 2.0**30  # inverse spacing of strengths, so that bisecting a cell is exact
-_PIECES = 16  # of [0, 1/2]
+_PIECES = 16  # number of pieces of [0, 1/2]
 _END_GRID = 2.0**-20  # spacing of the ends of pieces
 _SHEAR_GRID = 2.0**-8  # spacing of g
 _MIN_DELTA, _MIN_STRENGTH_WIDTH = 2.0**-45, 2.0**-40
-_KICKS_PER_BLOCK = 8  # between checks for events
-_STATE, _ROWS, _COLUMNS = 40, 45, 9  # numbers per lane: those that change, and all; per box
-_MAX_WAITING = 4096  # boxes on the stack
+_KICKS_PER_BLOCK = 8  # kicks between checks for events
+_STATE, _ROWS, _COLUMNS = 40, 45, 9  # numbers per lane that change; all per lane; per box
+_MAX_WAITING = 4096  # maximum number of boxes on the stack
 _KICKS_PER_CALL, _MAX_ELIMINATED = 200_000, 16_384  # per kernel call, between checks of the clock
-DOWN = 1 - 1e-14  # like `UP`, for a sum that is subtracted
+DOWN = 1 - 1e-14  # the counterpart of `UP` for a sum that is subtracted
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,7 +85,7 @@ class CellProof(Proof):
     Attributes
     ----------
     outcome : Outcome
-        PROVED, or the reason; a failed proof makes no statement about circles.
+        PROVED, or the reason for the failure; a failed proof makes no statement about circles.
     kappa, half_width : tuple of 2 floats
         The cell, |κ_i - kappa_i| ≤ half_width_i.
     site : int
@@ -96,7 +96,7 @@ class CellProof(Proof):
         Rows ŷ, δ, k_0, h_0, k_1, h_1, g_0, g_1, and the index of the piece of 0 ≤ y ≤ 1/2. The
         subscript 0 stands for the kick at `site`.
     lifetimes : ndarray of int, shape (n,)
-        Kicks N until V ≤ 0, for each box.
+        Number N of kicks until V ≤ 0, for each box.
 
     Examples
     --------
@@ -209,7 +209,10 @@ def prove_cell(kappa: ArrayLike, half_width: ArrayLike, budget: float = 1.0) -> 
 def _covered(
     kappa: Sequence[float], half_width: Sequence[float], a: float, budget: float
 ) -> tuple[Outcome, FloatArray, IntArray]:
-    """Cover a cell with boxes; the first kick is the one at the symmetry line."""
+    """Cover a cell with boxes; return the outcome, the boxes and their lifetimes.
+
+    kappa, half_width : the cell, beginning with the kick at the symmetry line.
+    """
     (k0, k1), (h0, h1), x = kappa, half_width, a - 0.25
     waiting, n_waiting = np.empty((_MAX_WAITING, _COLUMNS)), _PIECES
     for piece in range(_PIECES):
@@ -238,7 +241,7 @@ def _covered(
 def _shears(x, y, k0, k1):
     """Choose g_i = -p_i/t where v crosses zero, so that the orbit hardly depends on κ_i there.
 
-    Proofs are valid whatever the choice.
+    Proofs are valid for any choice of g_i.
     """
     v, w, t, z, p0, z0, p1, z1 = 1.0, abs(k0) / 2, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
     for n in range(1000):
@@ -263,7 +266,9 @@ _ELIMINATED, _FAILED = 0, 1
 
 @kernel(error_model="numpy")
 def _cover(x, waiting, n_waiting, lanes, boxes, ages, eliminated, lifetimes, most_kicks):
-    """Continue to cover a cell for some kicks; return the outcome, n_waiting and n_eliminated.
+    """Continue covering a cell for a limited number of kicks.
+
+    Return the outcome, n_waiting and n_eliminated.
 
     waiting[:n_waiting] : the boxes still to be followed, a stack of rows as in CellProof. lanes,
     boxes, ages : for each lane, in columns, its state, its box (δ = 0 if it is idle) and its kicks
@@ -361,7 +366,7 @@ def _advance(lanes, events):
 
 @njit(nogil=True, error_model="numpy")
 def _replay(lanes, lane):
-    """Repeat the block of one lane; return the kicks up to its event, the outcome, and `split`."""
+    """Repeat the block of one lane; return the kicks up to the event, the outcome and `split`."""
     state = load_state(lanes, lane, _STATE, 1)
     scale, k0, h0, k1, h1 = lanes[_STATE:, lane]
     for n in range(_KICKS_PER_BLOCK):
@@ -389,9 +394,10 @@ def _trigonometry(x):
 def _kick(k, spread, k_next, spread_next, scale, state):
     """Kick a box with strength k ± spread, on lanes or floats; the method is that of `transport`.
 
-    p is the response to this strength, q that to the strength of the next kick; the returned state
-    has p and q exchanged, as well as tp and tq, pp and qq. zp, … are the last differences of p, …;
-    lt, ltt, … are the sums in Q; mt, mp, mq are the largest |t|, |p|, |q| so far.
+    p is the response to this strength, and q is the response to the strength of the next kick. In
+    the returned state p and q are exchanged, and so are tp and tq, and pp and qq. zp, … are the
+    last differences of p, …; lt, ltt, … are the sums in Q; mt, mp, mq are the largest |t|, |p|, |q|
+    so far.
     """
     x, y, v, w, V, W, t, zt, p, zp, q, zq = state[:12]
     tt, ztt, tp, ztp, tq, ztq, pp, zpp, pq, zpq, qq, zqq = state[12:24]
@@ -416,7 +422,7 @@ def _kick(k, spread, k_next, spread_next, scale, state):
     t2, p2, q2 = t * t, p * p, q * q
     tp2, tq2, pq2 = 2.0 * t * p, 2.0 * t * q, 2.0 * p * q
 
-    # The payment covers rounding, and the amount by which Q may exceed its value in the middle.
+    # The payment covers rounding, and the amount by which Q may exceed its value at the centre.
     V2 = V * V
     # Coefficients in Q of x - x̂, of its square, and of x - x̂ times the change of this strength.
     slope, turn, twist = 2.0 * bend * V2, -TWO_PI2 * kc * V2, -2.0 * TWO_PI2 * spread * h * V2

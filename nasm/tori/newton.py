@@ -6,8 +6,8 @@ periodic forcing are tori, two-dimensional graphs over (θ, φ):
     x_n = h(θ_n, φ_n) = θ_n + u(θ_n, φ_n),     θ_{n+1} = θ_n + ω,   φ_{n+1} = φ_n + Ω,
     E = u(θ + ω, φ + Ω) - 2u + u(θ - ω, φ - Ω) - (κ(φ)/2π) sin 2πh = 0.
 
-The unknown is u on a grid of m × n points, an array of shape (m, n), φ first. It is unique up to
-θ → θ + constant, and ⟨u⟩ = 0 fixes the constant. One torus serves all phases φ0.
+The unknown is u on a grid of m × n points, an array of shape (m, n) with φ along its first axis. It
+is unique up to θ → θ + constant, and ⟨u⟩ = 0 fixes the constant. One torus serves all phases φ0.
 
 Newton's step is that of `nasm.circles` with one site, and (θ, φ) in place of θ. Write the
 correction as h_θ w, and f⁺ and f⁻ for f(θ ± ω, φ ± Ω). Up to terms of order E²
@@ -16,10 +16,10 @@ correction as h_θ w, and f⁺ and f⁻ for f(θ ± ω, φ ± Ω). Up to terms o
 
 This equation is solved by two divisions in Fourier space, by e^{2πi(k₁ω + k₂Ω)} - 1, for the modes
 in an ellipse whose semi-axes are 36% of the number of points along each axis. A rotation vector is
-refused as resonant if a mode in use has a divisor below 10⁻⁶. Near the rim of the ellipse resonant
-modes are left out, the more of them the closer to the rim: the modes that they drive are missing
-there, which would make Newton's method diverge. The estimated size of the modes left out counts as
-unresolved. The two axes are refined separately.
+refused as resonant if a mode in use has a divisor below 10⁻⁶. Resonant modes near the rim of
+the ellipse are left out, more of them closer to the rim: the modes that they drive are missing
+there, and Newton's method would diverge if they were used. The estimated size of the modes left out
+counts as unresolved. The two axes are refined separately.
 
 With too few modes Newton's method converges to "tori" beyond the breakup. Therefore a torus is
 certified only if the method converges again, with h_θ > 0, on a grid twice as fine along both axes.
@@ -91,15 +91,15 @@ class TorusSettings:
     max_tori : int
         Maximum number of tori on a ray; 10 to 25 are needed.
     kept_tori : int
-        Number of tori kept at the end of a path; one of these may be certified.
+        Number of tori kept at the end of a path; only these are candidates for a certificate.
     step_ratio : float
         Ratio of the next step to the estimated distance from the breakup.
     error_factor : float
         Ratio of the error estimate to the distance of the last torus from the breakup; the estimate
         was large enough in 172 of 177 cases.
     newton : NewtonSettings
-        Criteria for the convergence of Newton's method, and the modes kept along an axis. Its
-        fields for the certificate and for `polish` apply to circles only.
+        Criteria for the convergence of Newton's method, and the share of modes used along an axis.
+        Its fields for the certificate and for `polish` apply to circles only.
 
     Examples
     --------
@@ -190,8 +190,8 @@ def invariant_torus(
 ) -> InvariantTorus:
     """Compute the torus of (omega, frequency) under κ(φ) = mean + amplitude·cos 2πφ.
 
-    1. Continue Newton's method from κ = 0: double the step after a success and halve it after a
-       failure.
+    1. Continue the torus from κ = 0 by Newton's method: double the step after a success and halve
+       it after a failure.
     2. Double the grid along an axis if its outer modes carry more than 0.3% of the second
        derivatives along that axis.
     3. Certify the torus: Newton's method must converge again on a grid twice as fine along both
@@ -281,7 +281,7 @@ def critical_scale(
         the distance of the last torus from the breakup, or the last change of the estimate if that
         is larger, because p is unknown. omega : None, as a pair of numbers is not a RotationNumber.
         If there is no estimate, value and error are NaN and the status gives the reason; lower is
-        still given.
+        reported even then.
 
     Raises
     ------
@@ -370,7 +370,7 @@ def residual(
     amplitude: float,
     u: ArrayLike,
 ) -> FloatArray:
-    """Compute E on the grid of u, shape (m, n): zero on a torus.
+    """Compute E on the grid of u, an array of shape (m, n); E is zero on a torus.
 
     Examples
     --------
@@ -414,7 +414,7 @@ def graph(torus: InvariantTorus) -> tuple[FloatArray, FloatArray]:
 
 
 def least_slope(u: FloatArray) -> float:
-    """Compute min h_θ on the grid: positive on a torus, 0 at its breakup."""
+    """Compute min h_θ on the grid; it is positive on a torus and 0 at its breakup."""
     modes = np.fft.rfft(u)
     return 1 + np.fft.irfft(modes * 2j * np.pi * np.arange(modes.shape[1]), u.shape[1]).min()
 
@@ -439,7 +439,7 @@ def extrapolate(path: Sequence[tuple[float, FloatArray]], target: float) -> Floa
 
 
 def _next_torus(vector, profile, path, step, n_max, settings):
-    """Return scale, deviations and Status of a torus at most `step` beyond the end of the path.
+    """Return the scale, u and Status of a torus at most `step` beyond the end of the path.
 
     After every second failure the grid is also doubled along one axis, because a resonance just
     beyond the modes of the last torus looks like the breakup.
@@ -581,7 +581,7 @@ def _newton(omega, frequency, mean, amplitude, u, settings=DEFAULT_SETTINGS):
 
 @kernel(error_model="numpy")
 def _iterate(mean, amplitude, turn, kind, modes, max_steps, max_update, max_tail):
-    """Take Newton steps until the outcome is clear; return its index, and the first error.
+    """Take Newton steps until the outcome is clear; return its index and the first error.
 
     The index refers to _OUTCOMES. The iteration is that of `nasm.circles`, except that modes may be
     missing along either axis.
@@ -658,8 +658,8 @@ def _step(mean, amplitude, turn, kind, modes):
 def _fields(turn, kind, modes, mass, edge):
     """Return the modes of u, u⁺ - 2u + u⁻, h_θ and h_θ⁺; modes not in use are 0.
 
-    Adds the squared second derivatives along θ and φ to `mass`, and the parts of them that are in
-    outer modes on the side of that axis to `edge`.
+    Also adds the squared second derivatives along θ and φ to `mass`, and the contributions of the
+    outer modes on the side of each axis to `edge`.
     """
     m, n = modes.shape[0], 2 * (modes.shape[1] - 1)
     fields = np.zeros((4, m, n // 2 + 1), np.complex128)
@@ -688,8 +688,8 @@ def _fields(turn, kind, modes, mass, edge):
 def _solve_cohomology(f, turn, kind, behind, edge):
     """Solve g - g⁻ = f if `behind`, else g⁺ - g = f, in the modes in use, with ⟨g⟩ = 0.
 
-    If `behind`, also add to `edge` the modes that were left out of u, estimated as f̂/d² with their
-    divisor d.
+    If `behind`, also add to `edge` the contributions of the modes that were left out of u; they are
+    estimated as f̂/d², where d is the divisor of the mode.
     """
     m, n = f.shape
     modes = np.fft.rfft2(f)

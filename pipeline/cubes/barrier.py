@@ -36,15 +36,15 @@ _MAX_QUOTIENTS = 32  # maximum number of partial quotients of a rotation number
 
 
 def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barrier") -> Job:
-    """Return the Job of the cube `barrier`, which also holds the exact ω, as partial quotients.
+    """Return the Job of the cube `barrier`, which also contains the exact ω as partial quotients.
 
     Parameters
     ----------
     plane : Plane
         The plane of forcings.
     angles : array_like
-        Directions of rays, in degrees; the cube holds the rays onto which the plane's symmetries
-        fold them.
+        Directions of rays, in degrees; the cube contains the rays onto which the plane's
+        symmetries fold them.
     tol : float
         Relative width of the bracket.
     name : str
@@ -58,9 +58,9 @@ def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barri
     >>> job.cube.template.angle.values
     array([10., 30.])
     """
-    is_short = len(plane.origin) <= 2  # else the forcings of some rays have period 1 or 2
+    is_short = len(plane.origin) <= 2  # if not, some rays have forcings of period 1 or 2
     warm_up = partial(load_search, sum(plane.ray(30.0))) if is_short else load_searches
-    seconds = 0.1 + 1.8e-5 / tol if is_short else 0.6 + 3e-4 / tol  # for P = 3 if not short
+    seconds = 0.1 + 1.8e-5 / tol if is_short else 0.6 + 3e-4 / tol  # for P = 3 if not is_short
     seconds *= (min(max(len(plane.origin), 3), 16) / 3) ** 2
     return job_of_barriers(name, plane, angles, seconds, {"tol": tol}, _compute, warm_up)
 
@@ -148,7 +148,7 @@ def boundary(angles: ArrayLike, tol: float = 1e-4, plane: Plane | None = None) -
 
     Notes
     -----
-    A ray that is not the image of another one takes 0.3 s of CPU time at tol 1e-4, and 1 s at 2e-5.
+    A ray that is not the image of another ray takes 0.3 s of CPU time at tol 1e-4, and 1 s at 2e-5.
 
     Examples
     --------
@@ -163,7 +163,7 @@ def boundary(angles: ArrayLike, tol: float = 1e-4, plane: Plane | None = None) -
 
 
 def unfolded(barrier: xr.Dataset, angles: ArrayLike) -> xr.Dataset:
-    """Return the cube `barrier` unfolded: on rays whose images under the symmetries it holds.
+    """Return the cube `barrier` unfolded, on rays whose images under the symmetries it contains.
 
     Parameters
     ----------
@@ -225,14 +225,16 @@ def with_circles(
 
 
 def degenerate_circle(plane: Plane, circle: str, angle: float, scale: float) -> str:
-    """Return, as a string, the ω of the circle degenerate with `circle` by symmetry; "" if none is.
+    """Return the ω of the circle that is degenerate with `circle` by symmetry, as a string.
+
+    Return "" if there is no such circle.
 
     Parameters
     ----------
     plane : Plane
         The plane of forcings.
     circle : str
-        Rotation number, as a string; "" for none.
+        Rotation number as a string; "" if it is not known.
     angle : float
         Direction of the ray, in degrees.
     scale : float

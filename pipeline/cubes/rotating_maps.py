@@ -1,7 +1,7 @@
 """Rotating standard maps, κ_n = s·(cos angle + sin angle · cos 2π(φ0 + nΩ)), of any frequency Ω.
 
-The last circle or torus as a function of Ω, breakup of tori on rays, and pictures of tori.
-arXiv:1606.04824, Sec. VII, Eq. (53); `nasm.tori`.
+The jobs compute the last circle or torus as a function of Ω, and the breakup of tori on rays;
+`pictures` computes pictures of tori. See arXiv:1606.04824, Sec. VII, Eq. (53), and `nasm.tori`.
 """
 
 from collections.abc import Sequence
@@ -106,7 +106,8 @@ def last_barriers(
 def ripples(fractions: Sequence[Fraction], depths: Sequence[float], tol: float) -> Job:
     """Return the Job of the cube `ripple_spectrum`: last barriers of κ_n = κ(1 + d cos 2πnΩ).
 
-    The scale is κ. Above 64 kicks a period only `upper` is known. A tile is one (Ω, d).
+    The scale is κ. For periods of more than 64 kicks only `upper` is computed. Each tile contains
+    a single pair (Ω, d).
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def ripples(fractions: Sequence[Fraction], depths: Sequence[float], tol: float) 
     depths : sequence of float
         Depths d of the modulation.
     tol : float
-        Relative width of the brackets, which exist only up to 64 kicks a period.
+        Relative width of the brackets, which are computed for periods of at most 64 kicks.
 
     Examples
     --------
@@ -180,7 +181,7 @@ def breakups(vectors: Sequence[RotationVector], angles: Sequence[float], tol: fl
 
 
 def residues(vectors: Sequence[str], angles: Sequence[float]) -> Job:
-    """Return the Job of the cube `rotating_tori`: breakup of tori by the residue of a long orbit.
+    """Return the Job of the cube `rotating_tori`: the breakup of tori, by residues of long orbits.
 
     Parameters
     ----------
@@ -300,7 +301,7 @@ def _last_circle(profile: FloatArray, tol: float) -> tuple[CriticalScale, float]
 def _brackets_and_turns(
     rows: Sequence[Sequence[tuple[CriticalScale, float]]],
 ) -> tuple[list[list[CriticalScale]], FloatArray]:
-    """Separate the brackets and the turns per kick of nested lists of pairs."""
+    """Separate nested lists of pairs into the brackets and the turns per kick."""
     brackets = [[bracket for bracket, _ in row] for row in rows]
     return brackets, np.array([[turns for _, turns in row] for row in rows])
 
@@ -317,16 +318,17 @@ def _ripples(coords: Coords, settings: Settings) -> Arrays:
 
 
 def _predict_ripples(coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds from the period q.
+    """Predict the CPU seconds of a tile from the period q.
 
-    Measured at a tol of 10⁻²: 1 for q = 3, 2 to 10 for q = 8, 81 for q = 18, and 8 for q = 200.
+    At a tol of 10⁻² tiles took 1 s for q = 3, 2 to 10 s for q = 8, 81 s for q = 18, and 8 s for
+    q = 200.
     """
     q = Fraction(coords["fraction"][0]).denominator
     return min(0.014 * q**3, 5 * q) if q <= MAX_PERIOD else 8
 
 
 def _load_ripples(is_long: bool) -> None:
-    """Compile the kernels of last barriers, and those of `upper` above 64 kicks if needed."""
+    """Compile the kernels of last barriers and, if `is_long`, of `upper` for more than 64 kicks."""
     load_searches()
     if is_long:
         profile = np.ones(MAX_PERIOD)
@@ -335,9 +337,9 @@ def _load_ripples(is_long: bool) -> None:
 
 
 def _predict(coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds: a function of q if Ω = p/q, and 60 per ray if Ω is irrational.
+    """Predict the CPU seconds of a tile: 60 per ray for irrational Ω, a function of q for Ω = p/q.
 
-    Measured: 0.1 for q = 2, 0.6 for q = 3, and 19 for q = 10.
+    A ray took 0.1 s for q = 2, 0.6 s for q = 3, and 19 s for q = 10.
     """
     frequency, _, phase = coords["forcing"][0].partition(",")
     q = Fraction(frequency).denominator

@@ -1,9 +1,9 @@
 """The user's own functions: what identifies them, and how they are sent to workers.
 
-A function is identified by its text and by what it refers to. The user's own functions and classes
-among these are identified in the same way; the user's own modules by their whole text; constants by
-their values. Texts are compared as Python parses them, so comments and layout do not matter. Python
-itself and installed packages are identified by name only.
+A function is identified by its text and by the objects that it refers to. Of these objects, the
+user's own functions and classes are identified in the same way, the user's own modules by their
+whole text, and constants by their values. Texts are compared as Python parses them, so comments and
+layout do not matter. Python itself and installed packages are identified by name only.
 """
 
 import ast
@@ -69,7 +69,7 @@ def identify(function: Callable[..., Any]) -> tuple[str, set[str]]:
     Returns
     -------
     text : str
-        Identifies the function; it changes only if the function or something it refers to does.
+        Text that changes only if the function, or something that it refers to, changes.
     names : set of str
         Full names of everything that this code uses from other modules, e.g. "nasm.maps.kick".
 
@@ -101,7 +101,7 @@ def _own_modules(function: Callable[..., Any]) -> list[ModuleType]:
 
 
 def _parts(function: Callable[..., Any]) -> Iterator[tuple[Any, str, set[str]]]:
-    """Yield a function, then what it depends on: (item, its text, full names that it uses)."""
+    """Yield (item, its text, full names that it uses) for a function and all it depends on."""
     waiting: list[tuple[str, Any]] = [("the function", function)]
     seen: dict[int, Any] = {}  # keeps the items alive, so that no two have the same id
     while waiting:
@@ -171,7 +171,7 @@ def _full_name(item: Any) -> str:
 
 
 def module_of(item: Any) -> str:
-    """Return the name of the module of a function, a class, a partial or a module; "" without one.
+    """Return the name of the module of a function, class, partial or module; "" if it has none.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""Adaptive refinement: halve the cells only where a boundary crosses them.
+"""Adaptive refinement: subdivide only the cells that a boundary crosses.
 
 Level 0 is computed in full. A cell of level l is on the boundary if the answer to a yes-or-no
 question differs between it and one of its eight neighbours; the tiles of level l + 1 that touch
 such a cell are computed next. Levels are composed into one array at the finest resolution, in which
-every cell holds the value of the finest level that was computed there.
+every cell has the value of the finest level computed for it.
 
 Arrays have the shape (…, rows, columns). Each side of a tile has the same number of cells at every
 level.
@@ -33,7 +33,7 @@ def refine(
     levels: int,
     tile: int,
 ) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Compute a field level by level, finer only along the boundaries.
+    """Compute a field level by level, with finer levels only along the boundaries.
 
     Parameters
     ----------
@@ -74,9 +74,9 @@ def compose(levels: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.int8]]
     Returns
     -------
     field : ndarray
-        The values of the finest level that was computed, NaN where none was.
+        For each cell, the value of the finest level computed for it; NaN if there is none.
     level : ndarray of int8, shape (rows, columns)
-        The level of each cell, -1 where none was computed.
+        For each cell, the finest level computed for it; -1 if there is none.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def compose(levels: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.int8]]
 
 
 def boundary_cells(answers: BoolArray) -> BoolArray:
-    """Mark the cells (rows, columns) with an answer that differs in one of their eight neighbours.
+    """Mark the cells (rows, columns) that differ in an answer from one of their eight neighbours.
 
     Parameters
     ----------
@@ -112,10 +112,10 @@ def boundary_cells(answers: BoolArray) -> BoolArray:
 
 
 def tiles_at(cells: BoolArray, tile: int) -> Tiles:
-    """Return the indices (row, column) of the tiles, `tile` cells wide, with a marked cell."""
+    """Return the indices (row, column) of tiles, `tile` cells wide, that contain a marked cell."""
     return {(row, column) for row, column in (np.argwhere(cells) // tile).tolist()}
 
 
 def subdivided(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
-    """Return the array at the next level: each cell becomes FACTOR × FACTOR cells of its value."""
+    """Return the array at the next level: each cell is replaced by FACTOR × FACTOR equal cells."""
     return array.repeat(FACTOR, axis=-2).repeat(FACTOR, axis=-1)

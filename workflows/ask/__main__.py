@@ -1,8 +1,8 @@
 """Is transport global under this forcing, and at which multiple of it does the last barrier break?
 
-Prints the verdict of `nasm.verdict` in sentences, and draws a phase portrait with its evidence: the
-invariant circle, or an escaping orbit. An aperiodic forcing (--once) has no invariant circles;
-converse KAM then tests whether a family of invariant graphs may persist.
+Prints the verdict of `nasm.verdict` in sentences, and draws a phase portrait that shows the
+evidence: the invariant circle, or an escaping orbit. An aperiodic forcing (--once) has no invariant
+circles; converse KAM then tests whether a family of invariant graphs may persist.
 
 KAPPA ... is one period of the forcing, first kick first: 0.3 0.2 0.25, or a text file of such
 strengths. They are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. For a file with
@@ -27,9 +27,9 @@ from workflows.shared import cli
 def parse_forcing(strengths, plane, once):
     """Return the strengths of the kicks, and their point in a plane as (Plane, (a, b)), or None.
 
-    strengths : numbers of the command line; with `plane`, the coordinates of a point in it; with
-    `once`, empty. once : path of a file of numbers. ValueError for arguments that contradict each
-    other.
+    strengths : numbers on the command line; with `plane`, the coordinates of a point in it; with
+    `once`, empty. once : path of a file of numbers. Raises ValueError if arguments are missing
+    or invalid, or contradict each other.
     """
     from nasm import planes  # does not load kernels
     from nasm.maps import forcing
@@ -72,7 +72,7 @@ def _answer_as_data(forcings, is_table, prove, as_json, quiet, out):
 
 
 def _answer(strengths, point, kappa, plane, once, prove, column, out):
-    """Print the answer to one forcing, and draw its figure."""
+    """Print the answer for one forcing, and draw its figure."""
     from workflows.ask.once import answer_aperiodic
     from workflows.ask.period import answer_periodic
     from workflows.shared.verdict_sentences import MAX_LISTED

@@ -45,7 +45,7 @@ def boundary_claims(bias, n_max, n_orbits):
 
 def _reductions():
     def single(i, shear):
-        """A step with only the i-th kick is the standard map in x + shear·y and 2y."""
+        """Compare a step with only the i-th kick with the standard map in x + shear·y and 2y."""
 
         def stepped(kappa, x, y):
             x, y = step(kappa * np.eye(2)[i], x, y)
@@ -85,7 +85,7 @@ def _standard(omega):
 
 def _square(n_max, n_orbits):
     phi, effort = np.array([10.0, 20, 30, 40]), (max(n_max // 10, 1000), min(n_orbits, 100))
-    angles = np.stack([phi, 90 - phi, 180 - phi, 90 + phi])  # with their images
+    angles = np.stack([phi, 90 - phi, 180 - phi, 90 + phi])  # angles and their images
     direct = np.vectorize(lambda a: escape.onset_scale(ray(a), *effort))(angles)
     exact = field_arrays(
         np.vectorize(lambda a: barriers.critical_scale(ray(a), 1e-3))(angles), _SCALE
@@ -125,7 +125,7 @@ def _exponents(bias):
 
 
 def _insets(n_orbits):
-    """Judge "close" by the loosest boundary of the figure, the one for N = 10⁵."""
+    """Judge whether points are "close" to CB_gt by the figure's loosest boundary, for N = 10⁵."""
     n_max, claims = 100_000, {}
     for number, point in enumerate(INSETS, 1):
         answer = verdict(point)

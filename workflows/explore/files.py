@@ -1,4 +1,4 @@
-"""The panels' data as files: the browser saves them; the server writes nothing."""
+"""The panels' data as files that the browser saves, while the server writes nothing."""
 
 import base64
 import io
@@ -34,7 +34,7 @@ def panel(state, work):
 
 
 def _file(kind, name, shown, point):
-    """Return a panel's Dataset as JSON: the name of a file, and its content in base64."""
+    """Return a panel's Dataset as JSON: the file's name, and its content in base64."""
     file = io.BytesIO()
     if kind == "CSV":
         if "which" in shown:  # a row for each point of the orbits

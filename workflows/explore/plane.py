@@ -1,4 +1,4 @@
-"""The plane of forcings: first escape times, the boundary of the last circle, and the point."""
+"""The plane of forcings: escape times, the boundary of the last circle, and the chosen forcing."""
 
 from functools import partial
 from html import escape
@@ -26,12 +26,12 @@ from workflows.shared.verdict_sentences import scale_text
 
 _PIXELS = 640  # along each side, until the browser reports its size
 _MAX_PIXELS = 1024
-_GROUND_PIXELS = 256  # along each side, of the grey areas; the boundary line hides their edge
-_MAX_FIELDS = 8  # kept for all tabs, in case a view is shown again
+_GROUND_PIXELS = 256  # of the grey areas, along each side; the boundary line hides their edge
+_MAX_FIELDS = 8  # number kept for all tabs, in case a view is shown again
 _MAX_CELL_PIXELS = 3  # cells of OUT up to this size are not recomputed
 _MIN_EXCESS = 1e-3  # relative distance from the boundary that is resolved between rays
 _ON_BOUNDARY = "on the boundary, or very close to it"
-_COLOURS = Magma256[:232]  # without the lightest, which resemble the greys
+_COLOURS = Magma256[:232]  # without the lightest colours, which resemble the greys
 _GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # not known, inside the boundary, outside
 _GREY_MEANINGS = {"inside": "a circle exists", "outside": "no circle, but no escape within N"}
 _HALO = {"line_color": "white", "line_width": 5}
@@ -48,7 +48,7 @@ _CIRCLE |= {"placeholder": "gamma or [0;2,(1)]", "completions": [*NAMES], "min_c
 
 
 class PlanePanel:
-    """The plane of forcings on the left, with its legend.
+    """The plane of forcings on the left of the page, with its legend.
 
     picture : the plane, and a description of the point or the forcing under the pointer. lines :
     the legend, and controls for the lines to draw.
@@ -62,7 +62,7 @@ class PlanePanel:
             sizing_mode="stretch_width", css_classes=["message"], min_height=40
         )
         self.legend = models.Div(sizing_mode="stretch_width")
-        self.cubes = self.shown = self.request = None  # of OUT; on screen; last request
+        self.cubes = self.shown = self.request = None  # cubes of OUT, Field shown, request
         lanes = {"cubes": None, "plane": None, "boundary": "verdict", "circle": "verdict"}
         self.lanes = {name: work.latest(name, kernels) for name, kernels in lanes.items()}
         circle = widgets.field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
@@ -117,7 +117,7 @@ class PlanePanel:
         cells = max(block, BLOCKS[-2]) if progress else 1  # some pixels show a neighbour's time
         self.shown = Field(*view.centres(), times, state.steps, cells, apart=BLOCKS[-2])
         if not progress:
-            shared.fields.pop((view, state.steps), None)  # the newest is last
+            shared.fields.pop((view, state.steps), None)  # so that the newest field comes last
             shared.fields[view, state.steps] = self.shown
             if len(shared.fields) > _MAX_FIELDS:
                 del shared.fields[next(iter(shared.fields))]
@@ -209,7 +209,7 @@ def side_text(answer, scale, place):
     """Describe on which side of the boundary a point is; "" if this is not known.
 
     answer : nasm.Answer of the verdict, or None. scale : scale of the boundary, relative to
-    the point. place : the same, as text.
+    the point. place : the position of the boundary, as text.
     """
     if not isfinite(scale):
         return ""

@@ -1,4 +1,4 @@
-"""The phase portrait of the point: orbits, and the last circle or the longest-lived start."""
+"""The phase portrait at the selected point: orbits, last circle or longest-lived start."""
 
 from functools import partial
 
@@ -23,7 +23,7 @@ from workflows.shared.verdict_sentences import forcing_text, lifetime_text
 _PIXELS = 560  # along each side, until the browser reports its size
 _MAX_PIXELS = 1200
 _MAX_STEPS = 5000  # of the orbit of the longest-lived start
-_DOT_SPACING = 8  # pixels between its dots, on average, so that they do not form a line
+_DOT_SPACING = 8  # pixels between dots of that orbit, on average, so that they do not form a line
 _MAX_POINTS = 5000  # of a circle in the box
 _FINE_POINTS = 2**15  # of a whole circle
 _PROFILE_STARTS = 200  # on a vertical line
@@ -59,7 +59,7 @@ class PortraitPanel:
 
     def __init__(self, state, work):
         self.state, self.work, self.portrait = state, work, None
-        self.known, self.messages = _NOTHING, {}  # curves and points, to be clipped; notes on them
+        self.known, self.messages = _NOTHING, {}  # curves and points before clipping; notes on them
         self.plot, self.bar, self.image = _figure(state)
         self.show = partial(widgets.show, self.plot, _MARKS)
         self.profile = models.ColumnDataSource({"x": [], "y": []}, name="profile")
@@ -201,7 +201,7 @@ def _figure(state):
     plot = widgets.picture(state, "xy", ("x (turns)", "y (mod 1)"), **options)
     blank = _image(np.zeros((1, 1), np.uint8), *_box(plot))
     image = models.ColumnDataSource(blank, name="orbits")
-    palette = ["#00000000", CHAOTIC, *COLOURS]  # for the values of the bytes
+    palette = ["#00000000", CHAOTIC, *COLOURS]  # colours of the byte values
     mapper = models.LinearColorMapper(palette, low=-0.5, high=255.5, name="omega")
     plot.image("pixels", "x", "y", "w", "h", source=image, color_mapper=mapper)
     shades = models.LinearColorMapper(COLOURS, low=0, high=1, name="omega")
@@ -237,7 +237,7 @@ def _image(pixels, left, bottom, width, height):
 
 
 def _computed(kappa, box, added, every, with_lines, shape):
-    """Yield the portrait, its picture, {name: curve} for it, and a message on the added orbits."""
+    """Yield (portrait, its picture, {name: curve}, message), with more and more points."""
     curves, notes = dict.fromkeys(_SYMMETRY), []
     if with_lines:
         curves |= _symmetry_lines(kappa, box)
@@ -245,7 +245,7 @@ def _computed(kappa, box, added, every, with_lines, shape):
             notes = ["The forcing has no symmetry centre, so there are no symmetry lines."]
     for x, y in added[-1:]:
         notes.insert(0, f"The orbit added at ({x:.6g}, {y:.6g}): {describe_orbit(kappa, x, y)}.")
-    left, bottom, width, height = box  # the starts of the profile are on its vertical midline
+    left, bottom, width, height = box  # profile orbits start on the box's vertical midline
     y = bottom + height * (np.arange(_PROFILE_STARTS) + 0.5) / _PROFILE_STARTS
     omega, _ = orbits.rotation_number(kappa, left + width / 2, y, 2000)
     curves["profile"] = {"x": omega, "y": y}
@@ -306,7 +306,7 @@ def _decisive(kappa, verdict):
 def _cycles(kappa, omega, fraction, box):
     """Return the periodic orbits of the convergents of ω and of p/q, and a message on p/q.
 
-    With a box the manifolds of p/q are included.
+    If a box is given, the curves include the manifolds of p/q.
     """
     fractions = distinct_convergents(omega, _MAX_Q) if omega else ()
     of_convergents, missing = periodic_orbits(kappa, [f for f in fractions if f.denominator > 1])

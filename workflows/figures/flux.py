@@ -7,7 +7,7 @@ from workflows.figures.style import circle_class, circle_style, key, outer_legen
 
 
 def draw_flux(fluxes, fits):
-    """Draw the flux against the distance beyond the breakup, and divided by the power law."""
+    """Draw the flux, and its ratio to the power law, against the distance beyond the breakup."""
     figure, (whole, divided) = panels(1, 2, 12, 5)
     x, eta = fluxes.excess.values, fits.attrs["predicted_exponent"]
     bottom = {"transform": divided.get_xaxis_transform(), "ls": "", "mfc": "none"}

@@ -1,4 +1,4 @@
-"""Kicks until invariant graphs are excluded, and until orbits cross, on ramps and by smoothness."""
+"""Kicks until graphs are excluded and until orbits cross, by growth rate and smoothness."""
 
 import re
 
@@ -8,7 +8,7 @@ from workflows.figures.style import colour_of, key, legend_below, panels
 
 
 def draw_ramp(ramp, irregular):
-    """Draw the kicks until graphs are excluded and orbits cross, by rate and smoothness."""
+    """Draw the kicks until graphs are excluded and until orbits cross, by rate and smoothness."""
     figure, (kicks, smooth) = panels(1, 2, 13, 5)
     rows = {
         "all invariant graphs excluded (converse KAM)": ramp.lost,

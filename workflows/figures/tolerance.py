@@ -1,4 +1,4 @@
-"""Loss of the threshold against the ripple, and random forcings against constant kicks."""
+"""Loss of the threshold as a function of the ripple; random forcings against constant kicks."""
 
 import numpy as np
 
@@ -41,7 +41,7 @@ def _draw_losses(axes, cube, laws):
 def _draw_strengths(axes, tried):
     random, ends = (style.of_family(tried, family) for family in ("random", "climb"))
     upper, near = (random.upper / tried.golden).values, random.parameter.values < 0.1
-    # Escapes are searched for up to 1.001 κ_G: a forcing without one has an `upper` above 1.
+    # Escapes are searched for up to 1.001 κ_G: without an escape, `upper` is above 1.
     escaping = upper <= 1
     kinds = {"ripple below 10%": near & escaping, "larger ripple": ~near & escaping}
     kinds |= {"hatched: upper bounds, by converse KAM": near & ~escaping, "": ~near & ~escaping}

@@ -61,7 +61,7 @@ def describe_direct_iteration(direct: xr.Dataset, barrier: xr.Dataset, n_orbits:
     Parameters
     ----------
     direct : xarray.Dataset
-        `critical_scale`, dims (n, angle), and the cell width, `resolution`.
+        `critical_scale`, dims (n, angle), and `resolution`, the width of a cell.
     barrier : xarray.Dataset
         `critical_scale` of the last barrier on the same rays.
     n_orbits : int

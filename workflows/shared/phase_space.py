@@ -1,7 +1,8 @@
 """Orbits in a box of phase space with their rotation numbers, as Datasets.
 
-In the whole cell the starts are those of `orbits.portrait`. In a smaller box they are spread over
-the box, and only points inside it are kept, so that a small box shows just as many points.
+In the whole cell the starts are those of `orbits.portrait`. In a smaller box the starts are spread
+over the box, and only points inside it are kept; the orbits are then iterated for longer, so that a
+small box shows as many points as the whole cell.
 """
 
 from collections.abc import Iterable, Iterator
@@ -25,7 +26,7 @@ CELL: Box = (0.0, -0.25, 1.0, 1.0)
 
 _N_ORBITS, _STEPS = 80, 600
 _MIN_AVERAGED, _MAX_AVERAGED = 2000, 10**5  # steps over which ω is averaged
-_MAX_KICKS = 10**8  # a second or two
+_MAX_KICKS = 10**8  # which take a second or two
 _MAX_POINTS = 2 * 10**5  # enough for a screen
 
 
@@ -52,7 +53,7 @@ def portraits(
     added : array_like, shape (n, 2)
         Additional starts (x, y).
     every : int, optional
-        Kicks from one point to the next; by default one step.
+        Number of kicks from one point to the next; by default those of one step.
     first : int
         Number of points computed for each orbit before the first yield, in the box or not.
 
@@ -129,9 +130,9 @@ def in_box(box: Box, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArr
     jumps = np.flatnonzero((abs(np.diff(u)) > 0.5) | (abs(np.diff(v)) > 0.5)) + 1
     u, v = np.insert(u, jumps, np.nan), np.insert(v, jumps, np.nan)
     inside = (abs(u) <= width / 2) & (abs(v) <= height / 2)
-    # One point beyond the edge on either side, so that the line reaches the edge.
+    # Keep one point beyond the edge on either side, so that the line reaches the edge.
     kept = inside | np.r_[False, inside[:-1]] | np.r_[inside[1:], False]
-    kept |= np.isnan(u) & np.r_[False, kept[:-1]]  # and a gap that follows a kept point
+    kept |= np.isnan(u) & np.r_[False, kept[:-1]]  # also keep a gap that follows a kept point
     u, v = np.where(kept, u, np.nan), np.where(kept, v, np.nan)
     kept |= np.r_[False, kept[:-1]]
     return middle[0] + u[kept], middle[1] + v[kept]

@@ -3,12 +3,12 @@
 The kicks are K at whole times and K_α a time τ later, in units of the period (arXiv:2509.11593; for
 K_α = -K arXiv:physics/0408088): p' = p + K sin 2πx/2π, then x' = x + τp', and once more with K_α
 and 1 - τ. For τ = a/q the forcing has q kicks, two of them not zero, and p has the period q.
-K_c(τ) is the strength K at which the last barrier breaks at K_α = K, K/2 and -K. Panels show CB_gt
-in the (K, K_α) plane, coloured by the last circles, whose ω is their mean p.
+K_c(τ) is the strength K at which the last barrier breaks, for K_α = K, K/2 and -K. Panels show
+CB_gt in the (K, K_α) plane, coloured by the last circles, whose ω is their mean p.
 
-To first order the kicks drive a resonance at every whole p = k, as strong as that of a standard
-map of strength abs(K + K_α e^{2πikτ}). So a barrier should last long next to a weak resonance, and
-break first at the delay whose weakest resonance is strongest.
+To first order the kicks drive a resonance at every integer p = k, as strong as that of a standard
+map of strength abs(K + K_α e^{2πikτ}). So a barrier next to a weak resonance should persist for
+long, and the threshold should be lowest at the delay whose weakest resonance is strongest.
 
 The delays τ and 1 - τ are equivalent, by time reversal; so are (K, K_α), (K_α, K) and (-K, -K_α),
 and (K, -K_α) if q is even.
