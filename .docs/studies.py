@@ -1,7 +1,8 @@
-"""What three commands show of promises: `stability`, `work_precision` and `claims`.
+"""Evaluate how three commands test promises: `stability`, `work_precision` and `claims`.
 
-Each function reads the cubes that its command has left in a folder. A ratio is the distance of a
-value from that of the most accurate method, over the errors of both; above 1 a promise is broken.
+Each function reads the results that its command has written to a folder. A ratio is the distance of
+a value from that of the most accurate method, divided by the sum of the errors of both; if the
+ratio exceeds 1, a promise is broken.
 """
 
 import csv
@@ -21,7 +22,7 @@ from nasm.results import Status
 from workflows.shared.judgement import Verdict
 
 OK = list(Status).index(Status.OK)
-DIGITS = 5  # from which on an orbit looks regular
+DIGITS = 5  # an orbit whose average has at least this many digits looks regular
 
 
 @dataclass(frozen=True)
@@ -33,11 +34,11 @@ class Finding:
     method : callable
         The method.
     promise, sample : str
-        What it promises, and of what.
+        What the method promises, and the cases on which the promise is tested.
     asked, answered, broken : int
-        Cases, those with an answer that can be compared, and answers that break the promise.
+        Numbers of cases, of answers that can be compared, and of answers that break the promise.
     worst : float
-        The largest ratio; NaN where the promise is kept or not, without a distance.
+        The largest ratio; NaN if answers only keep or break the promise and have no ratio.
     """
 
     method: Callable[..., Any]
@@ -54,7 +55,7 @@ def opened(folder: Path, name: str) -> xr.Dataset:
 
 
 def by_ratio(method: Callable[..., Any], promise: str, sample: str, ratio: xr.DataArray) -> Finding:
-    """Return the Finding of an array of ratios; a case without an answer is NaN."""
+    """Return the Finding of an array of ratios; NaN marks a case without an answer."""
     known = ratio.values[np.isfinite(ratio.values)]
     broken = int((known > 1).sum())
     return Finding(
@@ -70,14 +71,14 @@ def by_case(method: Callable[..., Any], promise: str, sample: str, broken: xr.Da
 def below(
     method: Callable[..., Any], promise: str, sample: str, lower: xr.DataArray, most: xr.DataArray
 ) -> Finding:
-    """Return the Finding on lower scales, which promise to be below `most`."""
+    """Return the Finding on lower scales, which are promised to be below `most`."""
     known = (lower.notnull() & most.notnull()).values
     broken = int((lower.values >= most.values)[known].sum())
     return Finding(method, promise, sample, lower.size, int(known.sum()), broken)
 
 
 def stability(folder: Path) -> Iterator[Finding]:
-    """Yield what the seven studies of `workflows.stability` show."""
+    """Yield the findings of six of the seven studies of `workflows.stability`."""
     value = "value ± error"
     study = opened(folder, "stability_cusp")
     ratio = study.off / (study.error + study.judge_error)
@@ -149,7 +150,7 @@ def stability(folder: Path) -> Iterator[Finding]:
 
 
 def work_precision(folder: Path) -> Iterator[Finding]:
-    """Yield how the claimed errors compare with the true ones at all efforts."""
+    """Yield findings that compare the claimed errors with the true ones at all efforts."""
     study = opened(folder, "work_precision")
     ratio = study.error / (study.estimated_error + study.judge_error)
     ratio = ratio.where(study.effort.notnull())
@@ -173,7 +174,7 @@ def work_precision(folder: Path) -> Iterator[Finding]:
 
 
 def claims(folder: Path) -> list[tuple[str, Counter[Verdict]]]:
-    """Return the verdicts on the paper's claims, by its sections."""
+    """Return the counts of each verdict on the paper's claims, for each section of the paper."""
     with (folder / "claims.csv").open(encoding="utf-8", newline="") as file:
         lines = list(csv.DictReader(file))
     sections: dict[str, Counter[Verdict]] = {}

@@ -34,11 +34,11 @@ MAX_STRENGTH = 1e6
 """Largest |κ|: far beyond any barrier, and far too small for products of strengths to overflow."""
 
 MAX_PERIOD = 64
-"""Maximum number of kicks of a plane, and of a forcing without a dominant symmetry line: with that
-many kicks `barriers` takes minutes, even at a tolerance of 1%."""
+"""Maximum number of kicks per period in a plane, and in a forcing without a dominant symmetry line:
+with that many kicks `barriers` takes minutes, even at a tolerance of 1%."""
 
 MIN_SIZE = 1e-300
-"""Minimum size (largest |κ|) of a ray's profile: scales of about 1/size must still be floats."""
+"""Minimum size (largest |κ|) of a ray's profile: scales of about 1/size must not overflow."""
 
 
 @register_jitable
@@ -258,7 +258,7 @@ def forcing(kappa: ArrayLike, name: str = "kappa") -> FloatArray:
     Raises
     ------
     ValueError
-        If kappa is anything else, is too large, or contains numbers that floats would round.
+        If kappa is not such an array, is too large, or contains numbers that floats would round.
 
     Examples
     --------

@@ -45,7 +45,7 @@ _RATIO = rf"(-?{_TERM}|\({_SUM}\))/({_TERM}|\({_SUM}\))"
 class RotationNumber:
     """An exact rotation number [prefix; (tail)].
 
-    Make one with `parse` or `rational`: these return the shortest form, so that equal numbers
+    Create one with `parse` or `rational`, which return the shortest form, so that equal numbers
     compare equal and have the same hash.
 
     Parameters
@@ -89,7 +89,7 @@ class RotationNumber:
             raise ValueError("prefix=() is empty; its first entry is the integer part, e.g. (0,)")
 
     def __str__(self) -> str:
-        """Write it as "[1;4,(1)]", which `parse` reads back."""
+        """Return ω as text like "[1;4,(1)]", which `parse` reads back."""
         periodic = f"({','.join(map(str, self.tail))})" if self.tail else ""
         parts = [*map(str, self.prefix), *([periodic] if periodic else [])]
         return f"[{';'.join([parts[0], ','.join(parts[1:])]) if parts[1:] else parts[0]}]"
@@ -124,7 +124,8 @@ def parse(text: str) -> RotationNumber:
     Raises
     ------
     ValueError
-        If it is anything else, or exceeds `MAX_CHARACTERS`, `texts.MAX_DIGITS` or `MAX_QUOTIENTS`.
+        If the text is anything else, or exceeds `MAX_CHARACTERS`, `texts.MAX_DIGITS` or
+        `MAX_QUOTIENTS`.
 
     Examples
     --------
@@ -193,7 +194,7 @@ def as_rotation_number(omega: RotationNumber | str) -> RotationNumber:
     Raises
     ------
     ValueError
-        If it is neither a RotationNumber nor a string that `parse` reads. A decimal is refused,
+        If omega is neither a RotationNumber nor a string that `parse` reads. A decimal is refused,
         because the digits that it cuts off matter; the message suggests the simplest noble number
         that rounds to it.
 
@@ -236,7 +237,7 @@ def convergents(omega: RotationNumber | str) -> Iterator[Fraction]:
 
 
 def distinct_convergents(omega: RotationNumber | str, q_max: int) -> list[Fraction]:
-    """List the convergents p/q of ω with increasing q ≤ q_max; if two have q = 1, the second."""
+    """List the convergents p/q of ω with increasing q ≤ q_max; of two with q = 1, the second."""
     known = takewhile(lambda f: f.denominator <= q_max, convergents(omega))
     return list({fraction.denominator: fraction for fraction in known}.values())
 
@@ -253,8 +254,8 @@ def moebius(omega: RotationNumber | str, a: int, b: int, c: int = 0, d: int = 1)
     Raises
     ------
     ValueError
-        If they are not whole numbers, ad = bc, the result is infinite, or its continued fraction
-        has more than `MAX_QUOTIENTS` partial quotients.
+        If the coefficients are not whole numbers, ad = bc, the result is infinite, or its
+        continued fraction has more than `MAX_QUOTIENTS` partial quotients.
 
     Examples
     --------
@@ -305,7 +306,7 @@ def nobles_near(value: float, width: float, n: int) -> list[RotationNumber]:
     Returns
     -------
     list of RotationNumber
-        Those with the shortest prefix first.
+        The noble numbers in order of increasing length of their prefixes.
 
     Examples
     --------
@@ -345,7 +346,7 @@ def _expand_surd(r: int, s: int, t: int, n: int) -> RotationNumber | None:
     """Expand (r + s·√n)/t into its continued fraction: a = ⌊x⌋, x → 1/(x - a), until x recurs.
 
     t must divide s²n - r², as it does for a root of an equation with integer coefficients. Return
-    None if x has not recurred after `MAX_QUOTIENTS`.
+    None if x has not recurred after `MAX_QUOTIENTS` quotients.
     """
     n, s = n * s * s, (1 if s > 0 else -1)
     if s < 0:

@@ -3,8 +3,8 @@
 Arguments are checked here. A cube has the same name and settings as the one that a command
 computes, so that `fill` resumes what `python -m workflows.NAME` has begun, and vice versa.
 
-A plane is a Plane, or a string as for --plane, like "rotating:1/3" (`nasm.planes.parse`). Angles
-are directions of rays in the plane, in degrees.
+A plane is a Plane, or a string as for the --plane option, like "rotating:1/3"
+(`nasm.planes.parse`). Angles are directions of rays in the plane, in degrees.
 """
 
 import functools
@@ -81,7 +81,7 @@ def escape(
         Cells along the two axes of the plane, "LO:HI:N".
     n_max : int
         Maximum number of steps (periods of the forcing), 1 to 10¹²; orbits that stay inside the
-        window for all of them count as not escaping.
+        window for all these steps count as not escaping.
     n_orbits : int or sequence of int
         Orbits per forcing, 1 to 10⁸; several increasing numbers define nested ensembles.
     precision : {"double", "single"}
@@ -125,14 +125,16 @@ def over_plane(
     seconds: float = 1e-3,
     tile: int = 8,
 ) -> Job:
-    """Return the Job of your own function over a plane of forcings; the cube is named after it.
+    """Return the Job of your own function over a plane of forcings.
+
+    The cube is named after the function.
 
     Parameters
     ----------
     function : callable
         Maps κ, an array of the P strengths of a forcing, to a number, or to a sequence with one
         number for each variable. The function is sent to the workers together with your own code
-        that it refers to; packages that it imports must be installed there. The cube stores a
+        that it refers to; packages that it imports must be installed on them. The cube stores a
         digest of the function's text, and of your own functions, modules and constants that it
         refers to; if one of these has changed, the existing cube is refused.
     plane : Plane or str
@@ -214,7 +216,7 @@ def frequency_map(
 def last_barrier(angles: ArrayLike, tol: float = 2e-5, plane: Plane | str = "two-kicks") -> Job:
     """Return the Job of the last barrier on rays, bracketed from both sides: the cube `barrier`.
 
-    The cube holds the rays onto which the symmetries of the plane fold `angles`.
+    The cube contains the rays onto which the symmetries of the plane fold `angles`.
     `pipeline.cubes.barrier.unfolded(cube, angles)` returns all rays, with the last circles as
     strings.
 
@@ -284,7 +286,7 @@ def breakdown(
     q_max : int
         Longest period of the orbits whose residues are used, 10 to 10⁶.
     plane : Plane or str
-        The plane of forcings; continuation needs one whose origin is zero.
+        The plane of forcings; continuation needs a plane whose origin is zero.
 
     Examples
     --------
@@ -396,7 +398,7 @@ def tori(vectors: Iterable[tuple[float, float]], angles: ArrayLike, tol: float =
     Parameters
     ----------
     vectors : iterable of (ω, Ω)
-        Rotation number of the torus and frequency of the forcing, turns per kick.
+        Rotation number of the torus and frequency of the forcing, in turns per kick.
     angles : array_like
         Directions of rays in the (κ̄, Δκ) plane, in degrees.
     tol : float
@@ -467,7 +469,7 @@ def _angles(angles: ArrayLike) -> FloatArray:
 
 
 def _irrational(omega: OmegaLike) -> RotationNumber:
-    """Return omega as a RotationNumber; ValueError if it is rational."""
+    """Return omega as a RotationNumber; raise ValueError if it is rational."""
     number = parse(omega) if isinstance(omega, str) else omega
     if number.is_rational:
         raise ValueError(

@@ -12,10 +12,10 @@ from sketches import sketches
 
 from pipeline.store import place_of
 
-# Ctrl-C works in the tests, and in the programs that they start, however pytest was started.
+# Make Ctrl-C work in the tests and in the programs that they start, however pytest was started.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# The first example compiles kernels, and on a busy machine any example may take long.
+# No deadline: the first example compiles kernels, and any example may be slow on a busy machine.
 settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
 
@@ -24,7 +24,7 @@ LONGEST = ["test_every_command.py", "test_documents.py", "test_first_calls.py"]
 
 
 def pytest_collection_modifyitems(items):
-    """Run the longest files first; with -n, one that is started last would end up running alone."""
+    """Run the longest files first; with -n, a long file started last would finish alone."""
     items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
@@ -37,14 +37,14 @@ def drawn_as_sketches():
 
 @pytest.fixture(scope="session")
 def here():
-    """Yield what `connect` yields, for one worker with two threads in this process."""
+    """Yield a function like that of `connect`, for one worker with two threads in this process."""
     with toy.workers_here() as client:
         yield client
 
 
 @pytest.fixture(scope="session")
 def workers(here):
-    """Return the options that make all commands of a session compute on these workers."""
+    """Return the options that make all commands of a session compute on the worker of `here`."""
     return ["--scheduler", here().scheduler.address]
 
 

@@ -138,7 +138,7 @@ def _cut_markers(figure):
 
 
 def look(handle):
-    """Return what distinguishes an entry of a legend from the others."""
+    """Return the properties that distinguish an entry of a legend from other entries."""
     if isinstance(handle, Line2D):
         marker = handle.get_marker()
         inside = str(handle.get_markerfacecolor()) if marker != "None" else ""

@@ -21,7 +21,7 @@ Two options judge new rows:
     --bracket CLASS PROFILE OMEGA LOWER UPPER [START] OMEGA exists at LOWER, no circle at UPPER
 
 Strengths are separated by spaces. A new row is printed if the methods agree on it. OMEGA and the
-scales may come from any source.
+scales in these options may come from any source.
 """
 
 import sys
@@ -40,12 +40,12 @@ from nasm.proofs import transport
 STEPS = 100_000  # limit of converse KAM, in periods of the forcing
 ABOVE = (0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)  # relative distances above `upper` where no circle exists
 NEAREST = (1e-4, 3e-4, 1e-3)  # distances below a breakup at which circles are certified
-SHORTEST, SITES = 20, 6000  # compared orbits: minimum q, and maximum length in kicks
+SHORTEST, SITES = 20, 6000  # minimum q and maximum length, in kicks, of compared orbits
 HULL = 60_000  # maximum number of sites of the orbit from which Newton's method starts
 
 
 def eliminated(kappa, steps=STEPS):
-    """True if converse KAM eliminates all starts that it tries."""
+    """Return True if converse KAM eliminates all starts that it tries."""
     if symmetry_line.has_dominant_line(kappa):
         return symmetry_line.longest_lived(kappa, steps)[1] < inf
     return transversal.longest_lived(kappa, steps).kicks < inf
@@ -57,19 +57,22 @@ def circle_below(omega, start, profile, breakup, distance):
 
 
 def is_circle(omega, kappa):
-    """True if Newton's method, started from a long periodic orbit, certifies the circle of ω."""
+    """Return True if Newton's method, from a long periodic orbit, certifies the circle of ω."""
     u = hull(omega, kappa)
     return u is not None and circles.invariant_circle(omega, kappa, 65_536, u).certified
 
 
 def hull(omega, kappa):
-    """Return deviations (P, n) of a long periodic orbit with one site held; None if it is lost."""
+    """Return the deviations of a long periodic orbit with one site held fixed, shape (P, n).
+
+    Return None if the orbit is lost.
+    """
     n_kicks, strongest = kappa.size, int(np.abs(kappa).argmax())
     kappa, chains = np.roll(kappa, -strongest), []
     for fraction in distinct_convergents(omega, HULL // n_kicks):
         p, q = fraction.as_integer_ratio()
         u = np.full(q * n_kicks, 0.0 if kappa[0] > 0 else 0.5)
-        if len(chains) > 1:  # join the last orbit but one and copies of the last
+        if len(chains) > 1:  # join the second-to-last orbit and copies of the last
             one, other = chains[-2:]
             often = (q - one[1].size // n_kicks) // (other[1].size // n_kicks)
             parts, turns = [], 0
@@ -95,7 +98,7 @@ def hull(omega, kappa):
 
 @njit
 def hold(kappa, p, q, u):
-    """Apply Newton's method in place to a chain of Pq sites x_n = np/Pq + u_n, with site 0 held.
+    """Apply Newton's method in place to a chain of Pq sites x_n = np/Pq + u_n; site 0 is fixed.
 
     Returns whether it converges, the force on site 0, and Greene's residue.
     """
@@ -140,9 +143,9 @@ def hold(kappa, p, q, u):
 class MinimaxOrbits:
     """Minimax orbits of the convergents of a circle, on κ = start + s·profile.
 
-    u : deviations (P, n) of the circle at a scale just below its breakup. The search for
-    an orbit moves one site, where the circle is stretched most, across a gap. The orbit is then
-    continued to other scales.
+    u : deviations of the circle, shape (P, n), at a scale just below its breakup. To find an
+    orbit, one site is moved across a gap, at the place where the circle is stretched most. The
+    orbit is then continued to other scales.
     """
 
     def __init__(self, omega, start, profile, u):
@@ -157,7 +160,7 @@ class MinimaxOrbits:
             self.fractions.append(fraction)
 
     def residue(self, i, scale):
-        """Return R of the orbit of convergent i; NaN if it is not found."""
+        """Return R of the orbit of convergent i; NaN if the orbit is not found."""
         q, known = self.fractions[i].denominator, self.known.setdefault(i, {})
         for below in (0, 0.05, 0.1, 0.2, 0.4, 0.8) if not known else ():
             at = scale * (1 - below / q)
@@ -265,7 +268,8 @@ class MinimaxOrbits:
 def breakup(omega, start, profile, near, tolerance=1e-5):
     """Locate the breakup of a circle near a scale, by residues, from a certified circle below it.
 
-    Returns value, error and the scale of that circle; NaN if the residues do not converge.
+    Returns the value, its error and the scale of the certified circle; all are NaN if the residues
+    do not converge.
     """
     for distance in NEAREST:
         below, u = circle_below(omega, start, profile, near, distance)

@@ -33,7 +33,7 @@ class Row:
 
     @property
     def image_of(self):
-        """Number of the row of which this is an exact image, and operations (`image`); or None."""
+        """The row of which this is an exact image, by number, and the operations; or None."""
         if not self.method.startswith("image of "):
             return None
         number, operations = self.method.removeprefix("image of ").split(": ")
@@ -113,7 +113,7 @@ def image(row, operations):
 
 
 def image_row(number, kind, row, operations):
-    """Return the Row of an image of a row."""
+    """Return the Row that describes the image of a row under some operations."""
     profile, start, factor, shift = image(row, operations)
     value, lower, upper = (factor * scale - shift for scale in (row.value, row.lower, row.upper))
     error = abs(factor) * row.error + 4e-16 * abs(value)

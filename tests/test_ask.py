@@ -1,4 +1,4 @@
-"""The command `ask`: forcings in files and tables, JSON, and periods too long for the search."""
+"""The command `ask`: files and tables of forcings, JSON output, and periods too long to search."""
 
 import json
 
@@ -19,7 +19,7 @@ SHORT = np.array([0.3, 0.2, 0.25])
 
 
 def lengthened(kicks):
-    """Return the kicks repeated 23 times, with one of them changed by a negligible amount."""
+    """Return the kicks repeated 23 times, with the last strength changed by a negligible amount."""
     kappa = np.tile(kicks, 23)
     kappa[-1] += 1e-9
     return kappa
@@ -132,7 +132,7 @@ def test_a_failed_proof_for_a_long_period_states_what_the_theorem_requires(tmp_p
     assert json.loads(result.stdout)["answer"] == "transport"
 
 
-def test_a_number_is_not_taken_for_a_file_of_that_name(tmp_path, monkeypatch):
+def test_a_number_is_not_mistaken_for_a_file_of_that_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "0.3").write_text("0.9")
     assert main_of("ask").make_context("ask", ["0.3", "-1e-2"]).params["kappa"] == (0.3, -0.01)

@@ -1,4 +1,4 @@
-"""The checker's own bounds: never below the quantity they bound, and never twice as large."""
+"""Each bound in the checker is at least the bounded quantity, and less than twice as large."""
 
 from fractions import Fraction
 from itertools import combinations, product
@@ -11,7 +11,10 @@ from nasm.proofs import certificate_checker as checker
 
 
 def random_box(rng):
-    """Return (a, box) for one or two kicks; each part of a bound dominates in some boxes."""
+    """Return the line x = a and a random box on it, for one or two kicks.
+
+    Sizes vary so widely that each part of a bound dominates in some boxes.
+    """
 
     def size():
         return rng.choice([0.0, 10 ** rng.uniform(-6, -2)])
@@ -26,7 +29,7 @@ def random_box(rng):
 
 
 def orbit(a, box, place, n):
-    """Return x_k and κ_k of an orbit of the box, exact to 300 bits."""
+    """Return x_k and κ_k, k < n, of the orbit from a place in the box; callers use 300 bits."""
     y, delta, k0, h0, k1, h1, *shears = map(checker.ball, box)
     moved = [s * h for s, h in zip(place[1:], (h0, h1), strict=True)]
     x = [checker.ball(a), checker.ball(a) + y + place[0] * delta]
@@ -38,7 +41,7 @@ def orbit(a, box, place, n):
 
 
 def variation(eta, cosines):
-    """Return Q/2 with half of the term of site 0; the other half belongs to the other side."""
+    """Return Q/2, summed over one side: half of the term of site 0 belongs to the other side."""
     around = [2 * eta[1], *(a + b for a, b in zip(eta, [*eta[2:], 0.0], strict=False))]
     terms = [x * ((2 + c) * x - y) for x, c, y in zip(eta, cosines, around, strict=True)]
     return terms[0] / 2 + sum(terms[1:])
@@ -74,7 +77,10 @@ def test_the_second_variation_has_sharp_bounds_in_boxes():
 
 @pytest.mark.parametrize(("most", "a", "small"), [(8, 0.2, 1e-6), (80, 0.9, 1e-6), (24, 0.9, 0.1)])
 def test_the_inverse_is_bounded_by_the_defect_of_its_approximation(most, a, small):
-    """1/(1 + a cos) = (1 + 2 Σ (-b)^k cos)/√(1 - a²). The last case has too few modes."""
+    """Compare with 1/(1 + a cos φ) = (1 + 2 Σ (-b)^k cos kφ)/√(1 - a²), b = (1 - √(1 - a²))/a.
+
+    The last case has too few modes.
+    """
     r, root = 1.2, (1 - a**2) ** 0.5
     weighted = (1 - root) / a * r
     exact = (1 + 2 * weighted / (1 - weighted)) / root
@@ -98,7 +104,7 @@ ALPHA, RHO = (5**0.5 - 1) / 4, 0.01
 
 
 def norm_of_residuals(kappa, u):
-    """Return ‖E_j‖ in floats, from 512 points; u_j = Σ_k c_k e^{2πikφ} + its conjugate."""
+    """Return ‖E_j‖ in floats, from 512 points, for u_j = Σ_k c_k e^{2πikφ} + complex conjugate."""
     k = np.fft.fftfreq(512, 1 / 512)
     modes = np.zeros((2, 512), complex)
     modes[:, : u.shape[1]] = u

@@ -50,7 +50,7 @@ def test_the_overview_has_a_line_for_each_command():
     assert all(len(words) > 20 for words in summaries.values())
 
 
-def test_the_overview_runs_a_command_and_lists_them_all_for_an_unknown_one():
+def test_the_overview_runs_a_command_or_lists_all_if_it_is_unknown():
     result = CliRunner().invoke(overview, ["status", "--version"])
     assert (result.exit_code, result.output) == (0, f"nasm {nasm.__version__}\n")
     unknown = CliRunner().invoke(overview, ["nosuch"])
@@ -78,7 +78,7 @@ def test_without_the_compiler_one_sentence_states_what_to_unset(command, tmp_pat
     assert not any(tmp_path.iterdir())
 
 
-def test_another_package_that_hides_ours_is_explained_in_one_sentence(tmp_path):
+def test_one_sentence_explains_that_another_package_hides_ours(tmp_path):
     (tmp_path / "pipeline").mkdir()
     (tmp_path / "pipeline/__init__.py").touch()
     paths = {**os.environ, "PYTHONPATH": f"{tmp_path}:{ROOT}"}
@@ -89,7 +89,7 @@ def test_another_package_that_hides_ours_is_explained_in_one_sentence(tmp_path):
     assert f"hidden by another package pipeline, {tmp_path}/pipeline/__init__.py; install" in line
 
 
-def test_full_changes_defaults_but_not_the_options_given():
+def test_full_changes_defaults_but_not_explicit_options():
     options = ["--full", "--n-orbits", "7"]
     long = main_of("direct_boundary").make_context("it", options).params
     assert (long["n_max"], long["n_orbits"]) == ([100_000, 500_000, 1_000_000], 7)

@@ -52,7 +52,7 @@ SPECIAL = {
     tori.graph: {"torus": tori.invariant_torus(0.618, 0.54, 0.0, 0.0)},
     tori.newton.residual: {"omega": 0.618, "u": np.zeros((16, 16))},
 }
-# Products of these overflow in eight bits.
+# Products of these numbers would overflow in eight bits.
 SMALL = {
     fixed_points.primary_residue: {"kappa1": 99, "kappa2": 98},
     self_consistent.momentum: {"amplitude": 99, "gamma": [90, 91], "y": [90, 91]},
@@ -86,7 +86,7 @@ SEARCHES = {
 
 
 def good(function):
-    """Return valid arguments of a function, including defaults that are numbers."""
+    """Return valid arguments of a function, including its numerical defaults."""
     special = OTHERS.get(function, {}) | SPECIAL.get(function, {})
     parameters = inspect.signature(function).parameters.items()
     defaults = {
@@ -133,7 +133,7 @@ def test_masked_values_and_strings_are_refused_and_the_argument_is_named(functio
 
 
 def kinds_of(value):
-    """Yield the same numbers as an array, as a list, and in small dtypes."""
+    """Yield the numbers of `value` as an array, as a list, and in small dtypes that hold them."""
     array = np.asarray(value)
     yield array
     yield array.tolist()

@@ -1,4 +1,4 @@
-"""Figures: the styles of circles, which ω alone determines, and what all figures share."""
+"""Figures: the styles of circles, and properties that all figures share."""
 
 import os
 import subprocess
@@ -31,7 +31,8 @@ from workflows.shared.period_one import secondary_dataset
 
 ROOT = Path(__file__).parents[1]
 
-# From linear RGB to what a dichromat sees (Machado, Oliveira & Fernandes 2009, severity 1).
+# Matrices from linear RGB to what a dichromat sees (Machado, Oliveira & Fernandes 2009,
+# severity 1).
 DICHROMATS = {
     "deuteranope": [
         [0.367322, 0.860646, -0.227968],
@@ -92,7 +93,7 @@ def test_the_six_circles_of_the_paper_look_different_and_golden_is_blue():
 
 
 def test_no_two_circles_look_alike_and_simple_ones_keep_their_style():
-    """Circles of three kicks that look alike by default, and 60 circles of a tree, are included."""
+    """The test includes circles of three kicks that look alike by default, and 60 of a tree."""
     alike = ["[0;1,3,(1)]", "[0;2,2,(1)]", "[1;3,(1)]"]
     assert len({str(circle_style(text)) for text in alike}) == 1
     tree = [f"[0;{a},{b},{c},(1)]" for a, b, c in product(range(1, 5), range(1, 6), range(2, 5))]
@@ -321,5 +322,5 @@ def test_last_barriers_of_any_plane_are_named_and_no_two_look_alike(around, colu
     (legend,) = figure.legends
     named = [text.get_text() for text in legend.get_texts()]
     shown = {text for text in around.circle.values if text}
-    assert len(named) == len(shown) + 1  # and × for rays without an answer
+    assert len(named) == len(shown) + 1  # one more for ×, the rays without an answer
     assert all(any(f"{text}$" in words for words in named) for text in shown)

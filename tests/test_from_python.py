@@ -26,7 +26,7 @@ def page(heading):
 
 @pytest.fixture
 def run(here, tmp_path, monkeypatch):
-    """Return a function that runs an example as a script and returns what it prints.
+    """Return a function that runs an example as a script and returns the printed output.
 
     The script runs in a folder of its own, on existing workers.
     """
@@ -43,7 +43,7 @@ def run(here, tmp_path, monkeypatch):
 
 
 def overlap_of(kappa1, kappa2):
-    """Chirikov's overlap for two kicks, by its formula."""
+    """Return Chirikov's overlap for two kicks, computed from its formula."""
     mean, half_difference = abs(kappa1 + kappa2) / 2, abs(kappa1 - kappa2) / 2
     return 2 * (mean**0.5 + half_difference**0.5) / np.pi
 

@@ -55,7 +55,7 @@ def page(tmp_path_factory, workers):
     return out / "index.html"
 
 
-def test_the_page_shows_version_claims_and_every_figure_with_its_command(page):
+def test_the_page_shows_claims_version_and_each_figure_with_its_command(page):
     text, here = page.read_text(encoding="utf-8"), page.parent / "period_one"
     targets = set(map(unquote, re.findall(r'(?:href|src)="([^"#:]+)"', text)))
     assert all((page.parent / target).exists() for target in targets - {"claims/claims.html"})

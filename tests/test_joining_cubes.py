@@ -1,4 +1,4 @@
-"""Plain xarray joins cubes of different rays; strings are kept, or become missing values."""
+"""Plain xarray can join cubes of different rays; strings are preserved or become missing values."""
 
 import json
 from pathlib import Path
@@ -30,7 +30,7 @@ def place(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def opened(place):
-    """Return the cubes as any user of xarray would open them, without loading their data."""
+    """Open the cubes as any user of xarray would, without loading their data."""
     return [xr.open_zarr(place.cube(name), chunks=None) for name in RAYS]
 
 
@@ -84,7 +84,7 @@ def test_the_program_reads_strings_as_it_wrote_them(place):
 
 def test_comments_mark_variables_that_must_not_be_interpolated(opened):
     cube = opened[0]
-    assert np.isfinite(cube.omega.interp(angle=5.0))  # xarray allows it: hence the comment
+    assert np.isfinite(cube.omega.interp(angle=5.0))  # xarray allows this, hence the comment
     for name in ("omega", "status"):
         assert "do not interpolate" in cube[name].attrs["comment"]
 

@@ -1,4 +1,4 @@
-"""Checks of the table of judged forcings and of its judges; no search contradicts the table."""
+"""Check the table of judged forcings and its judges, and that no search contradicts the table."""
 
 from collections import Counter
 from dataclasses import replace

@@ -29,18 +29,18 @@ OF_A_CIRCLE = periodic.critical_scale, continuation.critical_scale, flux.flux
 
 
 def agree(one, other):
-    """True if two answers agree within their errors; NaN agrees with nothing."""
+    """Return True if two answers agree within their errors; NaN agrees with nothing."""
     return abs(one.value - other.value) <= one.error + other.error
 
 
 def is_honest(found):
-    """True if value and error are both NaN exactly when the status is not OK."""
+    """Return True if value and error are both NaN exactly when the status is not OK."""
     return np.isnan([found.value, found.error]).all() == (found.status is not Status.OK)
 
 
-# P equal kicks κ are P steps of the standard map at κ. A single kick κ in a period of P kicks is
-# one step of the standard map at Pκ, for which ω matters only modulo 1. The last circle has one of
-# the rotation numbers `omegas`.
+# P equal kicks of strength κ are P steps of the standard map at κ. A single kick of strength κ in a
+# period of P kicks is one step of the standard map at Pκ, whose breakups depend on ω only modulo 1.
+# The last circle has one of the rotation numbers `omegas`.
 @pytest.mark.parametrize(
     ("profile", "exact", "omegas"),
     [
@@ -86,7 +86,7 @@ def test_the_golden_circle_of_the_standard_map_in_all_its_disguises(profile, exa
 
 
 def images(profile, omega):
-    """Yield the images of a forcing under symmetries, each with the ω of the image circle."""
+    """Yield the images of a forcing under symmetries, each with ω of the image of the circle."""
     profile, period = np.array(profile), len(profile)
     yield np.roll(profile, 1), omega
     yield profile[::-1], omega
@@ -99,8 +99,8 @@ def images(profile, omega):
 
 
 # The flux is computed 20% beyond the breakup, but for two circles only 7% to 12% beyond it.
-# Even there the gaps of their cantori cover everything to within rounding: sites of the minimizing
-# orbit are 1e-17 apart.
+# Even there, the gaps of their cantori cover the whole circle to within rounding: sites of the
+# minimizing orbit are 1e-17 apart.
 @pytest.mark.parametrize(
     ("name", "profile", "size"),
     [
@@ -153,9 +153,9 @@ def test_next_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
 
 @pytest.mark.parametrize(("name", "angle"), [("2gamma", 135), ("2gamma+1", 45)])
 def test_the_paper_s_circles_have_a_value_at_each_other_s_cusps(name, angle):
-    # At these cusps they are circles of the standard map with the tail (8, 2); the default q_max
-    # covers two periods of the tail. The reference value comes from half orbits on symmetry lines,
-    # with periods up to 200 000; its error is 1.5e-11.
+    # At these cusps both circles are circles of the standard map, with the tail (8, 2); the default
+    # q_max covers two periods of the tail. The reference value comes from half orbits on symmetry
+    # lines, with periods up to 200 000; its error is 1.5e-11.
     for method, bound in ((periodic.critical_scale, 1e-6), (continuation.critical_scale, 0.04)):
         result = method(parse(name), ray(angle))
         assert result.status is Status.OK
@@ -229,7 +229,7 @@ def test_methods_for_a_given_circle_return_a_number_or_a_reason(n_kicks):
         for method, effort in zip(OF_A_CIRCLE, (1500, 1e-4, 3000), strict=True):
             assert is_honest(method(omega, profile, effort))
         circle = circles.invariant_circle(omega, rng.uniform(0, 1) * profile)
-        if circle.status is not Status.NOT_CERTIFIED:  # else `error` is its residual
+        if circle.status is not Status.NOT_CERTIFIED:  # otherwise `error` is a residual
             assert np.isnan(circle.error) == (circle.status is not Status.OK)
 
 

@@ -21,7 +21,7 @@ from nasm.proofs import certificate_checker as checker
 from nasm.proofs.transport import Outcome, prove, proved_upper
 from nasm.symmetries import ray
 
-# Scales at which the last circle breaks, by `barriers.critical_scale`; no proof uses them.
+# Scales at which the last circle breaks, from `barriers.critical_scale`; no proof relies on them.
 BREAKUPS = {0: 0.4858177030, 20: 0.5770384095, 30: 0.7001827090, 45: 1.3740999690}
 
 # A forcing without symmetry, 4% beyond CB_gt as found by residues.
@@ -33,7 +33,7 @@ def beyond(angle, excess):
 
 
 def of_rounding(coefficients, u):
-    """Return the error and the value of Horner's rule with fma at v = u², where v is rounded."""
+    """Bound the error of Horner's rule with fma at v = u² (rounded); also return the value."""
     ulp, v = arb(2) ** -53, u * u
     value, error = coefficients[-1], arb(0)
     for c in coefficients[-2::-1]:
@@ -79,8 +79,8 @@ def test_bounds_of_sine_and_cosine_hold_over_the_whole_range():
 def error_of_accurate_sine(middle, radius, series):
     """Bound the error |h + h_low - sin 2πx/2π| of `_accurate` for u = 1/4 - |r| in a ball.
 
-    An exact operation yields a float and a remainder of at most 2⁻⁵³ times the float. All
-    rounding errors and omitted terms are added up.
+    An error-free operation yields a float, and a remainder of at most 2⁻⁵³ times the float. The
+    bound is the sum of all rounding errors and omitted terms.
     """
     ulp, u = arb(2) ** -53, arb(middle, radius)
     u_low = arb(2) ** -56
@@ -131,7 +131,7 @@ KERNEL = audit.Kernel(
     names=STATE,
     known=(("t", "z", "linear"), ("q", "p", "quadratic")),
     places=((-1.0,), (1.0,), (0.5,)),
-    rounding=(0.33 * 2.0**-66, 0.0),  # as bounded above
+    rounding=(0.33 * 2.0**-66, 0.0),  # as bounded by the test above
 )
 
 
@@ -269,7 +269,7 @@ def test_every_fma_is_one_and_nothing_else_is():
         assert calls % written == 0
         flags = re.findall(rf"= f(?:add|sub|mul|div) (.*){kind}", code)
         assert len(flags) > 80
-        assert not any(flags)  # neither fast nor contract nor any other flag
+        assert not any(flags)  # there is no `fast`, `contract` or other flag
         fused = re.findall(r"\tvfn?m(?:add|sub)\w+([sp])d\t.*%([xyz])mm", assembly)
         if platform.machine() == "x86_64" and fused:
             widths = {"sx": 1, "px": 2, "py": 4, "pz": 8}
@@ -278,7 +278,7 @@ def test_every_fma_is_one_and_nothing_else_is():
 
 def test_arithmetic_that_is_not_ieee_proves_nothing(monkeypatch):
     assert proofs.transport._arithmetic_is_ieee(1.0, 2.0**-53, 2.0**-52, 2.0**-1022)
-    # As on a machine that truncates, or one without gradual underflow.
+    # These values would result on machines that truncate or that lack gradual underflow.
     assert not proofs.transport._arithmetic_is_ieee(1.0, 2.0**-52, 2.0**-52, 2.0**-1022)
     assert not proofs.transport._arithmetic_is_ieee(1.0, 2.0**-53, 2.0**-52, 2.0**-1074)
     monkeypatch.setattr(proofs.transport, "_arithmetic_is_ieee", lambda *_: False)
@@ -308,7 +308,7 @@ def test_overflow_and_nan_eliminate_nothing(row):
     if STATE[row : row + 1] != ("paid",):
         values.append(math.inf)  # paid becomes infinite only after V
     if STATE[row : row + 1] == ("V",):
-        values.append(1e160)  # its square is infinite
+        values.append(1e160)  # the square of V is infinite
     for value in values:
         assert after_a_block(row, value) == (proofs.transport._FAILED, True)
 
@@ -392,7 +392,7 @@ def test_more_kicks_than_transversals_allow_are_outside_the_theorem():
 
 
 @pytest.mark.parametrize("kappa", [(0.0,), (0.04, 0.0), (1e-300, 5e-324, 1e-310)])
-def test_where_a_circle_plainly_exists_no_proof_is_tried(kappa, monkeypatch):
+def test_no_proof_is_attempted_where_a_circle_obviously_exists(kappa, monkeypatch):
     monkeypatch.setattr(proofs.transport, "_covered", None)
     monkeypatch.setattr(proofs.transport.transversal, "eliminated_transversals", None)
     assert prove(kappa).outcome is Outcome.WEAK
@@ -443,7 +443,7 @@ def test_below_the_breakup_of_random_rays_nothing_is_proved():
 
 
 def test_proved_upper_is_above_the_breakup_and_near_it_for_any_estimate():
-    proved_upper(ray(20), BREAKUPS[20], 0.01)  # to compile it
+    proved_upper(ray(20), BREAKUPS[20], 0.01)  # compile it
     scale, proof = proved_upper(ray(20), BREAKUPS[20], 0.5)
     assert proof.proved
     assert proof.kappa == tuple((scale * ray(20)).tolist())
@@ -457,8 +457,8 @@ def test_proved_upper_is_above_the_breakup_and_near_it_for_any_estimate():
 def tried(profile, excess, checks):
     """Try a proof beyond the breakup found by `barriers`, and proofs below it; return the former.
 
-    Below the breakup nothing may be proved, neither on the polygon of the former proof nor
-    on another one.
+    Below the breakup nothing may be proved, neither on the polygon of the former proof nor on any
+    other polygon.
     """
     result = barriers.critical_scale(profile, 1e-3)
     proof = prove((1 + excess) * result.upper * np.array(profile))
@@ -466,7 +466,7 @@ def tried(profile, excess, checks):
         kappa = 2 * (tuple((scale * np.array(profile)).tolist()),)
         below, _ = proofs.transport._covered(*kappa, proof.site, proof.points, 0.2)
         assert not below.proved
-        assert below.lifetimes.size > 0  # most of its edges meet no circle
+        assert below.lifetimes.size > 0  # no circle crosses most edges of the polygon
     assert not prove(0.9 * result.lower * np.array(profile), 0.2).proved
     if checks and proof.proved:
         checker.check(json.loads(json.dumps(proof.certificate())))
@@ -490,8 +490,8 @@ RANDOM += np.array([0.838, 0.654, 0.771]), np.array([-0.064, -0.015, -0.444, -0.
 def test_transport_under_random_kicks_is_proved_only_beyond_the_breakup(profiles):
     """Proofs are tried 1% beyond the breakup.
 
-    For the profile close to a multiple of (0, 0, 1, 1), the polygon nearly follows the
-    longest-lived starts.
+    One profile is close to a multiple of (0, 0, 1, 1); its polygon nearly follows the longest-lived
+    starts.
     """
     results = [tried(profile, 0.01, profile.size < 5) for profile in profiles]
     assert all(proof.proved and len(proof.boxes) < 5000 for proof in results)

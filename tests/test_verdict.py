@@ -1,4 +1,4 @@
-"""A verdict on one forcing is consistent with the boundary, symmetric, and never a guess."""
+"""A verdict on one forcing agrees with the boundary, respects symmetries, and is never a guess."""
 
 import re
 from dataclasses import replace
@@ -97,7 +97,7 @@ def test_close_to_a_cusp_the_forcing_itself_still_determines_the_verdict():
 
 # By default, up to 20 CPU seconds would be spent on proofs of barriers further out on the ray.
 SHORT_PROOFS = VerdictSettings(proof_seconds=1.0)
-# Only the first of the default tolerances: an undecided verdict takes 0.2 s instead of 4 s.
+# With only the first default tolerance, an undecided verdict takes 0.2 s instead of 4 s.
 ONE_TOLERANCE = VerdictSettings(tols=(1e-3,))
 
 
@@ -311,7 +311,7 @@ def test_the_circle_is_drawn_over_the_whole_period():
 
 
 @pytest.mark.slow
-def test_more_steps_eliminate_starts_that_survive_beyond_bands_of_breakup():
+def test_beyond_bands_of_breakup_more_steps_eliminate_the_survivors():
     answer = verdict(0.62708 * np.array((1, 0.63, 1)))
     assert (answer.answer, answer.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
 

@@ -5,7 +5,7 @@ steps (periods of the forcing), contains the boundary {n* ≤ N} for every N ≤
 computed, or, with --levels above 1, a coarse grid is refined along the boundary only.
 
 The cube `escape` and a figure in OUT. The paper's Fig. 5 is --first 0:1:512 --second 0:1:512
---levels 5 --n-max 1000000 --n-orbits 10000, and Fig. 6 the same with --first -1:1:1024.
+--levels 5 --n-max 1000000 --n-orbits 10000; Fig. 6 uses the same options with --first -1:1:1024.
 """
 
 from workflows.shared.cli import command, plane_option, plane_options, sweeps

@@ -1,7 +1,7 @@
 """Where does the last barrier to transport break, and which circle is it? CB_gt from both sides.
 
-On each ray the critical scale follows from Greene's residue, and is bracketed by a certified circle
-(below) and converse KAM (above).
+On each ray the critical scale is computed from Greene's residue, and is bracketed by a certified
+circle (below) and converse KAM (above).
 
 Two cubes, a table and a figure in OUT. The defaults take about a CPU minute.
 """

@@ -1,10 +1,10 @@
 """Map of the forcings for which a barrier, or global transport, is proved.
 
 Transport is proved in cells of the (κ1, κ2) plane, by a quadtree that is refined along the
-boundary; barriers in triangles with a corner at κ = 0. `nasm/proofs/README.md` has the theorems. In
-open cells neither is proved.
+boundary; barriers are proved in triangles with a corner at κ = 0. `nasm/proofs/README.md` states
+the theorems. In open cells neither is proved.
 
-Three cubes and a figure in OUT, for 0 <= kappa2 <= kappa1 <= 1.125 and its mirror images; needs the
+Three cubes and a figure in OUT, for 0 <= kappa2 <= kappa1 <= 1.125 and its mirror images. Needs the
 extra `proof`. The defaults take about two CPU minutes.
 """
 

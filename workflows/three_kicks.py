@@ -7,7 +7,7 @@ and the last circles are identified.
 For Ω = 1/3 the boundary does not change under φ0 → φ0 + 1/3, which shifts the kicks by one; under
 φ0 → -φ0, which reverses them; under (φ0, Δκ) → (φ0 + 1/2, -Δκ); and under (κ̄, Δκ) → (-κ̄, -Δκ). So
 phases from 0 to 1/12 and both signs of Δκ cover all cases; at 1/12 both signs are equivalent. At
-phases in between, the kicks have no symmetry centre.
+phases strictly between 0 and 1/12, the kicks have no symmetry centre.
 
 A cube for each phase and one for T, a table and a figure in OUT. The defaults take about four CPU
 minutes.

@@ -3,7 +3,7 @@
     sin 2πu = 2πu · (1 + c₁v + c₂v² + … + c₇v⁷),   v = u²,   |u| ≤ 1/4.
 
 An angle in turns is reduced by x - rint(x), which is exact for every x below 2⁵². In radians the
-product 2πx is rounded before it is reduced: libm's sin(2π·x) is wrong by 7e-10 at x = 10⁶.
+product 2πx is rounded before it is reduced, so that libm's sin(2π·x) is wrong by 7e-10 at x = 10⁶.
 
 Of all such polynomials whose constant term is exactly 1, this one has the smallest maximum of the
 *absolute* error in sin 2πu on |u| ≤ 1/4. Its coefficients were found by Remez exchange in 60-digit
@@ -31,15 +31,15 @@ SINE = (
     0.6075197826138032,
     -0.11007027709872692,
 )
-"""Coefficients 1, c₁, …, c₇ of (sin 2πu)/(2πu) as a polynomial in u²; see the module."""
+"""Coefficients 1, c₁, …, c₇ of (sin 2πu)/(2πu) as a polynomial in u²; see the docstring above."""
 
 SINGLE_SINE = (1.0, -6.5797324892444, 12.987386239067208, -12.18679412216513, 6.315699279004127)
-"""The best polynomial of degree 4 in u²: its error is 5e-9; single precision rounds by 6e-8."""
+"""The best polynomial of degree 4 in u²: its error, 5e-9, is below single rounding errors, 6e-8."""
 
 COSINE = tuple((2 * k + 1) * c for k, c in enumerate(SINE))
 """Coefficients of cos 2πu in u², from the derivative of sin 2πu.
 
-Less accurate than `cos2pi`, but evaluated at the same u as the sine.
+This polynomial is less accurate than `cos2pi`, but can be evaluated at the same u as the sine.
 """
 
 _C0, _C1, _C2, _C3, _C4, _C5, _C6, _C7 = SINE
@@ -48,7 +48,7 @@ _TWO_PI = 2 * np.pi
 
 @register_jitable
 def _sin2pi_quarter(u):
-    """sin 2πu for |u| ≤ 1/4."""
+    """Compute sin 2πu for |u| ≤ 1/4."""
     v = u * u
     s = _C1 + v * (_C2 + v * (_C3 + v * (_C4 + v * (_C5 + v * (_C6 + v * _C7)))))
     return _TWO_PI * u * (_C0 + v * s)

@@ -83,7 +83,7 @@ class NewtonSettings:
     rounding : float
         max |E_j| that `polished_is_circle` attributes to rounding.
     grid : GridSettings
-        Settings for the modes kept on a grid.
+        Settings for the number of modes used on a grid.
 
     Examples
     --------
@@ -119,16 +119,16 @@ class InvariantCircle(Result):
     kappa : ndarray, shape (P,)
         The forcing, first kick first.
     u : ndarray, shape (P, n)
-        Deviations u_j at θ = i/n; see the module.
+        Deviations u_j at θ = i/n; see the docstring of this module.
     error : float
         Largest |E_j| of u on its grid or a finer one; NaN if u never converged.
     status : Status
-        OK if certified; otherwise the reason.
+        OK if certified; otherwise the reason why it is not.
 
     Notes
     -----
-    Circles are compared by their contents, with NaN equal to NaN. They contain arrays and cannot be
-    hashed.
+    Circles are compared by their contents, with NaN equal to NaN. Because they contain arrays,
+    they cannot be hashed.
     """
 
     omega: RotationNumber
@@ -199,7 +199,7 @@ def invariant_circle(
     An existing circle may be missed with too few modes or a bad start; `barriers.last_circle`
     finds the one next to a known breakup, on 10⁵ points or more. A certified circle exists as far
     as floating-point arithmetic on 4n points can show. This is not a proof, and resonances of ω
-    beyond those modes are not detected, as with an ω very close to a fraction.
+    beyond the modes of that grid are not detected, for example if ω is very close to a fraction.
 
     Examples
     --------
@@ -227,7 +227,7 @@ def solve(
     n_max: int,
     settings: NewtonSettings = DEFAULT_NEWTON_SETTINGS,
 ) -> tuple[FloatArray, Status]:
-    """Solve for a circle by Newton's method from u, with as many modes as it needs.
+    """Solve for a circle by Newton's method from u, with as many modes as the circle needs.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ def solve(
     u : ndarray, shape (P, m)
         Deviations on the grid where the method converged; the last iterate if it did not.
     status : Status
-        OK, or the reason.
+        OK, or the reason why the method did not converge.
     """
     if as_rotation_number(omega).is_rational:
         return u, Status.RATIONAL
@@ -259,7 +259,7 @@ def certified(
     u: FloatArray,
     settings: NewtonSettings = DEFAULT_NEWTON_SETTINGS,
 ) -> InvariantCircle:
-    """Return the InvariantCircle of deviations, with the error and status from `certify`."""
+    """Return the InvariantCircle of the deviations u, with the error and status from `certify`."""
     return InvariantCircle(omega, kappa, u, *certify(omega, kappa, u, settings))
 
 
@@ -333,7 +333,7 @@ def polished_is_circle(
     Returns
     -------
     bool
-        True if it is a circle.
+        True if the result is a circle.
     """
     n_modes = fourier.cut(omega, u.shape[-1], settings.grid)
     fine = fourier.resample(u, fourier.grid(omega, 1.5 * n_modes, settings.grid))
@@ -383,7 +383,7 @@ def newton_step(omega: OmegaLike, kappa: ArrayLike, u: ArrayLike) -> tuple[Float
 
 
 def residual(omega: OmegaLike, kappa: ArrayLike, u: ArrayLike) -> FloatArray:
-    """Compute E_j on the grid of u, shape (P, n): zero on a circle.
+    """Compute E_j on the grid of u, an array of shape (P, n); it vanishes on a circle.
 
     Parameters are those of `newton_step`.
 
@@ -409,7 +409,7 @@ def graph(circle: InvariantCircle) -> tuple[FloatArray, FloatArray]:
     Returns
     -------
     x, y : ndarrays, shape (n,)
-        In turns, x on the lift.
+        Coordinates in turns; x is not reduced mod 1.
 
     Examples
     --------
@@ -501,7 +501,7 @@ _OUTCOMES = (Status.OK, Status.TOO_FEW_MODES, Status.NO_CIRCLE)
 
 
 def _newton(omega, kappa, u, settings):
-    """Iterate Newton's method on the grid of u, in place; return a Status and the first error."""
+    """Iterate Newton's method on the grid of u, in place; return a Status and the initial error."""
     angles, turn, kept = _constants(omega, *u.shape, settings.grid)
     if np.abs(turn[1:kept] - 1).min() < settings.min_divisor:
         return Status.NEARLY_RATIONAL, np.nan
@@ -512,7 +512,7 @@ def _newton(omega, kappa, u, settings):
 
 @kernel(error_model="numpy")
 def _iterate(kappa, angles, turn, kept, u, max_steps, max_update, max_tail):
-    """Take Newton steps up to one of _OUTCOMES; return its index there, and the first error."""
+    """Take Newton steps to an outcome; return its index in _OUTCOMES, and the initial error."""
     workspace = _workspace(*u.shape)
     first = last_error = last_change = 1.0
     for step in range(max_steps):
@@ -555,7 +555,7 @@ def _workspace(n_sites, n):
 
 @kernel(error_model="numpy")
 def _chain_step(kappa, angles, turn, kept, u, workspace):
-    """Take one Newton step, in place: see the module.
+    """Take one Newton step in place, as described in the docstring of this module.
 
     Returns max |E|, the largest update, min h', the twist, and the tail; all but the update are
     those of u before the step.
@@ -612,9 +612,9 @@ def _chain_step(kappa, angles, turn, kept, u, workspace):
 def _sites(u, turn, kept, own, modes, values):
     """Fill `values` with u_{-1}, …, u_P and h_0', …, h_P', from the modes below `kept`.
 
-    ⟨u_0⟩ is set to 0.
+    The mean ⟨u_0⟩ is set to 0.
 
-    Returns the share of the H³ norm in the last 15% of these modes.
+    Return the share of the H³ norm in the last 15% of these modes.
     """
     n_sites, n = u.shape
     np.fft.rfft(u, out=own)

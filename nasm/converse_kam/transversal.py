@@ -28,12 +28,12 @@ transversal is that line.
 2. The longest-lived start is on a piece between two orbits, p/q and p'/q'. Bend the piece through
    the minimax orbit of (p + p')/(q + q'), at the point of this orbit nearest to the piece in units
    of the gap.
-3. Repeat this as long as the longest-lived start survives, and its lifetime resolves the change.
+3. Repeat step 2 as long as the longest-lived start survives, and its lifetime resolves the change.
    This leads down the Farey tree, to minimizing orbits on the curve, and to the circle that breaks
    last.
 
-On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the curve obeys,
-beyond breakup, s/s_c - 1 ≈ C/T, as on a symmetry line, with C in EXCESS_BOUNDS. These results rest
+On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the curve beyond the
+breakup obeys s/s_c - 1 ≈ C/T, as on a symmetry line, with C in EXCESS_BOUNDS. These results rest
 on sampled starts and floating point: strong evidence, not a proof. The choice of the curve matters:
 0.5% beyond the breakup of the standard map, lifetimes on the transversal are up to 130 steps, while
 on 15 of 20 other lines x = a some starts survive 3000 steps.
@@ -170,9 +170,9 @@ def longest_lived(
     -------
     LongestLived
         The longest-lived start on the transversal before the kick of the largest |κ|. If a start
-        survives there, or none survives `settings.short_lifetime` kicks, the transversal of the
-        next largest |κ| is tried as well, and so on; of these, the one whose longest lifetime is
-        shortest is used. kicks is inf if a start survives on each of them.
+        survives on it, or none survives `settings.short_lifetime` kicks, the transversal of the
+        next largest |κ| is tried as well, and so on; of these transversals, the one whose longest
+        lifetime is shortest is used. kicks is inf if a start survives on each of them.
 
     Notes
     -----
@@ -202,7 +202,7 @@ class Transversal:
     kappa : ndarray, shape (P,)
         The forcing from that site on.
     orbits : list of (Fraction, ndarray)
-        ω of minimax orbits, and their sites from this site on, in order of ω.
+        ω of each minimax orbit, and the sites of the orbit from `site` on; in order of ω.
     minimax : callable
         (ω, x) → the sites of the minimax orbit near x.
     """
@@ -214,7 +214,7 @@ class Transversal:
 
     @property
     def corners(self) -> FloatArray:
-        """x and y of the orbits before the kick of the site: shape (m, 2)."""
+        """Coordinates x and y of the orbits before the kick of `site`, shape (m, 2)."""
         return np.array([_place(*orbit) for orbit in self.orbits])
 
     def bend(self, piece: int, max_period: float) -> bool:
@@ -249,7 +249,7 @@ def eliminated_transversals(
     n_max : int
         Steps (periods of the forcing) in either direction.
     until : float
-        The `time.thread_time` at which the search is to end; it may end a bend or two later.
+        The `time.thread_time` at which the search should end; it may end a bend or two later.
     settings : TransversalSettings
         How transversals are bent and searched.
 
@@ -297,7 +297,7 @@ def upper_scale(
 
     Lower the scale until a start survives about 30 steps, bisect until the bracket is narrow,
     continue with four times as many steps, and so on up to n_max. On a ray from zero the breakup is
-    lower by a relative distance of about 0.7/T.
+    lower than the result by a relative distance of about 0.7/T.
 
     Parameters
     ----------
@@ -319,11 +319,11 @@ def upper_scale(
     Returns
     -------
     scale : float
-        No initial condition was found to survive n_max steps there. From a nonzero start the scale
-        is 0 if none survives at s = 0, and inf if one survives at each of 40 steps.
+        At this scale no initial condition was found to survive n_max steps. From a nonzero start
+        the scale is 0 if none survives at s = 0, and inf if one survives at each of 40 scan steps.
     longest : LongestLived or None
-        The longest-lived start there; T is its lifetime in steps. None if scale is 0 or inf, or
-        time is up.
+        The longest-lived start at this scale; T is its lifetime in steps. None if scale is 0 or
+        inf, or time is up.
 
     Raises
     ------
@@ -393,8 +393,8 @@ def _by_strength(kappa, max_sites):
 def _longest_lived(kappa, n_steps, sites, until, settings):
     """Return the LongestLived of the transversal whose longest lifetime is the shortest.
 
-    The first transversal without survivors but with a long lifetime is taken. The last site that
-    improved the result is moved to the front of `sites`.
+    The search stops once this lifetime is finite and exceeds `settings.short_lifetime`. The last
+    site that improved the result is moved to the front of `sites`.
     """
     best = None
     # A transversal covers all ω up to P/2.
@@ -416,7 +416,7 @@ def _longest_lived(kappa, n_steps, sites, until, settings):
 def _transversals(kappa, sites, min_gap):
     """Yield the transversal of each site, through its first orbits.
 
-    Its corners are in gaps wider than min_gap times the widest.
+    The corners are placed in gaps wider than min_gap times the widest gap.
     """
     # All transversals need the same orbits.
     minimizers = {}
@@ -476,12 +476,12 @@ def longest_period(n_steps: float, settings: TransversalSettings = DEFAULT_SETTI
 def _first_orbits(kappa, minimax):
     """Return (ω, sites) of the minimax orbits of ω = 0, 1, … and P/2.
 
-    They go up to ω = P if one end is not its own image under (x, y) → (-x, -y).
+    They extend to ω = P if one end is not its own image under (x, y) → (-x, -y).
     """
     period = kappa.size
     omegas = sorted({*map(Fraction, range(period // 2 + 1)), Fraction(period, 2)})
-    # x_before also replaces orbits that cannot be found, far beyond the breakup: half a turn away
-    # from it they would be minimizing, and survive.
+    # Far beyond the breakup, x_before also replaces orbits that cannot be found: orbits half a turn
+    # away from it would be minimizing, and survive.
     orbits, x_before = [], 0.5 if kappa[0] > 0 else 0.0
     for omega in omegas:
         orbits.append((omega, minimax(omega, x_before)))
@@ -534,9 +534,9 @@ def elimination(
 ) -> tuple[FloatArray, FloatArray]:
     """Compute when each start before kick 0 is eliminated, and its slope γ.
 
-    By then, the solution V of the linearised chain with V_0 = 1, V_{-1} = 1 - γ has become ≤ 0 in
-    both directions, or does so soon after: the two sums of the module are at least
-    1 + κ_0 cos 2πx_0 + γ and 1 - γ, or v or u has become negative.
+    When a start is eliminated, the solution V of the linearised chain with V_0 = 1, V_{-1} = 1 - γ
+    has become ≤ 0 in both directions, or does so soon after: the two sums in the docstring of the
+    module are at least 1 + κ_0 cos 2πx_0 + γ and 1 - γ, or v or u has become negative.
 
     Parameters
     ----------
@@ -595,7 +595,7 @@ def _advance(ahead, behind, state):
 
 @njit(nogil=True)
 def _replay(ahead, behind, state, lane, bound):
-    """Return the kick of the block, counted from 1, that eliminates the start; and γ."""
+    """Return the number of the kick that eliminates the start, from 1 in this block, and γ."""
     x, y, v, w, p, q, u, z, total_v, total_u = load_state(state, lane, 10, 1)
     for n in range(ahead.shape[0]):
         v_before, u_before = v, u

@@ -35,9 +35,9 @@ class ProvedBracket(Result):
     estimate : CriticalScale
         Result of `barriers.critical_scale`, which proves nothing.
     lower : float
-        A barrier is proved to exist at lower·profile, rounded to floats; NaN if none was proved.
+        A barrier is proved to exist at lower·profile, rounded to floats; NaN if not proved.
     upper : float
-        Transport is proved to be global at upper·profile, rounded to floats; NaN if it was not.
+        Transport is proved to be global at upper·profile, rounded to floats; NaN if not proved.
     barrier : BarrierProof or None
         Proof at `lower`, or the last failed attempt; None if no proof was attempted.
     transport : TransportProof or None
@@ -96,8 +96,8 @@ def critical_scale(profile: ArrayLike, seconds: float = 8.0) -> ProvedBracket:
         Direction of the ray, not zero.
     seconds : float
         CPU time for `below`; the two bounds together get twice as much. The upper bound uses only
-        seconds/2, and is still ten times tighter than the lower one. The width of the bracket
-        depends on the time and on the machine, but its bounds are proved in any case.
+        seconds/2, but is ten times tighter than the lower one. The width of the bracket depends on
+        the time and on the machine, but its bounds are proved in any case.
 
     Returns
     -------

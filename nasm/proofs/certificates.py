@@ -10,7 +10,7 @@ from nasm.types import FloatArray
 __all__ = ["certificate"]
 
 _VERSION = 1
-# SHA-256 of each statement in proofs/README.md.
+# SHA-256 of the statement of each theorem in proofs/README.md.
 _STATEMENTS = {
     "Transport is global": "262141d95693b0b62f3f795cda61e9e083a5385af394d67e85edbe1571432456",
     "Transport is global under several kicks": (
@@ -43,9 +43,9 @@ def certificate(
     omega: RotationNumber | None = None,
     scales: tuple[float, ...] = (),
 ) -> dict[str, Any]:
-    """Return the certificate of a proof, a JSON-serializable dict.
+    """Return the certificate of a proof as a JSON-serializable dict.
 
-    It contains `fields`, the claim, the theorem, and the SHA-256 of all these.
+    The dict contains `fields`, the claim, the theorem, and the SHA-256 of all these.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def certificate(
     kappa : tuple of float
         Forcing in the claim; for a cell its centre, for a patch its profile.
     half_width : tuple of float
-        Half width of the cell, or the tilt of a patch; () for one forcing.
+        Half width of a cell, or tilt of a patch; () for a single forcing.
     omega : RotationNumber or None
         Rotation number of the barrier; None for transport.
     scales : tuple of float

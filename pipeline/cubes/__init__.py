@@ -1,1 +1,1 @@
-"""The kinds of cubes, one file for each: its labels, its tiles and their cost, and a warm-up."""
+"""Kinds of cubes: each module defines the labels, tiles, costs and warm-up of one kind."""

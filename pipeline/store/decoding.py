@@ -90,7 +90,7 @@ def arrays_in(root: dict[str, Any], path: str) -> dict[str, Any]:
 
 
 def _chunk_bytes(array: dict[str, Any]) -> int:
-    """Return the bytes of a chunk, unpacked, of the array with this metadata."""
+    """Return the unpacked size, in bytes, of a chunk of the array with this metadata."""
     return _BYTES[array["data_type"]] * prod(_chunk_shape(array))
 
 
@@ -105,7 +105,7 @@ def _dims(array: dict[str, Any]) -> list[str] | None:
 
 
 def _oddity(name: str, node: dict[str, Any]) -> str:
-    """Name a property by which the node differs from those of cubes; "" if it does not."""
+    """Return a property in which the node differs from nodes of cubes, or "" if there is none."""
     if node["zarr_format"] != 3:
         return "a format other than zarr 3"
     if {"", ".", ".."} & {*name.split("/")}:
@@ -131,7 +131,7 @@ def _shown(text: object) -> str:
 
 
 class Files(ObjectStore):
-    """A zarr store that refuses to read a whole file if it is larger than those of cubes."""
+    """A zarr store that refuses to read a whole file of more than MAX_FILE bytes."""
 
     async def get(
         self, key: str, prototype: "BufferPrototype", byte_range: "ByteRequest | None" = None

@@ -37,7 +37,7 @@ class Progress(AbstractContextManager):
     after : float
         CPU seconds of the driver's own work after the sweeps.
     clock : callable
-        () → time in seconds.
+        Function without arguments that returns the time in seconds.
 
     Examples
     --------
@@ -98,7 +98,7 @@ class Progress(AbstractContextManager):
             self.name = None
 
     def finish(self) -> None:
-        """End the line: the run is done."""
+        """Show that the run is done, and end the line."""
         self.name, self.drawn = "done", 1.0
         self.hide()
 
@@ -110,7 +110,7 @@ class Progress(AbstractContextManager):
         self.show(name)
 
     def end_sweep(self) -> None:
-        """Write a line for the sweep if this is a log; show that the driver is computing."""
+        """Write a line for the sweep if the stream is a log; show that the driver is computing."""
         if self.begun and not self.is_terminal:
             self.write("\n")
         self.show("computing")

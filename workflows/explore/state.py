@@ -1,4 +1,4 @@
-"""The state of one tab: a point in a plane of forcings, N and two views; and its address.
+"""The state of one tab, a point in a plane of forcings, N and two views; and the tab's address.
 
 The address contains the point, and each part of the state that differs from its initial value:
 `k1=0.3&k2=0.2&a=0.1:0.3&b=0:0.2&omega=gamma&orbits=0.5,0.3;0.5,0.4&show=boundary,cycles`.
@@ -19,24 +19,24 @@ STEPS = [m * 10**e for e in range(2, 6) for m in (1, 2, 5)] + [10**6]
 LINES = {"boundary": "where the last circle breaks"}
 ORBITS = {"kicks": "kick by kick", "symmetry": "symmetry lines", "cycles": "periodic orbits"}
 ORBITS |= {"manifolds": "manifolds of p/q"}
-_HALF_WIDTH = 1.15  # of the first view, in units of the largest strength
-ZOOM = 1e-9, 30.0  # times the first view; in a smaller one pixels would coincide as floats
+_HALF_WIDTH = 1.15  # half-width of the first view, in units of the largest strength
+ZOOM = 1e-9, 30.0  # relative to the first view; in smaller views, pixels would coincide as floats
 _MAX_COORDINATE = 1e7  # limit on |low| + |high| of a view
 _MAX_ORBITS = 50
-_MAX_Q = 1000  # of p/q whose orbits are computed
+_MAX_Q = 1000  # limit on q, and on |p/q|, of periodic orbits
 
 
 class State:
     """The state of one tab.
 
     plane : nasm.planes.Plane. point : (a, b), its coordinates. steps : int, N of {n* ≤ N}.
-    a, b : (low, high) of the view of the plane. x, y : those of the view of phase space.
-    omega : text of the ω whose circle is followed, or "". orbits : ((x, y), …) that were added.
+    a, b : (low, high), the ranges shown of the plane. x, y : those shown of phase space.
+    omega : text of the ω whose circle is followed, or "". orbits : added starts ((x, y), …).
     fraction : text of the p/q whose periodic orbits are shown, or "".
     show : frozenset of the names in LINES and ORBITS that are shown.
     verdict : nasm.Verdict of the point, None until it is known.
-    drawn : the point whose portrait is shown. plays : True while the point moves by itself.
-    datasets : {name: function → xarray.Dataset}, the data that each panel shows; panels add theirs.
+    drawn : the point whose portrait is shown. plays : True while the point is animated.
+    datasets : {name: function → xarray.Dataset}; each panel adds the data that it shows.
     """
 
     def __init__(self, plane):
@@ -65,21 +65,21 @@ class State:
             callback()
 
     def move(self, a, b):
-        """Go to another point; ValueError if its strengths are not finite or too large."""
+        """Go to another point; raise ValueError if its strengths are not finite or too large."""
         point = float(a), float(b)
-        forcing(point)  # checked before the plane multiplies it
+        forcing(point)  # check the coordinates before the plane multiplies them
         forcing(self.plane.forcing(*point))
         if point != self.point:
             self.take(point=point, verdict=None)
 
     def seek(self, fraction):
-        """Show the periodic orbits of a text p/q, or none for ""; ValueError for another text."""
+        """Show the periodic orbits of p/q, or none for ""; raise ValueError for any other text."""
         self.take(fraction=fraction and str(fraction_of(fraction)))
 
     def follow(self, omega):
-        """Follow the circle of another ω, or none for ""; ValueError if no circle has that ω.
+        """Follow the circle of another ω, or none for ""; raise ValueError if no circle has that ω.
 
-        A decimal number is replaced by a noble one; return a message about that.
+        A decimal number is replaced by a noble one; return a message about the replacement.
         """
         try:
             omega, message = named_by(omega)
@@ -91,9 +91,9 @@ class State:
 
     @property
     def boundary(self):
-        """The point on the ray where the last circle breaks.
+        """The point at which the last circle breaks on the ray through the chosen point.
 
-        None if the verdict has no breakup, or if rays of the plane do not begin at κ = 0.
+        None if the verdict contains no breakup, or if rays of the plane do not begin at κ = 0.
         """
         scale = self.verdict.boundary.value if self.verdict else np.nan
         if any(self.plane.origin) or not np.isfinite(scale):
@@ -139,7 +139,7 @@ class State:
 
 
 def fraction_of(text):
-    """Parse a fraction p/q; None for "". A ValueError explains what is wrong."""
+    """Parse a fraction p/q; return None for "". A ValueError explains what is wrong."""
     if not text:
         return None
     with suppress(ValueError):

@@ -6,14 +6,14 @@ from matplotlib.colors import LogNorm
 from workflows.figures import style
 from workflows.figures.planes import in_plane, label_plane
 
-# Offsets, in points, of the letters beside the panels' forcings, so that they avoid the line.
+# Offsets, in points, of the letters from the panels' forcings; they keep letters off the line.
 _PLACES = {"b": (-5, -3), "c": (5, 3), "d": (5, -11), "e": (-5, 3)}
 # The paper's green triangles, red circles and blue squares, in colours that anyone can tell apart.
 _MARKS = [*zip("^osDv", np.take([*style.COLOURS, style.VERMILION], [2, 7, 0, 4, 5]), strict=True)]
 
 
 def draw_rays(boundary, barrier, last=90):
-    """Draw the rays up to the last angle, by default the positive quadrant, Fig. 5."""
+    """Draw the boundary on rays up to angle `last`; by default the positive quadrant, Fig. 5."""
     figure, (axes,) = style.panels(1, 1, 7.5, 7.5)
     up_to = slice(None, last)
     _draw_boundaries(axes, boundary.sel(angle=up_to), barrier.sel(angle=up_to))

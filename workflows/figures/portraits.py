@@ -1,4 +1,4 @@
-"""Phase portraits, Figs. 1 and 2, and their captions."""
+"""The phase portraits of Figs. 1 and 2, and their captions."""
 
 from workflows.figures.style import (
     COLOURS,
@@ -15,7 +15,7 @@ _KICKS_SHOWN = 80
 
 
 def draw_kicks(portraits):
-    """Draw T_{κ1κ2}, T_{κ2κ1}, the nonautonomous map, and one orbit in the plane and in time."""
+    """Draw T_{κ1κ2}, T_{κ2κ1} and the nonautonomous map, and one orbit in the plane and in time."""
     figure = canvas(9, 11, 11 / 9)
     places = [["first", "second"], ["raw", "island"], ["time", "time"]]
     drawn = figure.subplot_mosaic(places, height_ratios=[1, 1, 0.4])
@@ -42,7 +42,7 @@ def draw_kicks(portraits):
 
 
 def _island_orbit(portraits):
-    """Return x, y and the kicks of the orbit; x in [-1/4, 3/4), so that no island is cut."""
+    """Return x, y and kick of the orbit, with x reduced to [-1/4, 3/4) so that no island is cut."""
     x, y, kick = (portraits[name].values for name in ("island_x", "island_y", "kick"))
     return (x + 0.25) % 1 - 0.25, y, kick
 
@@ -95,12 +95,12 @@ def symmetry_caption(portraits):
 
 
 def _draw_cell(axes, x, y, title, points=1.2):
-    """Draw orbits, dims (step, orbit), each in its own colour."""
+    """Draw each orbit in its own colour; the dimensions of x and y are (step, orbit)."""
     for i in range(x.shape[1]):
         axes.plot(x[:, i], y[:, i], **dots(colour_of(i), points))
     axes.set(xlabel="$x$", ylabel="$y$", xlim=(0, 1), ylim=(0, 1), aspect="equal", title=title)
 
 
 def _forcing(portrait):
-    """Return (κ1, κ2), for TeX and for captions."""
+    """Return (κ1, κ2) as text that is valid in TeX and in captions."""
     return f"({float(portrait.kappa1):g}, {float(portrait.kappa2):g})"

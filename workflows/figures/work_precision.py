@@ -5,7 +5,8 @@ from matplotlib.ticker import NullFormatter
 
 from workflows.figures.style import in_column, outer_legend, panels
 
-# Colour of a method, by the beginning of its name; better answers are filled, the others hollow.
+# Colour of each method, by the beginning of its name. Markers of better answers are filled, the
+# others are hollow.
 _METHOD_COLOURS = {
     "direct, 100 orbits, near": "#E69F00",
     "direct, 100 orbits, single": "#8B0000",
@@ -24,14 +25,14 @@ _BETTER = ("extrapolated", "value", "blow-up", "Aitken", "proved")
 
 
 _LEAST_RANGE = 12
-"""Minimum ratio of the ends of the time axis, on which only powers of ten are labelled."""
+"""Minimum ratio of the ends of the time axis, since only powers of ten are labelled on it."""
 
 
 def draw_work_precision(data):
-    """Draw error against CPU time, a panel for each ray.
+    """Draw error against CPU time, with one panel for each ray.
 
-    A column shows only the better answers on the first two rays. Errors below that of the reference
-    are shaded grey.
+    A figure of column width shows only the better answers, on the first two rays. The range below
+    the error of the reference is shaded grey.
     """
     data = data.isel(ray=slice(2)) if in_column() else data
     columns = min(3, data.ray.size)

@@ -1,12 +1,12 @@
 """How much flux passes through the last circle after its breakup? ΔW and its power law.
 
-Just beyond CB_gt a cantorus remains: the area that crosses it in one step (one period) is the
-difference in action of minimax and minimizing orbits, and grows like (s/s_c - 1)^η, η = 3.01. This
-is part of the outlook of arXiv:1606.04824, Sec. VII; the method is that of MacKay, Meiss &
-Percival, Physica D 13 (1984) 55.
+Just beyond CB_gt a cantorus remains. The area that crosses it in one step (one period) is the
+difference in action between minimax and minimizing orbits, and grows like (s/s_c - 1)^η with
+η = 3.01. This is part of the outlook of arXiv:1606.04824, Sec. VII; the method is that of MacKay,
+Meiss & Percival, Physica D 13 (1984) 55.
 
-Two cubes, two tables and a figure in OUT. Distances beyond the breakup range up to 0.5, relative to
-it. The defaults take about a CPU minute.
+Two cubes, two tables and a figure in OUT. Relative distances beyond the breakup range up to 0.5.
+The defaults take about a CPU minute.
 """
 
 from math import ceil, log10

@@ -1,4 +1,4 @@
-"""Verdicts on what a command claims, derived from measured values by a rule, never by hand."""
+"""Verdicts on the claims of a command, derived from measured values by a rule, never by hand."""
 
 from enum import Enum
 from math import isfinite
@@ -32,7 +32,7 @@ def grade(
     literal, weaker : bool
         Whether the claim holds as written, and whether it holds in a weaker sense.
     known : bool
-        Whether the measurement decides at all.
+        Whether the measurement is sufficient to decide the claim.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def agrees(
 def finding(
     claim: str, measured: str, literal: bool, weaker: bool = False, known: bool = True
 ) -> str:
-    """Return sentences: a claim, its verdict (see `grade`), and what was measured."""
+    """Return a claim, its verdict (see `grade`) and what was measured, as sentences."""
     _, verdict = grade(measured, literal, weaker, known)
     if not known:
         return f"Claim: {claim}. Not decided: the run has too few values."

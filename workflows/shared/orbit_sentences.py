@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from nasm import fixed_points, orbits
 
 _STEPS = 10_000  # number of steps over which an orbit is averaged
-_MAX_Q = 100  # largest q of the p/q whose islands are recognized
+_MAX_Q = 100  # islands of orbits with ω = p/q are recognized up to this q
 _CLOSURE = 1e-9  # turns by which a periodic orbit may miss its start
 
 

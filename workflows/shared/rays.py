@@ -63,7 +63,7 @@ def circle_text(circle: str, degenerate: str) -> str:
 
 
 def by_phase(cubes: Mapping[str, xr.Dataset]) -> xr.Dataset:
-    """Join cubes on rays for several phases of a rotating map, {text of the phase: Dataset}."""
+    """Join cubes on rays for several phases of a rotating map; keys are the phases as text."""
     phase = text("phase", cubes, "phase φ0 of the first kick, in turns, exactly")
     return xr.concat(cubes.values(), phase, coords="all", combine_attrs="override")
 
@@ -88,7 +88,7 @@ def with_ratio(
     name : str
         Name of the new variable.
     side : str
-        The variable of the cube that is divided.
+        The variable of the cube that is divided by `scale`.
     """
     ratio = (cube[side] / scale).assign_attrs(described(f"{side} over {reference}"))
     return cube.assign({name: ratio})

@@ -1,11 +1,11 @@
 """Where does each method fail? Seven small studies, in three figures.
 
-Near the cusp at 45°; on both sides of the breakup; for irrational numbers close to fractions; where
-a step (one period) is no longer a twist map, although each kick is (converse KAM needs no
-more); in the searches of converse KAM and of Newton's method; and for tori near a resonance. The
-captions state the results.
+The studies test the methods near the cusp at 45°; on both sides of the breakup; for irrational
+numbers close to fractions; where a step (one period) is no longer a twist map, although each kick
+is one (converse KAM requires only this); in the searches of converse KAM and of Newton's method;
+and for tori near a resonance. The captions state the results.
 
-Seven cubes and three figures in OUT. About four CPU minutes, --quick one.
+Seven cubes and three figures in OUT. The defaults take about four CPU minutes, --quick one.
 """
 
 from functools import partial

@@ -1,8 +1,8 @@
 """Is the store intact? Do its certificates prove what it claims?
 
 All chunks of a run, or of all runs in a folder, are read and compared with their checksums. With
---repair damaged tiles are marked as missing: the next run of the command that computed them
-recomputes these tiles only. Metadata and coordinates are compared with their digests; if they were
+--repair, damaged tiles are marked as missing: the next run of the command that computed them
+recomputes only these tiles. Metadata and coordinates are compared with their digests; if they were
 changed, no tile is touched, and the next run of the command restores them. With --proofs, proved
 results are compared with their certificates, which a second program checks.
 
@@ -23,10 +23,10 @@ _NO_DIGESTS = (
 
 
 def examine(path, place, repair, proofs, longest):
-    """Print what is damaged in the cubes of the run in a folder.
+    """Print which tiles and metadata are damaged in the cubes of a run.
 
-    Return how many tiles are damaged, counting the metadata of a cube as one, and how many of them
-    `repair` marks as missing.
+    Return the number of damaged tiles, counting the metadata of a cube as one tile, and the number
+    of those that `repair` marks as missing.
     """
     from pipeline.store import driver_lock, has_digests, names, printable, verify
     from pipeline.sweep.progress import plural
