@@ -106,7 +106,7 @@ _JOIN_STEP = 0.8
 found with at least one value of this step, 398 are lost to oscillation if the step is 0.1, 266 if
 it is 0.4, and 178 if it is 0.8."""
 
-_JOIN_PERIOD = 300
+JOIN_PERIOD = 300
 """Period above which orbits are joined from shorter ones rather than scanned for."""
 
 _MAX_SITES_ALONE = 600
@@ -231,7 +231,7 @@ class ConvergentOrbits:
         orbit = self._latest.get((p, q, kind))
         if orbit and abs(scale - orbit.scale) < self._near / q and orbit.move(scale):
             return orbit
-        orbit = self._join(n, scale, kind) if q > _JOIN_PERIOD and n > 1 else None
+        orbit = self._join(n, scale, kind) if q > JOIN_PERIOD and n > 1 else None
         orbits = {kind: orbit} if orbit else self.scan(n, scale)
         if orbits[kind].residue != 0:
             self._latest.update({(p, q, key): orbit for key, orbit in orbits.items()})

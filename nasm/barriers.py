@@ -3,8 +3,8 @@
 The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
 With three kicks or more, circles may break and reappear in bands of scales, which may be
 arbitrarily narrow next to the boundary. The search resolves bands down to relative widths of about
-tol: if it meets any, error is at least the smaller of tol and 10⁻³, and upper at least value +
-error. On a segment that does not start at zero, the search is for the first breakup.
+tol: if it meets any, error is at least tol, and upper at least value + error. On a segment that
+does not start at zero, the search is for the first breakup.
 
 The search proceeds from the outside inwards.
 
@@ -87,36 +87,26 @@ class Effort:
         reached, the search, converse KAM and certification all end. Among the judged forcings,
         regular ones need 10 to 20 scales, and those with bands up to 60.
     step : float
-        Relative step, multiplied by the longest period used.
-    finest_step : float
-        Shortest relative step, divided by tol.
+        Relative distance over which orbits of period q exclude circles, multiplied by q; the search
+        lowers the scale in steps of this length, or of share_above·tol if that is longer.
     tree_depth : int
         Period of Farey neighbours at which the search of the tree ends.
     tree : TreeSettings
         Settings that determine which residues in the tree exclude circles.
     breakup_distance : float
         Relative distance, below a scale without circles, within which the last breakup is sought.
-    simpler_distance : float
-        Distance in ω from the noble excluded last, within which a simpler noble is tested instead.
     orbit_period, last_period : int
         Longest period of the orbits whose residues are used for a leap, and of those from which the
         final value is computed; they yield nine and eleven digits.
-    rival_distance : float
-        Relative distance above the value at which residues test whether other circles exist.
     cusp_period : int
         Longest period of the orbits that determine the final value if periods up to `last_period`
-        are not precise enough, as happens next to a cusp.
+        are not precise enough, as happens next to a cusp; and of the orbits from whose hull
+        functions circles are certified.
     blurred_period : int
         Period of orbits: if only longer periods resolve a cusp, the error extends up to `upper`.
-    band_error : float
-        Least relative error where circles break and reappear, unless tol is smaller.
-    certified_distances : tuple of float
-        Distances below a bracket, divided by tol, at which the certification of a circle is tried,
-        one after another, until it succeeds.
     circles_tried : int
-        Maximum number of circles tried at each of these distances.
-    hull_period : int
-        Bound on the period of the orbits from whose hull functions circles are certified.
+        Maximum number of circles that are tried at each scale below a bracket, until one is
+        certified.
     search_share : float
         Share of the CPU time after which the search ends. Half of the remaining time is for
         converse KAM, and whatever is left after that for the certified circle.
@@ -141,20 +131,14 @@ class Effort:
     locating_steps: int = 1000
     max_questions: int = 120
     step: float = 0.25
-    finest_step: float = 0.1
     tree_depth: int = 1000
     tree: TreeSettings = DEFAULT_TREE_SETTINGS
     breakup_distance: float = 0.05
-    simpler_distance: float = 2e-4
     orbit_period: int = 1500
     last_period: int = 6000
-    rival_distance: float = 1e-5
     cusp_period: int = 30_000
     blurred_period: int = 300
-    band_error: float = 1e-3
-    certified_distances: tuple[float, ...] = (0, 0.3, 0.6, 1, 1.5, 2, 2.5, 3, 9, 29)
     circles_tried: int = 6
-    hull_period: int = 20_000
     search_share: float = 0.6
     long_period_tol: float = 1e-3
     iterated_kicks: int = 10**7
@@ -413,8 +397,7 @@ def _value(tree, tol, bracket):
     if bracket.breakup is not None:
         return bracket.breakup.value, bracket.breakup.error
     half = (bracket.outside - bracket.inside) / 2
-    error = tree.segment.length(bracket.outside, min(tol, tree.effort.band_error))
-    return bracket.inside + half, max(half, error)
+    return bracket.inside + half, max(half, tree.segment.length(bracket.outside, tol))
 
 
 def _outermost(tree):
@@ -454,13 +437,13 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
     _, nobles, period = tree.ask(outside)
     unasked, asked_period = omega, 0  # for leaps: the circle to try next, and the last period
     while outside - inside > segment.length(outside, tol / 2) and not tree.is_search_over():
-        step = max(effort.step / period, effort.finest_step * tol)
+        step = max(effort.step / period, effort.share_above * tol)
         scale = outside - segment.length(outside, step)
         if scale <= inside:
             scale = (inside + outside) / 2
         breakup = None
         if unasked or (leaps and period >= 2 * asked_period):
-            named = unasked or _simplest_near(nobles[0], segment.at(outside), effort)
+            named = unasked or _simplest_near(nobles[0], segment.at(outside), period)
             breakup = _breakup(tree, tol, named, inside, outside)
             unasked, asked_period = None, period
         if breakup:
@@ -476,9 +459,12 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
     return _Bracket(inside, outside, omega)
 
 
-def _simplest_near(omega, kappa, effort):
-    """Return the noble with the shortest prefix near another one."""
-    near = float(omega), effort.simpler_distance, 1
+def _simplest_near(omega, kappa, period):
+    """Return the noble with the shortest prefix near the one that an orbit of a period excluded.
+
+    The two Farey neighbours of that orbit are at least 4/period² apart.
+    """
+    near = float(omega), 4 / period**2, 1
     return [*half_shift_nobles(kappa, *near), *nobles_near(*near)][0]
 
 
@@ -499,9 +485,9 @@ def _breakup(tree, tol, omega, inside, outside):
 
 def _with_rivals(tree, tol, breakup, inside, outside, nobles):
     """Return the _Bracket of a breakup, or of a later one of another noble, below `outside`."""
-    segment = tree.segment
+    segment, longest = tree.segment, tree.effort.tree.longest_ratio * LONGEST_PERIOD
     for omega in nobles:
-        just_above = breakup.value + segment.length(outside, tree.effort.rival_distance)
+        just_above = breakup.value + segment.length(outside, tree.effort.step / longest)
         if omega != breakup.omega and tree.shows(omega, just_above):
             later = _breakup(tree, tol, omega, inside, outside)
             if later is None or later.value < breakup.value:  # the rival breaks in between
@@ -613,15 +599,15 @@ def _certified_below(tree, tol, bracket):
         begin = value - segment.length(value, tol)
         if lower >= begin:
             return lower
-    for distance in effort.certified_distances:
-        scale = begin - segment.length(value, distance * tol)
+    for distance in (0, *(tol / 4 * 2**n for n in range(8))):
+        scale = begin - segment.length(value, distance)
         if scale <= np.fmax(lower, 0) or tree.has_spent(1):
             break
         circle, nobles, _ = tree.ask(scale)
         names = dict.fromkeys([*filter(None, (bracket.omega, circle)), *nobles])
         for omega in islice(names, effort.circles_tried):
             kappa = segment.at(scale)
-            if tree.shows(omega, scale) and _is_certified(omega, kappa, effort.hull_period):
+            if tree.shows(omega, scale) and _is_certified(omega, kappa, effort.cusp_period):
                 return scale
     return lower
 

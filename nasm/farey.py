@@ -27,6 +27,7 @@ from typing import NamedTuple
 from numpy.typing import ArrayLike
 
 from nasm.action import (
+    JOIN_PERIOD,
     SURE_PERIOD,
     Chain,
     ConvergentOrbits,
@@ -55,17 +56,19 @@ class TreeSettings:
 
     Attributes
     ----------
-    max_products : tuple of (period, product)
-        A circle may exist between two neighbours if the product of their residues is below the
-        limit in the first entry whose period exceeds both of theirs. On the paths to the last
-        circles of 100 forcings of up to six kicks, products were at most 0.26 from period 10 on;
-        with 11 kicks, one was 0.80. Below period 10 they were at most 1.3, on 143 paths with up to
-        33 kicks.
-    max_residue : float
-        Largest residue that a long orbit may have next to a circle that exists. On the paths to
-        those 100 circles it was at most 1.1; with 11 kicks it was once 1.57.
-    any_residue_period : int
-        Period below which an orbit next to a circle may have any residue; one residue was 49.
+    largest_product : float
+    product_period : int
+        A circle may exist between two neighbours if the product of their residues is below
+        largest_product·(1 + product_period/q), with the longer of their two periods q. At the
+        breakup of a circle that is noble from the neighbours on, both residues tend to 1/4, their
+        product to 1/16, and the differences are of order 1/q. On the paths to the last circles of
+        150 forcings of one to twelve kicks, products were at most 0.25 up to period 10, and 0.19
+        from there on.
+    largest_residue : float
+        Largest residue that an orbit of at least `short_period` may have next to a circle that
+        exists. On these paths it was at most 0.8; with 11 kicks it was once 1.57.
+    short_period : int
+        Shorter orbits next to a circle may have any residue; one residue was 49.
     small_residue : float
         If the residues of neighbours are below this value, the noble between them is tested
         directly.
@@ -74,14 +77,8 @@ class TreeSettings:
     scanned_period : int
         Up to this period, the highest maximum of the action is sought; for longer orbits, the one
         next to the maxima of the neighbours.
-    rescanned_period : int
-        The same limit for an orbit that cannot be joined from those of its neighbours.
-    lost_residue : float
-        Residue assumed for a lost short orbit when the order of the search is determined.
     first_period : int
         Shortest period of the convergents whose residues are compared.
-    vanishing_residue : float
-        Residue below which rounding may hide a decrease.
     longest_ratio : int
         Periods up to this multiple of `longest` are used if shorter ones do not decide.
 
@@ -94,22 +91,14 @@ class TreeSettings:
     True
     """
 
-    max_products: tuple[tuple[float, float], ...] = (
-        (10, 100.0),
-        (30, 1.0),
-        (100, 0.5),
-        (300, 0.3),
-        (inf, 0.22),
-    )
-    max_residue: float = 1.6
-    any_residue_period: int = 10
+    largest_product: float = 0.2
+    product_period: int = 50
+    largest_residue: float = 1.6
+    short_period: int = 10
     small_residue: float = 0.05
     max_mediants: int = 3000
     scanned_period: int = 20
-    rescanned_period: int = 300
-    lost_residue: float = 0.25
     first_period: int = 60
-    vanishing_residue: float = 1e-3
     longest_ratio: int = 4
 
 
@@ -208,8 +197,8 @@ def _may_enclose_circle(left, right, settings):
     A lost short orbit excludes nothing.
     """
     residues, longer = (left.residue, right.residue), max(left.q, right.q)
-    largest = next(most for period, most in settings.max_products if longer < period)
-    is_near = longer < settings.any_residue_period or max(residues) < settings.max_residue
+    largest = settings.largest_product * (1 + settings.product_period / longer)
+    is_near = longer < settings.short_period or max(residues) < settings.largest_residue
     is_lost = left.orbit is None or right.orbit is None
     return is_near and (is_lost or residues[0] * residues[1] < largest)
 
@@ -237,8 +226,8 @@ def circle_exists(
     longest : int
         Residues of orbits with shorter periods need not decrease yet. From this period on, the
         answer is False as soon as the last residue is not below the two before it. The answer is
-        True as soon as the last three residues are below 0.1 and the last of them is the smallest,
-        or vanishes. All periods are less than `settings.longest_ratio` times this one.
+        True as soon as the last three residues are below `settings.small_residue` and the last of
+        them is the smallest, or vanishes. All periods are less than `settings.longest_ratio` times this one.
     known : sequence of Orbit
         Known minimax orbits of convergents of ω.
     settings : TreeSettings
@@ -273,10 +262,11 @@ def circle_exists(
                 return False
             continue
         *_, before, residue = residues
-        if residue > before and residue > 1.5:
+        if residue > before and residue > settings.largest_residue:
             return False
         # Where two orbits exchange roles, residues pass through 0; three may be small by chance.
-        if max(residues[-3:]) < 0.1 and (_fall(residues) or residue < settings.vanishing_residue):
+        is_small = max(residues[-3:]) < settings.small_residue
+        if is_small and (_fall(residues) or residue == 0):  # it vanishes to rounding
             return True
     return _fall(residues)
 
@@ -305,7 +295,7 @@ def _between(ordered, left, right, settings):
         for first, second in (left, right), (right, left):
             if orbit := joined(first.orbit, second.orbit, chain, -1):
                 return _node(fraction, orbit, settings)
-    if settings.scanned_period < q + s < settings.rescanned_period:
+    if settings.scanned_period < q + s < JOIN_PERIOD:
         return _scanned(ordered, fraction, settings)
     return _node(fraction, None, settings)
 
@@ -318,7 +308,8 @@ def _scanned(ordered, fraction, settings):
 
 
 def _node(fraction, orbit, settings):
-    lost = settings.lost_residue if fraction.denominator <= SURE_PERIOD else inf
+    # A lost short orbit takes its place in the search as if its residue were that at a breakup.
+    lost = 0.25 if fraction.denominator <= SURE_PERIOD else inf
     return _Node(fraction, orbit, max(orbit.residue, 1e-6) if orbit else lost)
 
 
