@@ -1,4 +1,4 @@
-"""Settings of the site: python -m sphinx -W .docs out/site
+"""Settings of Sphinx for the site, which `python -m sphinx -W .docs out/site` builds.
 
 Everything that a page loads is in the site itself: no script, style or font comes from elsewhere.
 """
@@ -36,35 +36,36 @@ html_title = "NASM"
 html_extra_path = ["live"]
 html_copy_source = False
 html_show_sourcelink = False
-# Pages are parts of others if they are in `generated`, but for those of modules.
+# Files in `generated` are included in other pages; those in `generated/api` are pages themselves.
 exclude_patterns = ["live", "reference/generated/*.md", "**/.ipynb_checkpoints"]
 
-# Pages with {code-cell} blocks are run by the build; the two notebooks keep their outputs, and the
-# tests run them.
+# The build runs the pages with {code-cell} blocks. It shows the two notebooks with their stored
+# outputs; the tests run them.
 nb_execution_mode = "force"
 nb_execution_excludepatterns = ["tutorials/generated/*"]
 nb_execution_raise_on_error = True
-nb_execution_timeout = -1  # seconds would depend on the machine
-nb_ipywidgets_js = {}  # no widgets, whose scripts are elsewhere
+nb_execution_timeout = -1  # no limit, because the time depends on the machine
+nb_ipywidgets_js = {}  # no widgets: they would load scripts from elsewhere
 
 autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # docstrings have the types
 napoleon_google_docstring = False
 napoleon_use_rtype = False
-# Letters in the shapes of arrays, "(n,)", are also names of attributes; a link to any will do.
+# Letters in shapes of arrays, such as "(n,)", are also names of several attributes; it does not
+# matter to which of these Sphinx links.
 suppress_warnings = ["ref.python"]
 
 
 def escape_marks(app, what, name, thing, options, lines):
-    """Escape |κ| and * in docstrings, which are plain text and no markup."""
+    """Escape single | and * in docstrings, which are plain text, not markup."""
     for number, line in enumerate(lines):
         if not line.lstrip().startswith(">>>"):
             lines[number] = re.sub(r"(?<![\\*`])([|*])(?![*`])", r"\\\1", line)
 
 
 def refuse_what_is_elsewhere(app, error):
-    """Fail if a page would load a script, a style, a font or a picture from another place."""
+    """Fail if a page would load a script, a style, a font or a picture from outside the site."""
     if error or app.builder.name != "html":
         return
     loads = re.compile(
@@ -78,7 +79,7 @@ def refuse_what_is_elsewhere(app, error):
 
 
 def copy_notebooks():
-    """Copy the notebooks of workflows/examples to where Sphinx reads pages."""
+    """Copy the notebooks of workflows/examples into a folder from which Sphinx reads pages."""
     there = HERE / "tutorials" / "generated"
     there.mkdir(exist_ok=True)
     for path in (HERE.parent / "workflows" / "examples").glob("*.ipynb"):
@@ -86,7 +87,7 @@ def copy_notebooks():
 
 
 def copy_gallery(app, error):
-    """Copy what `python -m workflows.gallery` has made, without its cubes, beside the pages."""
+    """Copy the output of `python -m workflows.gallery`, except its cubes, into the built site."""
     if not error and app.builder.name == "html" and tables.GALLERY.is_dir():
         there = Path(app.outdir) / "gallery"
         shutil.rmtree(there, ignore_errors=True)

@@ -1,10 +1,11 @@
 """Measure how often each method keeps its promise: python .docs/measure_trust.py [--only NAME]
 
-One sample is the table of judged forcings, `tests/judged_forcings.csv`. Each method is asked about
-its forcings in a random order that is always the same, so that the first of them, all that a short
-run reaches, are a fair sample. The other samples are those of `workflows.stability` and
-`workflows.work_precision`, which are run. `workflows.claims` judges the claims of the paper. Writes
-.docs/trust.csv and .docs/claims.csv, which the page Trust of the site shows.
+One sample is the table of judged forcings, `tests/judged_forcings.csv`. Each method is applied
+to its forcings in a random order that is always the same, so that the forcings that a short run
+reaches are a fair sample. The script also runs `workflows.stability` and
+`workflows.work_precision`, which provide the other samples, and `workflows.claims`, which judges
+the claims of the paper. It writes .docs/trust.csv and .docs/claims.csv, which the page Trust of
+the site shows.
 """
 
 import argparse
@@ -43,7 +44,7 @@ JUDGED = HERE / "claims.csv"
 sys.path[:0] = [str(HERE), str(HERE.parent / "tests")]
 
 import studies  # noqa: E402  (beside this file)
-from judged import Row, table  # noqa: E402  (in the folder above)
+from judged import Row, table  # noqa: E402  (in the folder tests)
 from score_search import contradictions  # noqa: E402
 
 SEED = 57
@@ -80,7 +81,10 @@ def name_of(function: Callable[..., object]) -> str:
 
 
 def code_alone(source: str) -> str:
-    """Return a Python source without comments, docstrings and blanks, alike in all versions."""
+    """Return a Python source without comments, docstrings and white space.
+
+    The result is the same in all versions of Python.
+    """
     lines = source.splitlines()
     for token in tokenize.generate_tokens(StringIO(source).readline):
         if token.type == tokenize.COMMENT:
@@ -110,7 +114,7 @@ def code_of(function: Callable[..., object]) -> str:
 
 
 def has_changed(row: Mapping[str, str]) -> bool:
-    """Return whether the code of a row's method, or of the claims, is another one than it was."""
+    """Return True if the code of a method, or of the claims, differs from its recorded digest."""
     if "method" in row:
         return row["code"] != code_of(resolve_name(row["method"]))
     return row["code"] != digest(job_code.EVERYTHING.modules)
@@ -125,13 +129,13 @@ class Method:
     function : callable
         The method itself.
     arguments : str
-        How it is called, for the page.
+        The arguments of its call, as text for the page.
     answer : callable
-        Its answer about a row of the table.
+        Computes the method's answer for a row of the table.
     applies : callable
-        Whether it can be asked about a row.
+        Returns True for a row to which the method applies.
     fields : tuple of str
-        Which of value, lower and upper are promised.
+        Names of the fields that are promised, among value, lower and upper.
     """
 
     function: Callable[..., CriticalScale]
@@ -146,14 +150,14 @@ def is_ray(row: Row) -> bool:
 
 
 def has_circle(row: Row) -> bool:
-    """Whether the circle that breaks last is known, and breaks once: it does not come back."""
+    """Return True if the circle that breaks last is known and does not reappear once broken."""
     if row.image_of is not None:
         number, _ = row.image_of
         return bool(row.omega) and has_circle(ROWS[number])
     return bool(row.omega) and "bracket" not in row.method
 
 
-# The cheap ones first: the time that they leave is for the search.
+# The cheap methods come first: the CPU time that they do not use is left for the search.
 METHODS = (
     Method(
         symmetry_line.critical_scale,
@@ -194,7 +198,7 @@ METHODS = (
 
 
 def row_of(function: Callable[..., object], *cells: object) -> dict[str, str]:
-    """Return a row of the table: its cells between the method and the date."""
+    """Return a row of the table; `cells` are those between the method and the date."""
     cells = name_of(function), *cells, date.today().isoformat(), code_of(function)
     return dict(zip(HEAD, map(str, cells), strict=True))
 
@@ -204,7 +208,7 @@ def short(number: float) -> str:
 
 
 def measure(method: Method, seconds: float) -> dict[str, str]:
-    """Return a method's row; forcings not reached within the CPU time are not asked."""
+    """Return a method's row; forcings that are not reached within the CPU time are left out."""
     rows = [row for row in ROWS.values() if method.applies(row)]
     random.Random(SEED).shuffle(rows)
     load_searches()  # kernels compile before the clock starts
@@ -279,7 +283,7 @@ def rows_of_claims(folder: Path) -> list[dict[str, str]]:
 
 
 def read(path: Path) -> list[dict[str, str]]:
-    """Return the rows measured before."""
+    """Return the rows that an earlier run wrote to the file; [] if there is no file."""
     if not path.exists():
         return []
     with path.open(encoding="utf-8", newline="") as file:
@@ -330,7 +334,7 @@ def main() -> None:
 
 
 def order(row: Mapping[str, str]) -> tuple[str, bool, str]:
-    """Sort rows by method, the judged forcings first."""
+    """Return a sort key: rows are sorted by method, those of the judged forcings first."""
     return row["method"], row["command"] != COMMAND, row["command"]
 
 

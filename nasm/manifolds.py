@@ -5,9 +5,9 @@ curve
 
     W(t) = T^{qk}(z + ε λ^{t-k} v) - (pk, 0),    k = ⌊t⌋,
 
-where ε is small and λ > 1 is the eigenvalue of DT^q, is the unstable manifold of z up to about ε²,
-since T^q attracts points to the manifold. In the coordinates (y - x, y), T⁻¹ is T with the kicks in
-reverse order, so the stable manifold is the image of an unstable one.
+where ε is small and λ > 1 is the eigenvalue of DT^q, is the unstable manifold of z up to an error
+of about ε², since T^q attracts points to the manifold. In the coordinates (y - x, y), T⁻¹ is T with
+the kicks in reverse order, so the stable manifold is the image of an unstable one.
 
 The manifolds of neighbouring points of the orbit cross at the points of two homoclinic orbits: one
 minimizes the action, the other is a minimax orbit. Between one point of the minimizing orbit and
@@ -43,7 +43,7 @@ __all__ = ["ManifoldSettings", "Turnstile", "stable", "turnstile", "unstable"]
 
 @dataclass(frozen=True)
 class ManifoldSettings:
-    """How manifolds begin, and how far they are followed.
+    """Settings of how manifolds begin and how far they are followed.
 
     Attributes
     ----------
@@ -168,7 +168,7 @@ def _checked(
     toward: int,
     settings: ManifoldSettings,
 ) -> tuple[FloatArray, int, int, float, float, float, float, int]:
-    """Check the arguments of `unstable`."""
+    """Check the arguments of `unstable`, and return all but `settings`, converted."""
     kappa, q = forcing(kappa), count("q", q, 1, MAX_PERIOD)
     p = count("p", p, -MAX_PERIOD * kappa.size, MAX_PERIOD * kappa.size)
     x, y = (float(coordinate) for coordinate in checked_points(x, y))
@@ -289,7 +289,7 @@ def turnstile(
     LostError
         If the orbits that tend to the homoclinic ones are not found, are longer than
         settings.max_period, or differ only by rounding errors, as they do where R is about 0; or if
-        the manifolds do not come close to them within settings.max_length.
+        the manifolds do not come close to the homoclinic orbits within settings.max_length.
 
     Examples
     --------
@@ -320,7 +320,8 @@ def turnstile(
     ends = np.array(resonant.points())
     offsets = (minimizing_points[:, :, None] - ends[:, None] + 0.5) % 1 - 0.5
     m = int(np.hypot(*offsets).min(axis=1).argmax())
-    # In order of time: from near one point of p/q, past the middle of a gap, to near the next.
+    # These points, in order of time, lead from near one point of the p/q orbit, past the middle of
+    # a gap, to near the next point.
     start, first, last, end = (
         _at(minimizing_points, m + j * q, long, j * p) for j in (-n // 2, 0, 1, n // 2)
     )
@@ -340,7 +341,7 @@ def turnstile(
 
 
 def _at(points: FloatArray, i: int, long: tuple[int, int], shift: int) -> FloatArray:
-    """Return point i of the orbit of (p, q) = `long`, on the lift, `shift` turns to the left."""
+    """Return point i of the orbit of (p, q) = `long`, on the lift, moved left by `shift` turns."""
     turns, i = divmod(i, long[1])
     return points[:, i] + [turns * long[0] - shift, 0.0]
 
@@ -357,7 +358,10 @@ def _pieces(
     spacing: float,
     settings: ManifoldSettings,
 ) -> list[FloatArray]:
-    """Return the pieces of a branch between three crossings; the branch begins next to `start`."""
+    """Return the two pieces of a branch between three crossings.
+
+    The branch begins at the point of the p/q orbit, given by `ends`, that is nearest to `start`.
+    """
     offsets = start[:, None] - ends
     offsets[0] -= np.rint(offsets[0])
     x, y = start - offsets[:, np.hypot(*offsets).argmin()]
@@ -382,7 +386,7 @@ def _pieces(
 
 
 def _neighbour(p: int, q: int, above: bool) -> Fraction:
-    """Return the Farey neighbour of p/q with the least denominator, above or below it."""
+    """Return the Farey neighbour above or below p/q that has the least denominator."""
     sign = 1 if above else -1
     denominator = -sign * pow(p, -1, q) % q or 1  # q·p' - p·q' = sign; q' = 1 if q = 1
     return Fraction((p * denominator + sign) // q, denominator)

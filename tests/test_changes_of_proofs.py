@@ -27,7 +27,7 @@ def test_at_least_thirty_six_of_forty_unsound_changes_are_noticed():
 
 @pytest.mark.slow
 def test_unsound_changes_are_still_noticed():
-    """Check every eighth noticed change of the table; the script can check all of them."""
+    """Check every eighth noticed change of the table; `changes_of_proofs.py` can check all."""
     numbers = NOTICED[::8]
     command = [sys.executable, changes_of_proofs.__file__, "table", *map(str, numbers)]
     output = subprocess.run(command, check=True, capture_output=True, text=True).stdout

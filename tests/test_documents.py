@@ -111,7 +111,7 @@ def test_every_command_has_a_row_and_every_module_an_equation():
     rows = (ROOT / "workflows" / "README.md").read_text(encoding="utf-8")
     assert [name for name in commands() if f"`{name}" not in rows] == []
     table = (ROOT / "nasm" / "README.md").read_text(encoding="utf-8")
-    shared = {"__init__", "checks", "tables", "texts", "types", "versions"}  # without an equation
+    shared = {"__init__", "checks", "tables", "texts", "types", "versions"}  # have no equation
     names = {path.stem for path in (ROOT / "nasm").glob("*.py")} - shared
     assert [name for name in sorted(names) if f"`{name}.py" not in table] == []
 
@@ -158,7 +158,7 @@ def test_python_on_a_page_is_run_by_the_build(page):
 RUN_ELSEWHERE = "python3 -m venv", "pip ", "python -m pytest", "ruff "
 EXPLORE = "python -m workflows.explore"
 DOCUMENTS = [ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md", *PAGES]
-# Start a process in the background, and wait until it is ready.
+# Both templates start a process in the background, and wait until it is ready.
 SCHEDULER_FILE = "{} & while [ ! -e scheduler.json ]; do kill -0 $!; sleep 0.2; done"
 PAGE_OF_LOG = (
     "import re, sys, urllib.request as u; u.urlopen(re.search(r'http://\\S+', sys.stdin.read())[0])"
@@ -185,9 +185,9 @@ WITH_SHELL = [page for page in DOCUMENTS if shell_lines(page)]
 def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
     """All lines run in one folder, which contains the page's JSON as a file.
 
-    The processes of the cluster run on this machine. The explorer is asked for its page, and then
-    stopped with Ctrl-C. The sweep on the cluster computes only a few rays; the main job, which the
-    README runs earlier, computes as many as a user would.
+    The processes of the cluster run on this machine. The explorer's page is requested once, then
+    the explorer is stopped with Ctrl-C. The sweep on the cluster computes only a few rays; the main
+    job, which the README runs earlier, computes as many rays as a user would.
     """
     for block in blocks("json", page.read_text(encoding="utf-8")):
         (tmp_path / "doubled.json").write_text(block, encoding="utf-8")
@@ -209,10 +209,10 @@ def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
             stdout=log,
             stderr=log,
             cwd=tmp_path,
-            env=os.environ | {"PATH": path, "BROWSER": "true"},  # `true` opens no page
+            env=os.environ | {"PATH": path, "BROWSER": "true"},  # the command `true` opens no page
             start_new_session=True,
         )
         code = shell.wait()
-        with suppress(ProcessLookupError):  # the scheduler and its workers
+        with suppress(ProcessLookupError):  # end the scheduler and its workers
             os.killpg(shell.pid, signal.SIGTERM)
     assert code == 0, (tmp_path / "log").read_text()[-3000:]

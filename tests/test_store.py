@@ -256,7 +256,7 @@ def test_a_file_system_that_supports_no_locks_is_used_without_a_lock(tmp_path, m
 
 
 def test_global_zarr_settings_do_not_change_a_cube(tmp_path):
-    """One such setting is another codec pipeline, which may support only files on disk."""
+    """Such a setting may select another codec pipeline, which may support only files on disk."""
     theirs = {"codec_pipeline.path": "nowhere.Pipeline", "default_zarr_format": 2}
     with zarr.config.set(theirs | {"array.order": "F", "array.write_empty_chunks": False}):
         fill(place := store.place_of(tmp_path), toy.cube())
@@ -340,7 +340,7 @@ def test_repair_removes_damaged_and_misplaced_tiles_but_no_others(place, tmp_pat
     for key in ("wave/c/0/2/", "sign/c/2/", f"{COMMIT}/c/0/2/"):  # a tile with its record
         moved[f"{key}1"] = f"{key}2"
     chunks = {to: get(place, f"toy.zarr/{key}") for key, to in moved.items()}
-    chunks[f"{COMMIT}/c/0/3/0"] = get(other, f"toy.zarr/{COMMIT}/c/0/3/0")  # of another cube
+    chunks[f"{COMMIT}/c/0/3/0"] = get(other, f"toy.zarr/{COMMIT}/c/0/3/0")  # from another cube
     for key, sound in chunks.items():
         put(place, f"toy.zarr/{key}", sound)
     exchanged = {(0, 1), (1, 0), (2, 2), (3, 0)}
@@ -457,7 +457,7 @@ WHOLE = ("zarr.json", b""), ("square/c/0", b"1234567890123456"), ("x/c/0", None)
 
 
 @pytest.mark.parametrize("case", thirds([*WHOLE, *range(5)]))
-def test_an_untiled_cube_is_rewritten_if_damaged_or_interrupted(on_disk, monkeypatch, case):
+def test_an_untiled_cube_is_rewritten_if_damaged_or_incomplete(on_disk, monkeypatch, case):
     store.replace(on_disk, squares(1), US)
     if isinstance(case, int):
         with killed_at_put(monkeypatch, case):
@@ -499,8 +499,8 @@ def test_a_lost_server_is_awaited_and_finally_reported_in_one_message(tmp_path, 
         place = store.place_of("s3://cubes/run")
         fill(place, plan, [(0, 0)])
         kill()
-        # The server then takes another 5 to 20 s to start; obstore's default of ten retries would
-        # give up after 2 to 8 s.
+        # The server is started again after 5 s and takes another 5 to 20 s until it is ready; with
+        # its default of ten retries, obstore would give up after 2 to 8 s.
         back = Timer(5, start)
         back.start()
         assert fill(place, plan) == 1
@@ -553,7 +553,7 @@ def test_a_directory_may_have_any_name(tmp_path, monkeypatch, name):
     toy.assert_complete(place, plan)
 
 
-def test_status_counts_tiles_and_failures_and_gives_reasons(place):
+def test_status_counts_tiles_and_failures_and_reports_reasons(place):
     assert list(store.status(place)) == []
     plan = toy.cube()
     store.create(place, plan, US)

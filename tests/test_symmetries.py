@@ -22,7 +22,7 @@ def cases(draw, periods):
 
 
 # The rounding error of one kick is below 4e-15 while |x| and |y| are below 10. Each of up to seven
-# kicks multiplies it by less than ‖DS‖ ≤ 4.
+# kicks multiplies this error by at most ‖DS‖ ≤ 4.
 SHORT = 4e-15 * 4**7
 
 # For each symmetry: the image of the forcing, and the image of the orbit of (x, y).

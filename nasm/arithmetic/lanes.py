@@ -1,17 +1,17 @@
 """Lanes: 64 orbits in one value, for kernels that advance many orbits in lockstep.
 
 A `Lanes` is LLVM's vector <64 x double>, or <64 x float> for an array of float32. The compiler
-splits it across the machine's registers (8 with AVX-512, 16 with AVX2), which gives as many
-independent chains of operations and so hides the latency of the arithmetic. Scalars would be at the
-mercy of the auto-vectoriser. `load_few` loads fewer lanes, for kernels with many variables.
+splits it across the machine's registers (8 with AVX-512, 16 with AVX2). This results in as
+many independent chains of operations, which hide the latency of the arithmetic. Scalars would be at
+the mercy of the auto-vectoriser. `load_few` loads fewer lanes, for kernels with many variables.
 
 `+ - * /` work on lanes, and between lanes and a float, which is broadcast to all lanes. `fma`,
 `rint`, `fabs`, `copysign`, `maximum` and `minimum` take lanes or floats, so that a formula written
 once compiles to both: lanes and scalar code agree to the last bit, on every machine (a processor
 without fma falls back on a slow library call with the same result).
 
-These names work only inside `numba.njit` functions. Without the compiler, under NUMBA_DISABLE_JIT,
-importing this module raises an ImportError.
+The functions of this module work only inside `numba.njit` functions. Without the compiler, under
+NUMBA_DISABLE_JIT, importing the module raises an ImportError.
 """
 
 import operator
@@ -49,10 +49,10 @@ class _LanesModel(models.PrimitiveModel):
 
 
 def _filled(builder, value, vector):
-    """Return `value` itself if it is a vector, else a vector with the float in every lane."""
+    """Return `value` itself if it is a vector, else a vector with this float in every lane."""
     if value.type == vector:
         return value
-    if value.type != vector.element:  # a constant in a float32 kernel
+    if value.type != vector.element:  # value is a constant in a float32 kernel
         value = builder.fptrunc(value, vector.element)
     undefined = ir.Constant(vector, ir.Undefined)
     single = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
@@ -124,7 +124,8 @@ def fma(typing_context, a, b, c):
 
 def _select(comparison):
     def emit(builder, a, b):
-        # Compare and select is one instruction; LLVM's own maxnum pays for its rules about NaN.
+        # Comparison and selection take one instruction; LLVM's own maxnum is slower because of its
+        # rules about NaN.
         return builder.select(builder.fcmp_ordered(comparison, a, b), a, b)
 
     return emit
@@ -194,7 +195,7 @@ def store(typing_context, array, index, lanes):
 
 @intrinsic(prefer_literal=True)
 def load_state(typing_context, array, column, n_rows, width):
-    """Load `width` columns, from `column` on, of the first n_rows rows of an array (rows, FEW).
+    """Load `width` columns, starting at `column`, of the first n_rows rows of an array (rows, FEW).
 
     n_rows and width : compile-time constants. The result is a tuple with an entry for each row:
     `width` lanes, or a float if width is 1.
@@ -232,7 +233,8 @@ def own_frame(typing_context):
     """Give the calling function a stack frame of its own, aligned to a cache line.
 
     Some lanes always spill to the stack. If the frame is aligned only by chance, a spill may
-    straddle two cache lines, which slows some runs of a program by 10-30% and others not at all.
+    straddle two cache lines. This slows down some runs of a program by 10-30%, and
+    others not at all.
     """
 
     def generate(context, builder, signature, arguments):

@@ -1,7 +1,7 @@
 """Roots of functions of one variable, by Chandrupatla's method (Adv. Eng. Software 28 (1997) 145).
 
 The root stays between two points at which the function has opposite signs. The next point is found
-by inverse quadratic interpolation if the last three points are suited to it, and by bisection
+by inverse quadratic interpolation if the last three points are suitable, and by bisection
 otherwise. The function is evaluated about as often as by Brent's method in scipy.optimize, which
 takes 0.3 s to import.
 """
@@ -27,7 +27,8 @@ def root(
     tol : float
         Absolute error.
     max_steps : int
-        After max_steps + 2 evaluations of f, the better end of the bracket is returned.
+        Maximum number of steps. After max_steps + 2 evaluations of f, the end of the bracket with
+        the smaller |f| is returned.
 
     Returns
     -------
@@ -36,7 +37,7 @@ def root(
     Raises
     ------
     ValueError
-        If f has the same sign at a and b, or is NaN there.
+        If f has the same sign at a and b, or is NaN at one of them.
 
     Examples
     --------

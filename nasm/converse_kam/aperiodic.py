@@ -12,22 +12,23 @@ only changes in the speed of the phase matter.
 
 The sequence of kicks does not repeat, so there are no invariant circles. A barrier is a rotational
 curve and its images, one before each kick. If all N + 1 of them are graphs of Lipschitz functions
-of x, the distances between neighbouring points, followed along an orbit, yield a solution ξ_n > 0
-of the linearised chain (see `nasm.converse_kam.symmetry_line`). The criterion of
+of x, the distance between two neighbouring points, followed along their orbits, yields a solution
+ξ_n > 0 of the linearised chain (see `nasm.converse_kam.symmetry_line`). The criterion of
 `nasm.converse_kam.transversal`, applied to a start before the kick of a site, then shows that no
 such family of graphs passes through the start if for some n
 
     v_{n+1} = (2 + κ_n cos 2π(x_n - θ_n)) v_n - v_{n-1} ≤ 0,   v_site = 0,  v_{site+1} = 1,
 
-or if the same holds backwards, or by the sum given there. Before each kick, all graphs cross the
-line x = a: if all starts on it are eliminated, no family of graphs exists. By the symmetry
+or if the same holds backwards, or if the inequality for sums given in that module holds. Before
+each kick, all graphs cross the line x = a: if all starts on this line are eliminated, no family of
+graphs exists. By the symmetry
 y → y + 1, it suffices to take y from 0 to 1.
 
 The absence of such graphs does not show transport. For aperiodic forcing no theorem like
 Birkhoff's says that barriers are graphs: `asymptotic` computes curves that are practically circles
 from some kick on, but fold before that kick. So apply the criterion to kicks over which the forcing
-has settled, and search for orbits that escape: only such orbits show transport. N kicks say nothing
-about later ones.
+has settled, and search for orbits that escape: only such orbits show transport. Results for N kicks
+say nothing about later kicks.
 
 For κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), θ_n = 0, one line without survivors therefore shows, within
 the limits of sampling:
@@ -36,9 +37,9 @@ the limits of sampling:
   each circle is a graph before every kick. Other values of φ0 yield other forcings, which may
   have circles.
 - Ω irrational: no invariant torus y = g(x, φ) exists that is Lipschitz in x. Such a torus would be
-  a family of graphs for every φ0, so one φ0 is enough, and so is one line: the one with the
-  shortest lifetimes. Tori that fold are not excluded: only the continuation of tori, and orbits
-  that escape, suggest that none exist.
+  a family of graphs for every φ0, so one φ0 and one line suffice: the line with the shortest
+  lifetimes. Tori that fold are not excluded: only the continuation of tori, and orbits that escape,
+  suggest that no such tori exist.
 """
 
 from dataclasses import dataclass, replace
@@ -164,13 +165,13 @@ def elimination_time(
     kappa, theta, x, y
         As for `escape_time`.
     site : int
-        0 to N - 1.
+        Index of the kick, 0 to N - 1.
 
     Returns
     -------
     ndarray, shape of x
-        Kicks in either direction; inf for a start that survives all N. A finite time shows that no
-        family of graphs passes through the start.
+        Kicks in either direction; inf for a start that survives all N kicks. A finite time shows
+        that no family of graphs passes through the start.
 
     Examples
     --------
@@ -195,14 +196,16 @@ def longest_lived(
 ) -> tuple[float, float, float]:
     """Find the longest-lived start on a line x = a before the kick of `site`.
 
-    a is where 2 + κ cos 2π(a - θ) is smallest: θ + 1/2 if κ > 0, and θ otherwise.
+    The line is the one on which 2 + κ cos 2π(a - θ) is smallest: a = θ + 1/2 if κ > 0, and a = θ
+    otherwise.
 
     Parameters
     ----------
     kappa, theta, site
         As for `elimination_time`.
     effort : int
-        Factor that multiplies the number of starts on the first grids, 1 to 100.
+        Factor, 1 to 100, that multiplies the number of starts on the first grids and the width of
+        the search.
     settings : AperiodicSettings
         Only its `search` is used.
 
@@ -251,8 +254,8 @@ def last_survivor(
 ) -> LongestLived:
     """Find the longest-lived start of the first line on which all starts are eliminated.
 
-    Up to `settings.max_lines` lines are searched: before the strongest kick, and before the
-    strongest of the kicks near the middle.
+    Up to `settings.max_lines` lines are searched: one before the strongest kick, and the others
+    before the strongest kicks near the middle.
 
     Parameters
     ----------
@@ -266,8 +269,8 @@ def last_survivor(
     Returns
     -------
     LongestLived
-        If a start survives all N kicks on each line, the first of these starts; then a family of
-        graphs may or may not exist.
+        That start. If a start survives all N kicks on each line, the survivor on the first line is
+        returned instead; then a family of graphs may or may not exist.
 
     Examples
     --------
@@ -291,7 +294,7 @@ def last_survivor(
 
 
 def around_strongest(kappa: ArrayLike) -> FloatArray:
-    """Repeat a periodic forcing, and return the 1601 kicks around its strongest one.
+    """Repeat a periodic forcing, and return the 1601 kicks around its strongest kick.
 
     No circle of the forcing exists if no family of graphs persists through these kicks.
 
@@ -312,7 +315,7 @@ def around_strongest(kappa: ArrayLike) -> FloatArray:
 
 
 def _sites_of_lines(size, from_middle, settings):
-    """Return the site of the largest |κ|, and middle sites of the largest distinct |κ|."""
+    """List the site of the largest |κ|, and sites near the middle with the largest distinct |κ|."""
     order = np.lexsort((from_middle, -size))
     inner = order[from_middle[order] < settings.middle_kicks]
     _, distinct = np.unique(size[inner].round(12), return_index=True)
@@ -419,7 +422,7 @@ def asymptotic(
     Returns
     -------
     x, y : ndarrays
-        On the lift.
+        The points K_0, on the lift.
 
     Examples
     --------

@@ -1,6 +1,7 @@
 """First escape times n* of nested ensembles, by direct iteration.
 
-The forcings fill a plane, computed in full or by levels of refinement; for rays see `beyond`.
+The forcings fill a plane, which is computed in full or by levels of refinement; for rays, see
+`pipeline.cubes.beyond`.
 {n* ≤ N} is the region of global transport within N steps, for every N ≤ n_max.
 arXiv:1606.04824, Eq. (4), Proposition 1 and Sec. V.B.
 """
@@ -61,12 +62,12 @@ def over_plane(
     plane : Plane
         The plane of forcings.
     axes : sequence of two Axis
-        Cells along the plane's axes, in its order.
+        Cells along the plane's axes, in the order of these axes.
     sizes : sequence of int
         Numbers of orbits in the nested ensembles, in increasing order.
     n_max : int
         Maximum number of steps (periods of the forcing); orbits that stay inside the window for
-        all of them count as not escaping.
+        all n_max steps count as not escaping.
     tile : int
         Cells along each side of a tile.
     precision : {"double", "single"}
@@ -100,7 +101,7 @@ def axes_of_plane(plane: Plane, axes: Sequence["Axis"]) -> Labels:
 def composed(cube: Cube, levels: int, follow: Sequence[int]) -> Cube:
     """Return the Cube of a plane composed of levels of refinement.
 
-    Its variable `level` holds the refinement level of each value.
+    Its variable `level` contains the refinement level of each value.
 
     Parameters
     ----------
@@ -109,7 +110,7 @@ def composed(cube: Cube, levels: int, follow: Sequence[int]) -> Cube:
     levels : int
         Number of levels.
     follow : sequence of int
-        Values of N; the levels of refinement follow the boundary of {n* ≤ N} for each.
+        Values of N; the levels of refinement follow the boundary of {n* ≤ N} for each N.
     """
     axes = {dim: cube.template[dim].variable for dim in cube.tile}
     comment = "0 is the coarsest; each level halves the cell size"
@@ -144,7 +145,7 @@ def job(
 
 
 def times_of(forcings: FloatArray, coords: Coords, settings: Settings) -> Arrays:
-    """Compute the arrays of a tile, given its forcings, of shape (…, P)."""
+    """Compute the arrays of a tile from its forcings, an array of shape (…, P)."""
     sizes = coords["ensemble"]
     x, y = escape.ensemble(int(sizes[-1]))
     n_max, window, precision = (settings[name] for name in ("n_max", "window", "precision"))
@@ -161,8 +162,8 @@ def _on_plane(coords: Coords, settings: Settings) -> Arrays:
 def _predict_plane(coords: Coords, settings: Settings) -> float:
     """Predict CPU seconds from 64 orbits in each of a few cells, over at most 2000 steps.
 
-    The cost of a cell is its first escape time in this sample, or n_max if none of the 64 orbits
-    escapes, times the number of orbits.
+    The cost of a cell is the number of orbits of the ensemble times the first escape time in this
+    sample, or times n_max if none of the 64 orbits escapes.
     """
     axes, n_max = {dim: coords[dim] for dim in plane_of(settings).axes}, settings["n_max"]
     probed = {dim: axis[:: max(1, axis.size // 3)] for dim, axis in axes.items()}
@@ -174,6 +175,6 @@ def _predict_plane(coords: Coords, settings: Settings) -> float:
 
 
 def seconds(coords: Coords, settings: Settings, steps: float) -> float:
-    """Return the CPU seconds that all orbits of the ensemble take for this number of steps each."""
+    """Return the CPU seconds needed to advance every orbit of the ensemble by `steps` steps."""
     n_kicks = steps * len(plane_of(settings).origin)
     return SECONDS_PER_KICK[settings["precision"]] * n_kicks * int(coords["ensemble"][-1])

@@ -11,7 +11,7 @@ from nasm.action import ordered_orbits
 
 def load_orbits() -> None:
     """Compile the kernels of ordered orbits and their residues."""
-    ordered_orbits((2.0, -2.5, 1.0), 1, 1)  # found only by its last method, after all others
+    ordered_orbits((2.0, -2.5, 1.0), 1, 1)  # an orbit that only the last method finds
     periodic.critical_scale("gamma", (0.3, 0.1), 10)
 
 
@@ -23,6 +23,6 @@ def load_search(profile: ArrayLike) -> None:
 
 
 def load_searches() -> None:
-    """Compile the kernels of searches under forcings of any period."""
+    """Compile the kernels of searches for the last barrier, for forcings of any period."""
     for profile in (1.0,), (1.0, 0.9, 1.2):
         load_search(profile)

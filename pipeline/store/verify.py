@@ -3,7 +3,7 @@
 A tile is done if its commit record and all its data exist. If only the record exists, the data of
 the tile are lost. A tile without a record failed at its last attempt if the store holds a reason;
 otherwise it has not been tried yet, or is not wanted. A tile is damaged if it has a record, but a
-chunk is lost, or does not match its own checksum or that of the record.
+chunk is lost, or does not match its own checksum or the checksum in the record.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,11 +22,11 @@ from pipeline.store.place import Place, Refused, printable
 from pipeline.store.tiles import COMMIT, chunk_key
 
 RECENT = 300
-"""Seconds before the last commit over which the rate is measured."""
+"""The rate is measured over this number of seconds before the last commit."""
 
-_MAX_REASONS = 10  # failures whose reasons are read
-_MAX_SUBMITTED = 1024  # tiles that are submitted together
-_MAX_THREADS = 8  # fewer if the tiles that they hold would together exceed MAX_TILE
+_MAX_REASONS = 10  # maximum number of failures whose reasons are read
+_MAX_SUBMITTED = 1024  # maximum number of tiles that are submitted together
+_MAX_THREADS = 8  # fewer threads if their tiles would together exceed MAX_TILE bytes
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class State:
 
 
 def status(place: Place) -> Iterator[State]:
-    """Yield the State of each cube in the place; Refused if the place does not exist."""
+    """Yield the State of each cube in the place; raise Refused if the place does not exist."""
     tiles.forget()
     for name in names(place):
         try:
@@ -82,7 +82,7 @@ def _state(place: Place, name: str) -> State:
     has_record = np.isfinite(committed)
     failed: list[tuple[int, ...]] = []
     for file in place.files(f"{name}.zarr/.failed"):
-        with suppress(ValueError, IndexError):  # a foreign file
+        with suppress(ValueError, IndexError):  # the file is foreign
             index = tuple(map(int, file["path"].rpartition("/")[2].split(".")))
             failed += [] if has_record[index] else [index]
     files = {i: place.read(tiles.failure_key(name, i)) for i in sorted(failed)[:_MAX_REASONS]}
@@ -92,7 +92,7 @@ def _state(place: Place, name: str) -> State:
     span = np.ptp(recent) if recent.size else 0
     rate = float((recent.size - 1) / span) if span > 0 else nan
     n_done, n_tiles = int(done.sum()), done.size
-    with suppress(ValueError):  # without a number, all are wanted
+    with suppress(ValueError):  # if no number is stored, all tiles are wanted
         # A number below that of the done tiles is outdated, e.g. in a copy of a running sweep.
         if n_done <= (wanted := int(place.read(tiles.wanted_key(name)))) <= n_tiles:
             n_tiles = wanted
@@ -112,8 +112,8 @@ def verify(place: Place, name: str, repair: bool = False) -> Iterator[tuple[tupl
     name : str
         Name of the cube.
     repair : bool
-        If True, damaged tiles become missing, provided that digests show the metadata to be as
-        they were written: with wrong metadata, intact tiles would look damaged. See `has_digests`.
+        If True, damaged tiles become missing, provided that digests show that the metadata are
+        unchanged: with wrong metadata, intact tiles would look damaged. See `has_digests`.
     """
     tiles.forget()
     try:

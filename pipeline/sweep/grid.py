@@ -2,7 +2,7 @@
 
 A tile is the unit of work and of storage: one task, one file for each variable, and one for its
 commit record. An axis LO:HI:N consists of N cells of equal width, each represented by its
-centre. Halving the cells of an axis keeps their edges, so that levels of refinement nest.
+centre. Halving the cells of an axis preserves their edges, so that levels of refinement nest.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 MAX_CELLS = 2**20
 """Maximum number of cells of an axis."""
 
-_MIN_TILES = 4096  # with fewer, a thousand workers would not finish at about the same time
+_MIN_TILES = 4096  # with fewer tiles, a thousand workers would not finish almost together
 _MAX_TILE_SECONDS = 3  # maximum predicted CPU time of a tile made of smaller ones
-_N_SAMPLED = 32  # tiles whose costs are predicted
+_N_SAMPLED = 32  # number of tiles whose costs are predicted
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Axis:
         return sliding_window_view(edges, 2)
 
     def coarsened(self, factor: int) -> "Axis":
-        """Return the same interval in n/factor cells; ValueError unless factor divides n."""
+        """Return the same interval cut into n/factor cells; ValueError unless factor divides n."""
         if self.n % factor:
             reason = f"{self.n} cells cannot be halved to that level; use a multiple of {factor}"
             raise ValueError(f"axis {self}: {reason}")
@@ -114,7 +114,7 @@ def tile_slices(index: Iterable[int], tile: Mapping[str, int]) -> dict[str, slic
     index : iterable of int
         Index of the tile along each of its dims.
     tile : mapping of str to int
-        Cells of a tile along each dim.
+        Number of cells of a tile along each dim.
 
     Examples
     --------
@@ -134,7 +134,7 @@ def tile_coords(cube: "Cube", indices: IntArray) -> Iterator[tuple[tuple[int, ..
     cube : Cube
         The plan.
     indices : ndarray of int, shape (tiles, tiled dims)
-        The tiles.
+        Indices of the tiles, one tile in each row.
     """
     coords, computed = cube.template.coords, {*cube.computed}
     known = {str(name): (c.values, c.dims) for name, c in coords.items() if name not in computed}
@@ -148,7 +148,7 @@ def tile_coords(cube: "Cube", indices: IntArray) -> Iterator[tuple[tuple[int, ..
 
 
 def join_tiles(job: "Job") -> "Job":
-    """Return the job with its tiles doubled along all dims, repeatedly, while at least 4096 remain.
+    """Double the tiles of a job along all dims, repeatedly, as long as at least 4096 tiles remain.
 
     Doubling ends before any tile of a sample would take more than 3 s of predicted CPU time. The
     result depends on the job alone, so that the command that began a cube can resume it.

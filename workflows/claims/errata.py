@@ -14,7 +14,7 @@ from workflows.claims.rules import Erratum, printed_texts, rounding
 
 
 def errata():
-    """Measure the errors of both forms of each erratum, with a bound on rounding errors."""
+    """Return the errata, with the errors of both forms and a bound on rounding errors."""
     circle, (kappa, x, y) = golden_circle((0.4, 0.2)), paper.ROBUST
     frame, before = frames(circle.omega, circle.kappa, circle.u), paper.omega(kappa, x, y)
     images = [paper.omega(kappa, x + 0.5, y), paper.omega(kappa, 1 - x, 1 - y)]

@@ -1,4 +1,4 @@
-"""Bias of direct iteration against steps and orbits, as in Fig. 7 but on any ray, with captions."""
+"""Figures of the bias of direct iteration against steps and orbits, as in Fig. 7 but on any ray."""
 
 import numpy as np
 from matplotlib.ticker import LogLocator
@@ -62,7 +62,7 @@ def _plain(axis):
 
 
 def draw_diagonal(diagonal):
-    """Draw direct iteration on the diagonal in the paper's axes, with fits at small and large N."""
+    """Draw direct iteration on the diagonal and fits for small and large N, on the paper's axes."""
     figure, (axes,) = panels(1, 1, 7, 5)
     axes.plot(diagonal.n, diagonal.distance, "ko", ms=4, mfc="none")
     etas = _etas(diagonal)

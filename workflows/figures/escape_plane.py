@@ -11,11 +11,11 @@ from workflows.figures.planes import in_plane, label_plane, of_two_kicks
 
 _CELLS = 7
 _MEDIAN = rf"median over ${_CELLS} \times {_CELLS}$ cells"
-_BOUNDARY_COLOURS = ["black", style.COLOURS[2], style.COLOURS[3]]  # not those of the field
+_BOUNDARY_COLOURS = ["black", style.COLOURS[2], style.COLOURS[3]]  # not used in the field
 
 
 def draw_escape_plane(plane, steps):
-    """Draw first escape times of the largest ensemble, and the boundary of each number of steps."""
+    """Draw first escape times of the largest ensemble, and a boundary for each number of steps."""
     from scipy.ndimage import median_filter
 
     x, y = in_plane(plane)
@@ -26,7 +26,7 @@ def draw_escape_plane(plane, steps):
     of = r"$\mathcal{T}_{\kappa_1\kappa_2}$" if of_two_kicks(plane) else plane_of(plane.attrs).name
     steps_of = f"up to ${style.power(plane.attrs['n_max'])}$ steps of {of}"
     axes.set_title(f"Global transport: {int(plane.ensemble[-1])} orbits, {steps_of}")
-    field = median_filter(draw_field(axes, plane), _CELLS)  # in one cell, escape is partly chance
+    field = median_filter(draw_field(axes, plane), _CELLS)  # a single cell depends partly on chance
     for n, colour, dash in zip(steps[::-1], _BOUNDARY_COLOURS, ("-", "--", ":"), strict=False):
         look = {"linewidths": 1.6, "linestyles": dash, "colors": colour}
         curve = axes.contour(x, y, field <= n, levels=[0.5], **look)

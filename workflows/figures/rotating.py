@@ -8,7 +8,7 @@ from workflows.figures.style import colour_of, in_column, outer_legend, panels, 
 
 
 def draw_rotating_circles(circles, two, direct):
-    """Draw CB_ω, CB_gt and the onset of transport of T in κ̄ and Δκ: the diamond, Fig. 10."""
+    """Draw CB_ω, CB_gt and the onset of transport of T in the plane of κ̄ and Δκ, Fig. 10."""
     title = r"Rotating standard map with $\Omega = 1/2$: $T_{\kappa_1\kappa_2}$"
     figure, parts = _plane(title, two, direct, circles.critical_scale, 0.7)
     for part in parts:
@@ -29,10 +29,10 @@ def rotating_circles_caption(circles, two, direct):
 
 
 def draw_rotating_tori(tori, two, direct):
-    """Draw the breakup of tori by residues of long orbits, against CB_gt of T, Fig. 11."""
+    """Draw the breakup of tori, by residues of long orbits, together with CB_gt of T, Fig. 11."""
     title = "Tori of rotating standard maps, and the last circle of $T$"
     figure, parts = _plane(title, two, direct, tori.critical_scale, 0.4)
-    x, y = outline(tori.assign_attrs(two.attrs))  # in T's plane, though frequencies differ
+    x, y = outline(tori.assign_attrs(two.attrs))  # in the plane of T, although frequencies differ
     for part in parts:
         for i, vector in enumerate(tori.vector.values):
             look = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
@@ -61,7 +61,7 @@ def rotating_tori_caption(tori, two, direct):
 
 
 def _plane(title, two, direct, scale, inner):
-    """Draw CB_gt, the onset of transport, and × on each ray where a method has no answer.
+    """Draw CB_gt, the onset of transport, and a × on each ray for which a method has no answer.
 
     Returns the figure, and the axes of the plane and of the insets, which begin at `inner`.
     """
@@ -70,8 +70,8 @@ def _plane(title, two, direct, scale, inner):
     for part in parts:
         label = r"$\mathit{CB}_{gt}$ of $T$" if part is axes else None
         fill_inside(part, two, edgecolor="black", lw=1, label=label)
-    # Near the axes the spacing of rays is no larger than the error of the onset, so that its line
-    # would be a row of spikes.
+    # Near the axes the spacing of rays is no larger than the error of the onset, so that the line
+    # of the onset would be a row of spikes.
     away = np.abs((direct.angle.values + 45) % 90 - 45)
     onset = direct.isel(angle=np.flatnonzero((away == 0) | (away > 2)))
     words = rf"transport of $T$ within ${power(direct.attrs['n_max'])}$ steps"
@@ -92,7 +92,7 @@ def _effort(direct):
 
 
 def _outside(two, direct):
-    """Return the bias of direct iteration as text, "3% to 5%"."""
+    """Return the bias of direct iteration as text, e.g. "3% to 5%"."""
     excess = 100 * (direct.upper.values / two.critical_scale - 1)
     if not np.isfinite(excess).any():
         return "by an unknown amount"
@@ -100,9 +100,9 @@ def _outside(two, direct):
 
 
 def where_above(angle, ratio):
-    """Return as text where the ratio exceeds 1, "12°-14.5° (by 3.1% at 13°)", or else its maximum.
+    """Return as text the angles at which the ratio exceeds 1, or else its maximum.
 
-    A ray without a ratio (NaN) ends a range of angles.
+    An example is "12°-14.5° (by 3.1% at 13°)". A ray without a ratio (NaN) ends a range of angles.
     """
     if not np.isfinite(ratio).any():
         return "unknown"

@@ -1,9 +1,9 @@
-"""When does the second variation eliminate the last start on a line? The second method for ramps.
+"""Second method for ramps: find when the second variation eliminates the last start on a line.
 
-A start before the kick of a site lies on no invariant graph through n kicks on either side if the
+A start before the kick of a site is on no invariant graph through n kicks on either side if the
 second variation of the action at the sites |k| < n of its orbit, the tridiagonal matrix with
 
-    a_k = 2 + κ_k cos 2πx_k on the diagonal,    and -1 beside it,
+    a_k = 2 + κ_k cos 2πx_k on the diagonal,    and -1 next to the diagonal,
 
 is not positive definite. `nasm.converse_kam.aperiodic` tests this by a tangent vector that starts
 at the site. Here Gaussian elimination proceeds from both ends of the matrix to the middle,
@@ -16,11 +16,11 @@ a beam search on two coarser grids.
 
 import numpy as np
 
-_CHILDREN = 32  # new starts in each of the best cells
+_CHILDREN = 32  # number of new starts in each of the best cells
 
 
 def lifetimes(kappa, site, x, y):
-    """Return the least n at which the second variation at (x, y) is not positive definite."""
+    """Return, for each y, the least n at which the second variation is not positive definite."""
     times, alive = np.full(y.size, np.inf), np.arange(y.size)
     ahead, p, behind, q = np.full(y.size, x), y.copy(), np.full(y.size, x), y.copy()
     later, earlier = [], []  # a_1, a_2, … and a_{-1}, a_{-2}, …

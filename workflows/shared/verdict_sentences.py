@@ -1,4 +1,4 @@
-"""A verdict in sentences."""
+"""Express a verdict in sentences."""
 
 from math import inf, isfinite, log10
 from typing import Any
@@ -70,7 +70,7 @@ def sentences(kappa: FloatArray, point: Point, verdict: Verdict) -> list[str]:
         lines.append(f"Converse KAM eliminates even the longest-lived start after {lifetime}.")
     if verdict.evidence is Evidence.INTEGRABLE:
         return lines
-    # Where the last circle breaks on the ray, in multiples of these strengths.
+    # Report where the last circle on the ray breaks, in multiples of these strengths.
     if isfinite(boundary.value):
         lines.append(
             f"The last circle breaks at {scale_text(boundary)} ± {boundary.error:.1g} times these "
@@ -98,14 +98,14 @@ def spelt_out(omega: RotationNumber) -> str:
 
 
 def steps_text(kappa: FloatArray, steps: float) -> str:
-    """Return a number of periods of the forcing as text, "35 steps of 2 kicks", or "35 kicks"."""
+    """Return a number of periods as text, e.g. "35 steps of 2 kicks", or "35 kicks" if P = 1."""
     if kappa.size == 1:
         return plural(steps, "kick", ".0f")
     return f"{plural(steps, 'step', '.0f')} of {kappa.size} kicks"
 
 
 def lifetime_text(kappa: FloatArray, steps: float) -> str:
-    """Return a lifetime in kicks as text, e.g. "1 kick"; it may be shorter than a step."""
+    """Return a lifetime in kicks as text, e.g. "1 kick"; a lifetime may be less than a step."""
     return plural(round(steps * kappa.size), "kick")
 
 

@@ -1,7 +1,8 @@
-"""Studies of where each method fails: each returns a Dataset, smaller if `quick`.
+"""Studies of where each method fails: each function returns a Dataset, smaller if `quick`.
 
-At the cusp, beyond the breakup, at fractions, without twist; starts that beam searches miss, and
-wrong orbits that Newton's method finds; tori next to a resonance, and beyond their breakup.
+The studies test the methods at the cusp, beyond the breakup, close to fractions and without twist;
+they count starts that beam searches miss, and wrong orbits that Newton's method finds; and they
+compute tori next to a resonance, and search for tori beyond their breakup.
 """
 
 import numpy as np
@@ -141,7 +142,7 @@ def disguised_fractions(quick):
 
 
 def beyond_the_twist(quick):
-    """4. Apply the methods at scales up to 3; the twist ends at |κ2| = 2."""
+    """4. Apply the methods at scales up to 3; where |κ2| ≥ 2, a step is no longer a twist map."""
     angles, scales = (0.0, 20.0, 45.0, 90.0, 135.0), np.linspace(0.25, 3.0, 12 if quick else 23)
     x = np.arange(400) / 400
 
@@ -211,8 +212,8 @@ def missed_survivors(quick):
 def disordered_orbits(quick):
     """6. Start Newton's method far from the orbit of 13/21, and classify the results.
 
-    The forcing increases from below the last breakup to far beyond it. Starts are the rotation with
-    random deviations of 0.03 and 0.1 turns.
+    The forcing increases from below the last breakup to far beyond it. Each start is the rotation
+    with random deviations of 0.03 or 0.1 turns (rms).
     """
     p, q, noises = 13, 21, (0.03, 0.1)
     scales = np.linspace(0.2, 1.6, 8)
@@ -255,8 +256,8 @@ def disordered_orbits(quick):
 def nearly_resonant(quick):
     """7. Compute breakups of tori of pairs (ω, Ω) at a distance δ from a resonance.
 
-    The reference is converse KAM for all tori of that Ω. Beyond its bound, tori of the first pair
-    are searched for on grids of up to n points.
+    The reference is the bound from converse KAM for all tori of that Ω. Beyond this bound, tori of
+    the first pair are sought on grids of up to n points.
     """
     deltas = np.e * 10.0 ** -np.array([2, 5, 10] if quick else range(2, 13))
     profile, tol, kicks = ray(45), *((0.1, 1000) if quick else (0.03, 8000))
