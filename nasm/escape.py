@@ -46,7 +46,7 @@ PAPER_WINDOW = (-2.0, 2.3)
 """Window (lo, hi) of Sec. V.B: starts fill 0 ≤ y ≤ 0.3, and |y_n - y_0| > 2 shows transport."""
 
 MAX_STEPS = 10**12
-"""Maximum n_max: half a day for 64 orbits. Floats represent integers up to 2⁵³ exactly."""
+"""Maximum n_max, which takes 64 orbits half a day; floats represent integers exactly up to 2⁵³."""
 
 MAX_SINGLE_STEPS = 10**6
 """Maximum n_max in single precision: rounding errors of 3·10⁻⁸ per kick add up to 3·10⁻⁵ in y."""
@@ -248,7 +248,7 @@ def onset_scale(
     """Compute k_N, the scale on the ray κ = s·profile at which escapes within N steps begin.
 
     k_N is what the paper plots. It lies above the scale at which global transport begins, which
-    `critical_scale` estimates. Bisection finds it, to a relative accuracy of 10⁻⁴, between 0 and
+    `critical_scale` estimates. Bisection finds k_N, to a relative accuracy of 10⁻⁴, between 0 and
     the scale at which the largest |κ| is 2: an orbit escapes at k_N, and none escapes one bisection
     step below.
 
@@ -319,9 +319,9 @@ def critical_scale(
         upper: k_N, where an escape was seen. value: the extrapolated scale. error: the bias,
         upper - value, plus its difference from the predicted bias. lower is NaN, because the
         absence of escapes shows nothing. omega is None. The value is NaN with status NOT_CONVERGED
-        if the error would exceed it, because the law does not hold yet (use more steps or orbits),
-        and with status NO_BREAKUP if nothing escapes even at the scale at which the largest |κ| is
-        2.
+        if the error would exceed the value, because the law does not hold yet (use more steps or
+        orbits). It is NaN with status NO_BREAKUP if nothing escapes even at the scale at which the
+        largest |κ| is 2.
 
     Raises
     ------
@@ -343,7 +343,7 @@ def critical_scale(
     ratio = 8 ** (1 / _ETA)
     bias, predicted = (before - upper) / (ratio - 1), (earlier - before) / (ratio - 1) / ratio
     value, error, status = upper - bias, bias + abs(bias - predicted), Status.OK
-    if not error < value:  # also if it is NaN: nothing escapes in N/64 steps
+    if not error < value:  # the error is NaN if nothing escapes in N/64 steps
         value, error, status = np.nan, np.nan, Status.NOT_CONVERGED
     return CriticalScale(value, error, np.nan, upper, None, status, METHOD)
 
@@ -395,7 +395,7 @@ def boundary(
     ndarray, shape of angles
         Distance from the origin at which the ray first passes from a cell without transport into
         one with it, to within one cell. NaN if the ray meets no such pair of cells in the plane, or
-        if an unknown cell precedes the first one with transport.
+        if the first cell with transport directly follows an unknown cell.
 
     Raises
     ------
@@ -515,13 +515,16 @@ def kick_on_lanes(c, p, x, y):
 
 @njit(nogil=True)
 def advance(c, x, y, start, n, reach):
-    """Advance 64 orbits from index `start` by n steps, in place; set reach to their largest |y|."""
+    """Advance 64 orbits from index `start` by n steps, in place.
+
+    Set `reach` to the largest |y| of each orbit.
+    """
     own_frame()
     xs = load(x, start)
     ys = load(y, start)
     furthest = fabs(ys)
     if c.shape[0] == 2:
-        # The paper's map, unrolled: 1.3 times faster than the loop.
+        # This is the paper's map, unrolled, which is 1.3 times faster than the loop.
         for _ in range(n):
             xs, ys = kick_on_lanes(c, 0, xs, ys)
             xs, ys = kick_on_lanes(c, 1, xs, ys)
@@ -538,7 +541,7 @@ def advance(c, x, y, start, n, reach):
 
 @njit(nogil=True)
 def _replay(c, x, y, n, lo, hi):
-    """Return the first of steps 0, …, n at which an orbit is outside the window, or n + 1."""
+    """Return the first of the steps 0, …, n at which an orbit is outside the window, else n + 1."""
     for t in range(n + 1):
         if y < lo or y > hi:
             return t
@@ -551,7 +554,7 @@ def _replay(c, x, y, n, lo, hi):
 def _park(x, y, lane):
     """Park a lane at (x, y) = (0, 0), a fixed point for every forcing.
 
-    A parked lane is outside only if the window excludes this point; even then it is not replayed.
+    A parked lane is never replayed, even if the window excludes this point.
     """
     x[lane], y[lane] = -0.25, 0.0
 
@@ -580,7 +583,7 @@ def _escape_times(c, x0, y0, n_max, lo, hi, only_first, block_steps, max_chunk_s
     alive = x0.size
     n = 0
     while n < last and alive > 0:
-        # A quarter of the steps so far, but at least one block.
+        # A chunk is a quarter of the steps so far, but at least one block.
         chunk = min(max(n // 4, block_steps), max_chunk_steps, last - n)
         for start in range(0, alive, LANES):
             done = 0

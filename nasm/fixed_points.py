@@ -31,7 +31,7 @@ PRIMARY = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
 
 
 def _strengths(kappa1: ArrayLike, kappa2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Check both strengths, and return them as float arrays of one shape."""
+    """Check both strengths, and return them as float arrays of the same shape."""
     kappa1, kappa2 = np.broadcast_arrays(floats("kappa1", kappa1), floats("kappa2", kappa2))
     for name, values in (("kappa1", kappa1), ("kappa2", kappa2)):
         if not np.isfinite(values).all():
@@ -119,7 +119,7 @@ def secondary(
     n_samples = count("n_samples", n_samples, 2, 10**6)
     grid = np.linspace(0.0, np.pi, n_samples + 1)
     left, right, sign = np.full((3, *kappa1.shape), np.nan)
-    # Both ends are also solutions, the primary points; the slope there gives the sign nearby.
+    # Both ends are solutions too, at primary points; the slope at an end gives the sign nearby.
     before = kappa1 + kappa2 * (1 - kappa1 / 2)
     for low, high in pairwise(grid):
         if high < np.pi:

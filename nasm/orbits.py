@@ -5,8 +5,8 @@
 On an invariant circle with a Diophantine ω the weighted average converges faster than any power of
 1/n; on a chaotic orbit it hardly converges. The number of digits shared by the averages over the
 whole orbit and over its halves distinguishes the two (Sander & Meiss, Physica D 411 (2020) 132569).
-It only distinguishes regular motion from chaos: an orbit in an island is regular too, and just
-beyond a circle's breakup, orbits near the cantorus may look regular for all n steps.
+This number only distinguishes regular motion from chaos: an orbit in an island is regular too, and
+just beyond a circle's breakup, orbits near the cantorus may look regular for all n steps.
 """
 
 from math import exp, log10
@@ -24,7 +24,7 @@ __all__ = ["orbit", "passages", "portrait", "rotation_number", "rotation_number_
 MAX_STEPS = 10**9
 
 REGULAR_DIGITS = 5
-"""Fewest digits shared on a regular orbit; with fewer, the orbit is chaotic or n is too small."""
+"""Minimum number of shared digits of a regular orbit; with fewer, it is chaotic or n too small."""
 
 
 def orbit(
@@ -43,7 +43,7 @@ def orbit(
     every : int, optional
         Kicks from one point to the next, 1 to 10⁹; default P, one step. If it is 1, the points
         t = r, r + P, … form an orbit of the forcing that begins with kick r (`symmetries.shift`);
-        these P maps have circles of different shapes.
+        the maps for r = 0, …, P - 1 have circles of different shapes.
 
     Returns
     -------
@@ -246,7 +246,7 @@ def rotation_number_of(x: ArrayLike) -> tuple[FloatArray, FloatArray]:
     advance, half = np.diff(x, axis=0), (len(x) - 1) // 2
     parts = advance[: 2 * half], advance[:half], advance[half : 2 * half]
     averages = [np.tensordot(bump(len(part)), part, 1).ravel() for part in parts]
-    # By summation by parts, errors of positions are multiplied by changes of weights, 5.3/n in all.
+    # Summation by parts multiplies errors of positions by differences of weights, 5.3/n in all.
     rounding = 5.3 * np.finfo(float).epsneg * np.abs(x).max(initial=0.0) / half
     omega, digits = _with_digits(averages, 2 * half, rounding, 1.5)
     return omega.reshape(x.shape[1:]), digits.reshape(x.shape[1:])
@@ -266,7 +266,7 @@ def _with_digits(averages, n, rounding=0.0, factor=1.0):
 
 @kernel
 def bump(n):
-    """Compute w(t/n), t = 0, …, n - 1, divided by its sum; all derivatives vanish at both ends."""
+    """Compute w(t/n), t = 0, …, n - 1, normalized to sum 1; all derivatives vanish at both ends."""
     w = np.zeros(n)
     for t in range(1, n):
         s = t / n

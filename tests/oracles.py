@@ -126,8 +126,9 @@ def _residue_along(kappa, x, y, p):
 def residue(kappa, p, q):
     """Return R of the ordered minimax orbit of p/q; NaN if `action` does not find it.
 
-    The orbit found is only a witness. All that matters is checked here: it closes, its points are
-    in the order of the rotation, and R > 0 up to rounding, unlike for any minimizing orbit.
+    How `action` finds the orbit does not matter, because the orbit is checked here: it closes, its
+    points are in the order of the rotation, and R > 0 up to rounding, whereas no minimizing orbit
+    has R > 0.
     """
     try:
         _, minimax = action.ordered_orbits(kappa, p, q)
@@ -143,14 +144,15 @@ def residue(kappa, p, q):
     return value
 
 
-RESOLVED = 1e-4  # error of residues in floats, for orbits of some 10⁴ kicks
+RESOLVED = 1e-4  # error of residues computed in floats, for orbits of some 10⁴ kicks
 
 
 def residues_fall(omega, kappa, q):
     """Return True if the residues of minimax orbits fall, as they do if a circle exists.
 
-    They must at least halve from the first convergent of period q or longer to the convergent one
-    tail later. Return None if an orbit is not found, unless the later one has a residue > 1.
+    They must at least halve from the first convergent of period q or longer to the convergent that
+    is one tail longer. Return None if an orbit is not found, unless the residue of the longer
+    convergent exceeds 1.
     """
     omega = as_rotation_number(omega)
     longer = [f for f in islice(convergents(omega), 100) if f.denominator >= q]

@@ -24,7 +24,7 @@ _SERVERS = "master", "volume", "filer", "s3"  # each has two ports, one of them 
 def serving(folder):
     """Serve objects stored in a folder, with the environment set so that obstore uses the server.
 
-    Yields two functions: one kills the server as a crash would, the other starts it again.
+    Yield two functions: one kills the server as a crash would, the other starts it again.
     """
     config = folder / "identities.json"
     credentials = [{"accessKey": "somebody", "secretKey": SECRET}]
@@ -58,7 +58,7 @@ def serving(folder):
     try:
         start()
         with environment(address):
-            from_url("s3://cubes").put("begin", b"")  # creates the bucket
+            from_url("s3://cubes").put("begin", b"")  # this creates the bucket
             yield kill, start
     finally:
         kill()
@@ -72,7 +72,7 @@ def free_ports(n):
 
 @contextmanager
 def environment(address):
-    """Set the variables by which a user gives obstore the server's address and credentials."""
+    """Set the variables from which obstore takes the server's address and a user's credentials."""
     variables = {
         "AWS_ENDPOINT_URL": address,
         "AWS_ALLOW_HTTP": "true",

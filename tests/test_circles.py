@@ -92,7 +92,7 @@ def test_phases_of_high_modes_are_exact():
 
 
 def polished(circle):
-    """Return the u of a circle after Newton's method on a grid that resolves it up to rounding."""
+    """Return u of a circle, refined by Newton's method on a grid that resolves u up to rounding."""
     start = fourier.resample(circle.u, 512)
     return circles.invariant_circle(circle.omega, circle.kappa, start=start).u
 
@@ -100,7 +100,7 @@ def polished(circle):
 def assert_same_circle(carried, kappa, omega):
     """Assert that the carried circle is the one found directly for kappa and omega.
 
-    It must also be certified, and invariant under the map of kappa.
+    The carried circle must also be certified, and invariant under the map of kappa.
     """
     assert tuple(carried.kappa) == kappa
     assert carried.omega == omega
@@ -133,7 +133,7 @@ def test_a_circle_without_a_symmetry_centre_is_shifted_by_a_whole_period():
 def naive_circle(n, kappa_end, step):
     """Return κ and u of the last circle of the standard map that seems to exist.
 
-    This accepts a circle once the updates of Newton's method with n modes are small.
+    A circle is accepted as soon as the updates of Newton's method with n modes are small.
     """
     u, kappa = np.zeros((1, n)), 0.0
     while kappa < kappa_end:
@@ -158,7 +158,7 @@ def test_fake_circles_from_too_few_modes_or_small_updates_are_rejected(n, past):
     n_max = max(n, circles.newton.MIN_POINTS)
     circle = circles.invariant_circle(GAMMA, (kappa,), n_max=n_max, start=fake)
     assert not circle.certified
-    # Polishing does not make them circles either.
+    # Polishing does not turn the fake into a circle either.
     assert not circles.newton.polished_is_circle(GAMMA, np.array([kappa]), fake)
     assert not circles.newton.polish(GAMMA, np.array([kappa]), fake)
     assert not circles.newton.polished_is_circle(GAMMA, np.array([kappa]), fake)
@@ -214,7 +214,7 @@ def test_no_circle_is_certified_at_strengths_of_two_or_more(kappa):
     [
         *(((0, 2, 10**n), (0.2, 0.1), Status.NEARLY_RATIONAL) for n in (9, 15)),
         ((0, 1, 1, 1, 10**8), (0.2, 0.1), Status.NEARLY_RATIONAL),
-        (LIOUVILLE, (0.05, 0.02), Status.OK),  # too weak for its resonances to matter
+        (LIOUVILLE, (0.05, 0.02), Status.OK),  # kicks too weak for resonances to matter
         (LIOUVILLE, (0.3, 0.2), Status.NEARLY_RATIONAL),
     ],
 )
@@ -242,7 +242,7 @@ def test_on_far_too_fine_a_grid_rounding_hides_a_circle():
     assert adapted.u.shape[-1] <= 512
 
 
-def test_a_start_far_from_the_circle_gives_a_status_or_the_circle():
+def test_from_a_distant_start_newton_finds_the_right_circle_or_none():
     rng = np.random.default_rng(0)
     theta = np.arange(64) / 64
     wanted = circles.invariant_circle(GAMMA, (0.3, 0.3)).u
@@ -265,7 +265,7 @@ def test_a_grid_keeps_the_requested_modes_and_ends_below_a_resonance(omega, n_mo
     kept = fourier.cut(omega, n)
     assert kept >= n_modes
     assert kept in {f.denominator for f in islice(convergents(omega), 60)}
-    assert kept < 0.361 * n  # room for products
+    assert kept < 0.361 * n  # this leaves room for products
 
 
 @pytest.mark.parametrize("name", NAMES)

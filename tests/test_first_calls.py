@@ -1,4 +1,4 @@
-"""A worker's first call compiles all kernels of a job: after it, two tiles load no kernel."""
+"""A worker's first call compiles all kernels of a job, so that tiles computed later load none."""
 
 import json
 import subprocess

@@ -53,8 +53,8 @@ def a_second_a_cell(coords, settings):
     ("cells", "predict", "tile"),
     [
         (50, a_millisecond_a_cell, 1),  # 2500 tiles are already too few to join
-        (130, a_millisecond_a_cell, 2),  # 65² tiles; a quarter of that would be too few
-        (2000, a_millisecond_a_cell, 16),  # there would be only 3969 tiles of 32², of 1 s each
+        (130, a_millisecond_a_cell, 2),  # 65² tiles; a quarter of them would be too few
+        (2000, a_millisecond_a_cell, 16),  # there would be only 3969 tiles of 32² cells, 1 s each
         (8000, a_millisecond_a_cell, 32),  # tiles of 64² would take 4 s
         (8000, a_second_a_cell, 1),
     ],

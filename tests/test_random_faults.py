@@ -1,8 +1,8 @@
 """Sweeps survive faults: a seed decides what happens to the driver and its workers, and when.
 
-A driver is a program that sweeps on two workers of its own. After each run with faults the
-store is compared with its earlier contents and with a serial computation; a last run without faults
-completes the cube.
+A driver is a program that sweeps with workers it has started, by default two. After each run with
+faults the store is compared with its earlier contents and with a serial computation; a last run
+without faults completes the cube.
 """
 
 import os
@@ -52,7 +52,7 @@ def begun(out):
 
 
 def kill_worker(process, choose):
-    with suppress(psutil.Error, IndexError):  # there is no worker
+    with suppress(psutil.Error, IndexError):  # there may be no worker
         children = psutil.Process(process.pid).children()
         choose.choice([one for one in children if "spawn_main" in str(one.cmdline())]).kill()
 
@@ -62,7 +62,7 @@ def kill_driver(process, choose):
 
 
 def interrupt(process, choose):
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: its workers are interrupted too
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does, so that workers are interrupted too
 
 
 # Nonzero exit codes of a driver after a fault, as a shell reports them.
@@ -70,7 +70,7 @@ ENDS = {kill_worker: 1, kill_driver: 137, interrupt: 130}
 
 
 def in_session(leader):
-    """True if a process of a driver's session remains: workers may outlive the driver."""
+    """Return True if a process of a driver's session remains: workers may outlive the driver."""
     for pid in psutil.pids():
         with suppress(OSError):
             if os.getsid(pid) == leader:
@@ -79,7 +79,7 @@ def in_session(leader):
 
 
 def run(out, faults, choose, n_workers=2):
-    """Run a driver; cause each fault after workers have begun some of the missing tiles."""
+    """Run a driver, and cause each fault after workers have begun some of the missing tiles."""
     place, log_before, codes = store.place_of(out), len(begun(out)), {0}
     before = whole(place)
     with driver(out, n_workers) as process:

@@ -16,7 +16,7 @@ FUNCTIONS = {
 
 
 @given(st.floats(-0.999, 0.999), st.sampled_from(sorted(FUNCTIONS)))
-def test_a_root_is_found_in_about_as_many_steps_as_by_scipy(at, name):
+def test_finding_a_root_takes_about_as_many_steps_as_in_scipy(at, name):
     asked = []
 
     def f(x):

@@ -97,12 +97,12 @@ def test_dask_does_not_give_up_on_a_worker_that_the_sweep_still_waits_for(client
     assert given_up_after >= submit._STARTING
 
 
-@pytest.mark.parametrize("attempts", thirds([1, 2]))  # to compute the tile alone; 2 by default
+@pytest.mark.parametrize("attempts", thirds([1, 2]))  # attempts with the tile alone; 2 by default
 def test_a_tile_that_kills_its_workers_harms_no_other_tile(client, tmp_path, monkeypatch, attempts):
     if attempts == 1:
         monkeypatch.setattr(sweeps, "_ATTEMPTS_ALONE", 1)
     outcome = toy.run(client, tmp_path, toy.cube(poison=[0.0, -1.0], pids=str(tmp_path / "pids")))
-    # These are the first worker, one for each attempt, and one for the other tiles of the batch.
+    # There were the first worker, one for each attempt, and one for the other tiles of the batch.
     assert len({*(tmp_path / "pids").read_text().split()}) == 2 + attempts
     assert list(outcome.failed) == [(0, 0)]
     assert "its worker died" in outcome.failed[0, 0]
@@ -182,7 +182,7 @@ def test_the_most_expensive_tiles_come_first_and_cheap_ones_share_batches():
     first, second, *others = _pack(np.array([0.0] * 1000 + [9.0, 0.2, 0.2]), 2)
     assert first.tolist() == [1000]
     assert (set(second[:2].tolist()), len(second)) == ({1001, 1002}, 33)
-    assert max(map(len, others)) < 200  # because committing them takes time, too
+    assert max(map(len, others)) < 200  # because committing tiles takes time, too
 
 
 def test_tiles_of_the_same_cost_come_in_random_order():
@@ -214,7 +214,7 @@ def test_sweeps_in_a_series_share_one_progress_line_and_repeat_no_tile(here, tmp
 
 def test_a_store_deleted_during_a_sweep_ends_it_with_one_message(here, tmp_path):
     plan, out, away = toy.cube(5, 5, tile=1), tmp_path / "out", tmp_path / "away"
-    # A worker may see files that another one has just written to `out`, without metadata.
+    # A worker may see files that another worker has just written to `out`, without metadata.
     message = "out: .* does not exist|was moved, or deleted|out/toy.zarr are damaged"
     with pytest.raises((store.StoreFailed, store.Refused), match=message):
         toy.watched_sweep(here, out, plan, {5: partial(out.rename, away)})
@@ -283,7 +283,7 @@ def test_workers_listen_on_loopback_only_and_answer_only_their_own_driver(client
 
 
 def elsewhere(client, folder):
-    """Write the client's scheduler file; return its path, and those of CA, certificate and key."""
+    """Write the client's scheduler file; return its path and the paths of the three TLS files."""
     file = folder / "scheduler.json"
     file.write_text(json.dumps({"address": client().scheduler.address}))
     return str(file), cluster.write_credentials(client(), folder)
@@ -430,7 +430,7 @@ def test_ctrl_c_stops_no_worker(client):
     (nanny,) = client().cluster.workers.values()
     worker = client().submit(os.getpid, pure=False).result(timeout=60)
     os.kill(worker, signal.SIGKILL)
-    toy.wait_until(lambda: nanny.pid not in (worker, None))  # its replacement begins to import
+    toy.wait_until(lambda: nanny.pid not in (worker, None))  # its replacement is starting
     os.kill(worker := nanny.pid, signal.SIGINT)
     assert client().submit(os.getpid, pure=False).result(timeout=60) == worker
     os.kill(worker, signal.SIGINT)
@@ -439,7 +439,7 @@ def test_ctrl_c_stops_no_worker(client):
 
 @pytest.fixture
 def messages(monkeypatch):
-    """Collect what a sweep prints about its workers; make it notice soon if none are left."""
+    """Collect what a sweep prints about workers; make the sweep notice soon if none are left."""
     printed = []
     monkeypatch.setattr(submit, "print", lambda text, file: printed.append(text), raising=False)
     monkeypatch.setattr(submit, "_PATIENCE", 0.2)

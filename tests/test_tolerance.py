@@ -40,7 +40,7 @@ def test_ripples_have_mean_zero_rms_one_and_one_of_three_shapes():
 
 
 def test_renormalisation_repeats_modes_and_approaches_the_golden_circle():
-    """The golden circle is its own image; the image of another circle is closer to it."""
+    """The golden circle is its own image; other circles have images closer to the golden circle."""
     steps = [len(response.modes(n)) * response.steps(n) for n in study.PERIODS]
     assert steps == [3, 4, 6, 10, 12, 8, 12]
     for n, circle in {2: "[0;1,3,4,2,(1)]", 3: "[1;6,1,5,(1)]", 7: "[2;1,1,3,5,2,(1)]"}.items():
@@ -62,9 +62,9 @@ def test_the_measured_and_predicted_laws_of_alternating_ripples_agree():
 
 
 def test_other_forcings_lose_barriers_before_constant_kicks_of_equal_rms():
-    """Under (1.1, 0.9) breakup is at an rms of 0.66; constant kicks leave a survivor at 0.971.
+    """Under (1.1, 0.9) the last barrier breaks at an rms of 0.66.
 
-    That is just below κ_G.
+    Under constant kicks a start survives even at 0.971, just below κ_G.
     """
     ripple = np.array([1.1, 0.9]) / np.hypot(1.1, 0.9) * 2**0.5
     assert 0.66173460 < scale_without_barrier(ripple, KAPPA_G) <= 1.001 * KAPPA_G
@@ -111,7 +111,7 @@ def test_verdicts_on_the_findings_about_ripples_follow_from_the_numbers():
 
 
 def test_only_forcings_with_a_barrier_are_drawn_beyond_constant_kicks():
-    """Forcings without a barrier are drawn at strengths up to κ_G, that of constant kicks."""
+    """Forcings without a barrier are drawn at strengths up to κ_G, the limit for constant kicks."""
     for beyond in (0, 1):
         upper = [0.7, 1.001, 1.001, *beyond * [np.inf], 1.001]
         _, strengths = draw_tolerance(*results([0.64, 0.5], upper)).axes

@@ -1,4 +1,4 @@
-"""Compare converse KAM on transversals with second variations of the action and symmetry lines."""
+"""Test converse KAM on transversals against second variations of the action and symmetry lines."""
 
 import numpy as np
 import oracles
@@ -15,7 +15,10 @@ FORCINGS = [(1.03,), (0.71, 0.46), (0.2, 0.5, 0.36), (0.1, 0.7, -0.3, 0.2)]
 
 
 def elimination_time(kappa, site, x, y, n_kicks):
-    """Return after how many kicks in either direction starts before kick `site` are eliminated."""
+    """Return the number of kicks in either direction that eliminate each start.
+
+    The orbits start just before kick `site`.
+    """
     x, y = np.array(np.broadcast_arrays(x, np.atleast_1d(y)), float)
     return transversal.elimination(np.roll(kappa, -site), x, y, n_kicks)[0]
 
@@ -57,8 +60,8 @@ def test_on_a_symmetry_line_both_criteria_give_the_same_times(kappa, site, a):
 
 
 def test_a_certified_circle_survives_on_every_transversal():
-    # With more kicks per period, starts of more ω are long-lived; the search must find the circle
-    # among them.
+    # With more kicks per period, starts with more values of ω are long-lived; the search must find
+    # the start on the circle among them.
     kappa = 0.255 * direction(rotating_forcing(1, 1, "2/7", 0.02))
     assert circles.invariant_circle(parse("[3;9,4,(1)]"), kappa).certified
     assert np.isinf(longest_lived(kappa, 1000).kicks)

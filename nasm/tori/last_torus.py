@@ -2,13 +2,14 @@
 
     κ_n = s·(κ̄ + Δκ cos 2π(φ0 + nΩ)),     n = …, -1, 0, 1, …
 
-For Ω = p/q the barriers are circles of T^q, which differ for each φ0: see `nasm.barriers`. For an
-irrational Ω they are tori, each of which serves all φ0. The bracket is computed in three steps:
+For Ω = p/q the barriers are circles of T^q, which depend on φ0: see `nasm.barriers`. For an
+irrational Ω they are tori, each of which is a barrier for every φ0. The bracket is computed in
+three steps:
 
 1. `upper`: the lowest scale found at which converse KAM eliminates all starts, using the kicks from
-   -N to N (`nasm.converse_kam.aperiodic`): no torus that is a graph exists there.
-2. Below `upper` some starts survive. Weighted Birkhoff averages separate those on tori from those
-   next to orbits that minimize the action, and yield the ω of the tori.
+   -N to N (`nasm.converse_kam.aperiodic`): no torus that is a graph exists at this scale.
+2. Below `upper` some starts survive. Weighted Birkhoff averages distinguish the starts on tori from
+   starts next to orbits that minimize the action, and yield the ω of the tori.
 3. `lower`: the largest scale at which a torus of one of these ω is certified.
 
 The last torus breaks inside the bracket. Its ω may differ from that of the torus at `lower`.
@@ -38,7 +39,7 @@ class LastTorusSettings:
     Attributes
     ----------
     upper_tol : float
-        Relative width of the bracket from converse KAM that ends at `upper`.
+        Relative width of the bracket from converse KAM whose upper end is `upper`.
     distances : tuple of float
         Relative distances below `upper` at which to search for candidates, in this order.
     n_starts : int
@@ -113,10 +114,10 @@ def last_critical_scale(
     scale : CriticalScale
         value is the middle of the bracket, and error half its width; omega is None. If no torus was
         certified, or if searches for survivors disagree, there is no value and the status is
-        UNDECIDED. If a start survives kicks of strength 2, there are no bounds either and the
+        UNDECIDED. If a start survives kicks of strength 2, there are no bounds either, and the
         status is NO_BREAKUP.
     torus_omega : float
-        Turns per kick of the torus at lower, in [0, 1/2]; NaN if none was certified.
+        Turns per kick of the torus at `lower`, in [0, 1/2]; NaN if none was certified.
 
     Examples
     --------
@@ -158,8 +159,8 @@ def upper_scale(
     Returns
     -------
     float
-        `upper` of `converse_kam.aperiodic.critical_scale`; NaN if there is none. The computation
-        takes a second or two.
+        `upper` of `converse_kam.aperiodic.critical_scale`; NaN if that function finds no scale. The
+        computation takes a second or two.
 
     Examples
     --------

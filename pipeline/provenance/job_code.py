@@ -1,4 +1,4 @@
-"""The code of a job: the modules that its function imports, and the user's own functions in it."""
+"""The code of a job: the modules that its function imports, and the user's own functions."""
 
 import hashlib
 from collections.abc import Callable
@@ -33,7 +33,7 @@ class Code:
 
 
 EVERYTHING = Code(modules())
-"""All modules: the code of cubes that no job computes."""
+"""All modules: the code recorded for cubes that are computed without a job."""
 
 
 def code_of(function: Callable[..., Any]) -> Code:
@@ -70,7 +70,7 @@ def code_of(function: Callable[..., Any]) -> Code:
 
 
 def _functions(function: Any) -> list[Any]:
-    """Return the functions inside wrappers, or inside partials of functions of these packages."""
+    """Return the function without its wrapper, or all functions in a partial of these packages."""
     if isinstance(function, partial) and not is_own(module_of(function)):
         parts = [function.func, *function.args, *function.keywords.values()]
         return [each for part in parts if callable(part) for each in _functions(part)]

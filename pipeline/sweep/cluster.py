@@ -1,6 +1,6 @@
 """Clusters: worker processes on this machine by default, or a running dask scheduler.
 
-A scheduler elsewhere is given by its address, or by the scheduler file that contains the address.
+A scheduler elsewhere is specified by its address, or by the scheduler file that contains it.
 """
 
 import json
@@ -31,7 +31,7 @@ from pipeline.sweep.progress import plural
 NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
 _QUIET = {
     # A task is suspect as soon as its worker dies, not after it has killed three more workers;
-    # the sweep reruns each suspect alone. (A scheduler elsewhere has its own setting, 3 deaths.)
+    # the sweep reruns each suspect alone. (A scheduler elsewhere has its own limit, by default 3.)
     "distributed.scheduler.allowed-failures": 0,
     # With dask's defaults, measurements for its dashboard take 4% of the CPU time.
     "distributed.worker.profile.enabled": False,
@@ -39,13 +39,13 @@ _QUIET = {
     "distributed.admin.system-monitor.interval": "10s",
 }
 _LOCAL = {
-    # Dask would give up on a worker that takes 15 s to restart, as happens at load 20.
+    # By default, dask gives up on a worker that takes 15 s to restart, as happens at load 20.
     "distributed.deploy.lost-worker-timeout": "300s",
-    # Nothing is served to browsers: any web page or user on this machine could read it.
+    # Nothing is served to browsers, because any web page or user on this machine could read it.
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.worker.preload": [
-        # This affects only threads that start later: it must run before the worker starts its own.
+        # This affects only threads that start later, so it must run before the worker starts any.
         "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()",
     ],
 }
@@ -58,7 +58,7 @@ _GUARD = (
 
 
 class ClusterError(Exception):
-    """There is no cluster to compute on; the message gives the reason and the cure."""
+    """There is no cluster to compute on; the message gives the reason and the remedy."""
 
 
 @contextmanager
@@ -73,12 +73,13 @@ def connect(
     ----------
     scheduler : str, optional
         Address of a running scheduler, "tcp://…" or "tls://…", or the path of its scheduler file.
-        Its workers must see this machine's files and have this package. By default workers are
-        started on this machine; they listen on loopback only, and serve only this process.
+        Its workers must see this machine's files and have this package installed. By default,
+        workers are started on this machine; they listen on loopback only, and serve only this
+        process.
     n_workers : int, optional
-        Worker processes to start here, at least 1; by default one per core.
+        Number of worker processes to start on this machine, at least 1; by default one per core.
     tls : sequence of str, optional
-        The files CA, certificate and key, for a "tls://" address.
+        Files of the CA, the certificate and the key, for a "tls://" address.
 
     Raises
     ------
@@ -95,7 +96,7 @@ def connect(
     ...     pass
     """
     if getattr(multiprocessing.current_process(), "_inheriting", False):
-        sys.exit(_GUARD)  # a worker that is being started, which imports the script
+        sys.exit(_GUARD)  # this is a worker being started, which imports the script
     if scheduler is not None and n_workers is not None:
         reason = "has its own workers; leave --workers out"
         raise ClusterError(f"the scheduler at {without_password(scheduler)} {reason}")
@@ -108,7 +109,7 @@ def connect(
     settings = _QUIET
     if address is None:
         # The user's configuration files and environment may select forked workers, or set
-        # timeouts, for other clusters. These could make this one hang: use dask's own defaults.
+        # timeouts, for other clusters. They could make this cluster hang, so use dask's defaults.
         settings = dask.config.merge(*dask.config.defaults) | _LOCAL | _QUIET
     with dask.config.set(settings), ExitStack() as stack:
         connection = _local(n_workers or CPU_COUNT) if address is None else _remote(address, tls)
@@ -147,7 +148,7 @@ def _local(n_workers: int) -> Iterator[Client]:
         yield client
     finally:
         for opened in client, cluster:
-            with suppress(TimeoutError):  # on a busy machine; it will end with this process
+            with suppress(TimeoutError):  # on a busy machine; both end with this process
                 opened.close()
 
 
@@ -177,7 +178,7 @@ def _check_machine(n_workers: int) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """Return dask's reason why no worker started; for a script, also how to fix it."""
+    """Return the reason dask gives for starting no worker; for a script, also a possible remedy."""
     while (cause := error.__cause__ or error.__context__) is not None:
         error = cause
     reason = "".join(format_exception_only(error)).strip()
@@ -235,7 +236,7 @@ def _remote(address: str, tls: Sequence[str] | None) -> Iterator[Client]:
 
 
 def _address(scheduler: str) -> str:
-    """Return `scheduler` if it is an address, else the address in the file, once that exists."""
+    """Return `scheduler` if it is an address, else the address in this file, once it exists."""
     address: Any = scheduler
     if "://" not in scheduler:
         file, end = Path(scheduler).expanduser(), time.monotonic() + _FILE_PATIENCE

@@ -1,6 +1,6 @@
 """The figure of the main job, `critical_boundary`: three methods in one plane.
 
-Its caption joins those of its methods, `workflows.shared.boundary_captions` and
+Its caption joins the captions of these methods, from `workflows.shared.boundary_captions` and
 `circle_boundaries.describe_circles`.
 """
 
@@ -17,7 +17,7 @@ from workflows.figures.style import INSIDE, NO_ESCAPE, outer_legend, power
 def draw_critical_boundary(plane, circles, barrier):
     """Draw the escape field and CB_ω of the circles behind what `draw_last_barrier` draws."""
     figure = draw_last_barrier(barrier)
-    axes = figure.axes[0]  # those of the plane
+    axes = figure.axes[0]  # the axes of the plane
     draw_field(axes, plane)
     draw_circles(axes, circles, lw=0.7)
     xlim, ylim = (_ends(c.values) for c in in_plane(plane))

@@ -8,7 +8,7 @@ from workflows.figures.style import colour_of, outer_legend, panels
 
 _NUMBER = {"fontsize": "x-small", "ha": "center"}
 _BRACKET = {"fmt": "_", "color": colour_of(0), "lw": 2, "ms": 6, "mew": 2}  # visible even if narrow
-_BEYOND = 1.15  # upper end of the axis, relative to that of the highest bracket
+_BEYOND = 1.15  # upper end of the axis, relative to the top of the highest bracket
 
 
 def draw_frequencies(cube):
@@ -33,7 +33,7 @@ def draw_frequencies(cube):
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
     outer_legend(figure, 2)
     _draw_convergents(near, limits, fractions)
-    # The axis ends above all brackets; labels at its end give the largest values that lie beyond.
+    # The axis ends above all brackets; labels at its end give the largest values above the end.
     top = _BEYOND * np.fmax(limits.upper.max(), fractions.upper.max())
     for Ω, most in fractions.most[fractions.most > top].items():
         side, x = ("left", 5) if np.mean(wide.get_xlim()) > Ω else ("right", -5)
@@ -50,7 +50,7 @@ def _brackets(cube):
     """
     ends = {"lower": ("lower", "min"), "upper": ("upper", "min"), "most": ("upper", "max")}
     table = cube.to_dataframe().groupby("frequency").agg(**ends, phases=("phase", "count"))
-    return table[table.phases == 0], table[table.phases > 0]  # phases: NaN is not counted
+    return table[table.phases == 0], table[table.phases > 0]  # NaN phases are not counted
 
 
 def frequencies_caption(cube):
@@ -69,9 +69,9 @@ def frequencies_caption(cube):
 
 
 def _convergents(limits, fractions):
-    """Yield each irrational Ω with known convergents, its bracket, and those of its convergents.
+    """Yield each irrational Ω with known convergents, its bracket, and a table of the convergents.
 
-    The latter are a table with the columns of `fractions`, indexed by the denominator q.
+    The table has the columns of `fractions`, and is indexed by the denominator q.
     """
     for Ω, lower, upper, *_ in limits.itertuples():
         convergents = {Fraction(Ω).limit_denominator(q) for q in range(2, 65)}
@@ -97,7 +97,7 @@ def _draw_convergents(axes, limits, fractions):
 
 
 def _comparison(limits, fractions):
-    """Compare the brackets of the convergents with that of their limit."""
+    """Describe how the brackets of the convergents compare with the brackets of their limits."""
     overlap, inside, outside = [], [], []  # q of convergents
     for _, lower, upper, near in _convergents(limits, fractions):
         for q, least, first, *_ in near.itertuples():

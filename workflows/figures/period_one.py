@@ -1,4 +1,4 @@
-"""Period-one orbits, Figs. 3 and 4."""
+"""Figures of period-one orbits, Figs. 3 and 4 of the paper."""
 
 import numpy as np
 from matplotlib.colors import LogNorm
@@ -47,14 +47,14 @@ def draw_secondary_points(secondary):
     place = shown.kappa1, shown.kappa2
     image = axes.pcolormesh(*place, error, norm=LogNorm(vmin=1e-4, vmax=3), cmap="viridis")
     figure.colorbar(image, ax=axes, label=r"error of the cubic estimate of $z_*$ (radians)")
-    border = np.linspace(2.01, float(shown.kappa1.max()), 1000)  # R of (1/2, 0) is 0
+    border = np.linspace(2.01, float(shown.kappa1.max()), 1000)  # where R of (1/2, 0) is 0
     birth, ends = 2 * border / (border - 2), {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
     # At the border, where the error tends to 0, the cells would end in a staircase.
     axes.fill_between(border, birth, ends["ylim"][1], color=image.cmap(0), lw=0, zorder=0.5)
     axes.fill_between(border, 0, birth, color="white", lw=0, zorder=1.5)
     axes.plot(border, birth, color="0.5", lw=1, label="where they are born")
     axes.set(**ends)
-    # Dense lines: a coarse hatch would be invisible in the narrow second region, κ1 = κ2 > 5.
+    # The hatch is dense, to be visible in the narrow second region, κ1 = κ2 > 5.
     square = _square_of_residue(shown)
     axes.contourf(*place, square, levels=[0, 1], colors="none", hatches=["//////"])
     axes.contour(*place, square, levels=[0, 1], colors="black", linewidths=1.2)
@@ -70,8 +70,9 @@ def draw_secondary_points(secondary):
 def _square_of_residue(secondary):
     """Return R², to be contoured; dims (kappa2, kappa1).
 
-    Where a pair of orbits is born nearer to (1/2, 0), one of them takes over: R jumps to 0, and R²
-    grows linearly from there. R² is extrapolated backwards by one cell, so that its zero appears.
+    Where a pair of orbits is born nearer to (1/2, 0), one of the pair becomes the nearest orbit: R
+    jumps to 0, and R² grows linearly from there. R² is extrapolated backwards by one cell, so that
+    its zero appears.
     """
     square = secondary.residue.values**2
     continued = 2 * square[:, 2:-1] - square[:, 3:]

@@ -38,12 +38,12 @@ _MIN_ANNOUNCED_SECONDS = 5  # a run is announced if its predicted CPU time is lo
 _DRAWING_SECONDS = 7  # typical CPU time of findings, of one or two figures, and of stopping workers
 LONGEST = 600  # seconds that a run may take without --yes
 
-# Cubes without tiles depend on the mathematics and on this package, except the figures, which only
-# draw what the cubes hold.
+# Cubes without tiles depend on the mathematics and on this package, except its figures, which
+# only draw what the cubes contain.
 _FOLDER = Path(__file__).parents[1]
 _SOURCES = sorted([*_FOLDER.glob("**/*.py"), *_FOLDER.glob("**/*.toml")])
 _STUDIES = b"".join(path.read_bytes() for path in _SOURCES if path.parent.name != "figures")
-_CODE = {  # attributes of these cubes
+_CODE = {  # attributes of cubes without tiles
     "computed_by": store.COMPUTED_BY,
     "studied_by": f"workflows {hashlib.sha256(_STUDIES).hexdigest()[:12]}",
 }
@@ -59,8 +59,8 @@ def place_of(out: str | Path, url: str | None = None) -> store.Place:
 def runs_of(out: str, url: str | None) -> Iterator[dict[str, store.Place]]:
     """Yield the Places that hold cubes, in all folders of `out` or at the URL.
 
-    {path below `out`, with a / at its end: Place}; the path of `out` itself is "". If there are no
-    cubes, the program ends with a usage error.
+    The result is a dict {path below `out`, with a / at its end: Place}; the path of `out` itself is
+    "". If there are no cubes, the program ends with a usage error.
     """
     with usage_errors(place := place_of(out, url)):
         places = {"": place}
@@ -82,12 +82,12 @@ def _folders(place: store.Place) -> list[str]:
 
 
 class Run:
-    """The run of one command: its files, and the cubes that it keeps or sweeps in its place.
+    """The run of one command: its files, and the cubes that it keeps or sweeps at a Place.
 
     Parameters
     ----------
     out : str or Path
-        Directory of tables and figures; it must exist when something is written.
+        Directory of tables and figures; it must exist by the time something is written.
     place : Place
         Place of the cubes.
     cluster : dict
@@ -135,7 +135,7 @@ class Run:
         Parameters
         ----------
         studies : (Cube, float)
-            What `kept` will compute without sweeps, and its approximate CPU seconds.
+            Each cube that `kept` will compute without sweeps, and its approximate CPU seconds.
         drawing : float
             Approximate CPU seconds of findings and figures.
         """
@@ -166,15 +166,15 @@ class Run:
         studies: Iterable[tuple[Cube, float]] = (),
         drawing: float = _DRAWING_SECONDS,
     ) -> Iterator["Run"]:
-        """Like `driving`, with workers for sweeps; a place with other settings is refused first.
+        """Do as `driving` does, with workers for sweeps; first refuse cubes with other settings.
 
         Parameters
         ----------
         jobs : Job
             Jobs of the sweeps.
         later : iterable of (Job, set of tiles or None)
-            Further sweeps that depend on the results of these: a job of about the same cost, and
-            the tiles it will want, or None for all.
+            Further sweeps that depend on the results of `jobs`: for each, a job of about the same
+            cost, and the tiles that will be wanted, or None for all.
         studies, drawing
             As for `driving`.
         """
@@ -223,14 +223,15 @@ class Run:
             click.echo(message, err=True)
 
     def check(self, cube: Cube, computed_by: str | None = None) -> dict[str, Any]:
-        """Return the attributes of the cube in the place, {} if there is none.
+        """Return the attributes of the cube in the place; {} if the place has no such cube.
 
-        A cube with other settings is refused. computed_by : that of the cube's job, if it has one.
+        A cube with other settings is refused. computed_by : `code.computed_by` of the cube's job,
+        if a job computes the cube.
         """
         return store.check(self.place, cube, computed_by or store.COMPUTED_BY)
 
     def sweep(self, job: Job, wanted: Wanted = None) -> xr.Dataset:
-        """Compute the missing tiles of the job's cube, or those `wanted`; return the cube.
+        """Compute the missing tiles of the job's cube, or only those in `wanted`; return the cube.
 
         If tiles fail, or on Ctrl-C, the program ends and prints how to resume.
         """
@@ -272,7 +273,7 @@ class Run:
         cube : Cube
             As for `kept`.
         parts : str
-            Names of the sweeps that it was made from; no tile of these may be missing.
+            Names of the sweeps from which the cube was made; no tile of these may be missing.
         """
         attributes = self.check(cube)
         if any(attributes.get(name) != by for name, by in _CODE.items()):
@@ -290,7 +291,7 @@ class Run:
         Parameters
         ----------
         cube : Cube
-            Its name and all settings that determine it, from `pipeline.cubes.cube.untiled`.
+            The cube's name and all settings that determine it, from `pipeline.cubes.cube.untiled`.
         compute : callable
             () → Dataset; called if the place does not hold the cube, which is then written.
         parts : str
@@ -308,7 +309,7 @@ class Run:
         write(dataset, self.path("tables", f"{name}.csv"))
 
     def figure(self, name: str, draw: Callable[..., Any], *data: Any, caption: str = "") -> None:
-        """Schedule `draw(*data)`: OUT/NAME.png and .pdf, with the caption beside them.
+        """Schedule `draw(*data)`, the figure OUT/NAME.png and .pdf, with the caption beside it.
 
         Figures are drawn at the end of the run, when all captions have been printed.
         """
@@ -332,7 +333,7 @@ class Run:
             raise click.ClickException("\n".join(reasons))
 
     def path(self, kind: str, name: str) -> str:
-        """Return the path OUT/NAME of a file, and list it at the end among those of its kind."""
+        """Return the path OUT/NAME of a file, and list it at the end among files of its kind."""
         return self.note(kind, f"{self.out}/{name}")
 
     def say(self, finding: str) -> None:
@@ -340,8 +341,8 @@ class Run:
         self.findings.append(finding)
 
     def note(self, kind: str, path: str) -> str:
-        """List a path at the end, among those of its kind; return it."""
-        self.written.setdefault(kind, {})[path] = None  # once, in order
+        """List a path at the end, among paths of its kind; return the path."""
+        self.written.setdefault(kind, {})[path] = None  # a dict lists it once, in order
         return path
 
 

@@ -1,16 +1,16 @@
 """The response of critical golden orbits to a ripple, and the exponent that follows from it.
 
-Next to the critical golden circle of constant kicks the distance to κ_G grows by δ = 1.62795 from
-one convergent to the next, and a ripple by a factor λ, which is measured here. So losses scale like
-d^(ln δ/ln λ).
+Next to the critical golden circle of constant kicks the distance to κ_G grows by the factor
+δ = 1.62795 from one convergent to the next, and a ripple grows by a factor λ, which this module
+measures. Losses therefore scale like d^(ln δ/ln λ).
 
 For constant kicks the residue of a periodic orbit x_n is R = -det H/4, where H is the cyclic
 tridiagonal matrix of 2 + κ_n cos 2πx_n and -1, and the orbit moves with κ_n by
 H dx = -sin(2πx_n)/(2π)·dκ_n. A ripple of P kicks changes R to first order only if P divides the
 period of the orbit. Renormalise h times, where F_h is the first Fibonacci number that P divides:
-kick n becomes kick F_{h+1}·n, and the ripple cos 2πkn/P becomes that of the mode ±F_{h+1}·k, for
-some odd P with the opposite sign. Along a cycle of such modes (1 alone, except for P = 5 and 8) the
-response grows by λ per renormalisation on average.
+kick n becomes kick F_{h+1}·n, and the ripple cos 2πkn/P of mode k becomes the ripple of mode
+±F_{h+1}·k; for some odd P its sign changes. Along a cycle of such modes (mode 1 alone, except for
+P = 5 and 8) the response grows by the factor λ per renormalisation on average.
 """
 
 from functools import cache
@@ -31,7 +31,7 @@ _MAX_N = 25  # F_25 = 75 025; rounding hides R of longer periods
 
 @cache
 def golden():
-    """Return κ_G, at which the golden circle of constant kicks breaks, by residues."""
+    """Return κ_G, at which the golden circle of constant kicks breaks, computed by residues."""
     return periodic.critical_scale("gamma", (1.0,)).value
 
 
@@ -67,7 +67,7 @@ def steps(period):
 
 
 def finer(circle, period, mode):
-    """Return the circle (text, per period) and mode that h renormalisations map to those given."""
+    """Return circle (text, per period) and mode that h renormalisations map to the given ones."""
     omega, h = parse(circle), steps(period)
     a, b, c = map(fibonacci, (h - 1, h, h + 1))
     sign = 1 if float(omega) > period / 2 else -1  # take ω per kick, or 1 - ω, whichever is near γ
@@ -85,7 +85,7 @@ def modes(period):
 
 
 def growth(period, mode):
-    """Return by how much ln |response| grows in h renormalisations, and whether signs change.
+    """Return the growth of ln |response| in h renormalisations, and whether the sign changes.
 
     The growth is returned for the longest orbits and for the next shorter ones; NaN if there are no
     shorter ones.
@@ -102,7 +102,7 @@ def growth(period, mode):
 
 @cache
 def _responses(n, period, mode):
-    """Return the responses of `orbits` to a ripple exp(2πi·mode·n/P), from the first site on."""
+    """Return the responses of `orbits` to a ripple exp(2πi·mode·n/P); the first site has n = 0."""
     phase = 2 * np.pi * mode / period * np.arange(fibonacci(n))
     parts = [[response(orbit, wave(phase)) for wave in (np.cos, np.sin)] for orbit in orbits(n)]
     return np.array(parts) @ [1, 1j]

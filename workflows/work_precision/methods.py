@@ -39,7 +39,7 @@ class Method:
 
     answers: tuple[str, ...]  # names of its results
     effort: str  # letter or name of its effort
-    efforts: list  # its values, the last one in full runs only
+    efforts: list  # values of the effort; the last one is used in full runs only
     run: Callable  # (ray, effort) → (scale, estimated error) for each of `answers`
 
 
@@ -76,13 +76,13 @@ def _bound_and_value(scale):
 
 
 def crossing(ray, q_max):
-    """Return the scale at which two convergents have equal residues, with its last change."""
+    """Return the scale of the last crossing of residues, and its change from the one before."""
     _, scales = periodic.crossings(ray.omega, ray.profile, q_max)
     return ((scales[-1], abs(scales[-1] - scales[-2])) if scales.size else (nan, nan),)
 
 
 def of_circle(critical_scale):
-    """Convert a function of ω, a ray and an effort to a method."""
+    """Convert a function of ω, a profile and an effort into a method."""
 
     def run(ray, effort):
         scale = critical_scale(ray.omega, ray.profile, effort)
@@ -92,7 +92,7 @@ def of_circle(critical_scale):
 
 
 def last_circle(ray, n_points):
-    """Find the last circle that is certified with `n_points` points."""
+    """Find the largest scale at which the circle is certified with `n_points` points."""
     start = None
 
     def exists(scale):
@@ -102,7 +102,7 @@ def last_circle(ray, n_points):
         start = circle.u if circle.certified else start
         return circle.certified
 
-    largest = 2 / max(map(abs, ray.profile))  # no circle exists there
+    largest = 2 / max(map(abs, ray.profile))  # no circle exists at this scale
     return ((_last(exists, 0.0, largest, 0.1 / n_points), nan),)
 
 
@@ -113,7 +113,7 @@ def birkhoff(ray, n):
     fraction with q ≤ 200, as it is in islands. That does not show that a circle exists: island
     chains of longer period and cantori look the same.
     The search stays within 10% of the value from converse KAM, because regular orbits also exist
-    beyond it. The result is NaN if the ray has no dominant symmetry line.
+    beyond the breakup. The result is NaN if the ray has no dominant symmetry line.
     """
     profile = np.array(ray.profile)
     if not symmetry_line.has_dominant_line(profile):
@@ -140,7 +140,7 @@ def _last(holds, low, high, precision):
 
 
 def barrier(ray, tol):
-    """Return the lower end of the bracket with its width, and the value with its error."""
+    """Return the lower end and the width of the bracket, and the value with its error."""
     scale = barriers.critical_scale(ray.profile, tol)
     return (scale.lower, scale.upper - scale.lower), (scale.value, scale.error)
 
