@@ -4,7 +4,6 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import to_hex
 from matplotlib.legend import Legend
@@ -18,7 +17,7 @@ _SMALL = 3.0  # in points; smaller markers may be cut by an axis
 
 def faults(figure):
     """List in words what a reader would complain about."""
-    renderer = FigureCanvasAgg(figure).get_renderer()
+    renderer = figure.canvas.get_renderer()
     texts = _drawn(figure, renderer)
     return [
         *_cut(figure, texts, renderer),
@@ -41,7 +40,7 @@ def _drawn(figure, renderer):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Text, "draw", spy)
-        figure.draw(renderer)
+        figure.draw_without_rendering()
     return [text for text in dict.fromkeys(drawn) if not _is_clipped(text, renderer)]
 
 
