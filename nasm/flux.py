@@ -151,7 +151,7 @@ def flux(
     -------
     Flux
         error: the last change, plus the rounding error of the sum; the last change bounds later
-        ones, because they shrink faster than geometrically. status: OK; RATIONAL if ω is;
+        ones, because they shrink faster than geometrically. status: OK; RATIONAL if ω is rational;
         NOT_CONVERGED next to the breakup, if orbits up to q_max do not show on which side of it
         kappa is; DISORDERED if longer orbits were lost before changes fell below 1%.
 
@@ -173,7 +173,7 @@ def flux(
     if omega.is_rational:
         return Flux(np.nan, np.nan, 0, omega, Status.RATIONAL)
     steps = kappa.size // short.size
-    # Up to the end of the prefix, other numbers have the same convergents.
+    # Other numbers share the convergents up to the end of the prefix; one more is needed.
     min_period = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
     orbits = ConvergentOrbits(short, 0 * short, distinct_convergents(short_omega, q_max))
     value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
@@ -207,12 +207,12 @@ def action_difference(kappa: ArrayLike, p: int, q: int) -> float:
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     p, q : int
-        Coprime, 1 ≤ q ≤ 10⁶.
+        Coprime integers, 1 ≤ q ≤ 10⁶.
 
     Returns
     -------
     float
-        In turns times y; NaN if either of the two orbits is not found.
+        The area, in turns times y; NaN if either of the two orbits is not found.
 
     Examples
     --------
@@ -234,6 +234,6 @@ def _difference(minimizing: Orbit, minimax: Orbit) -> tuple[float, float]:
     x, d = minimizing.chain.theta + u, minimax.u - u
     bend = 2 * cos2pi(x) * sin2pi(d / 2) ** 2 + sin2pi(x) * (sin2pi(d) - TWO_PI * d)
     terms = np.stack([(np.roll(d, -1) - d) ** 2 / 2, kappa / TWO_PI**2 * bend])
-    # Errors of the sum, and of the minimizing orbit, whose sites are stationary to one ulp.
+    # Add the errors of the sum and of the minimizing orbit, which is stationary to one ulp.
     rounding = np.finfo(float).eps * (np.abs(terms).sum() + np.linalg.norm(d))
     return float(terms.sum()), float(rounding)

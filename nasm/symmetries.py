@@ -38,8 +38,8 @@ __all__ = [
 ]
 
 CUSP_EXPONENT = 0.6
-"""At a relative distance d from a forcing of shorter period the boundary is lower by about d^0.6
-than at that forcing: it has cusps there, as CB_gt has on |κ1| = |κ2|."""
+"""At a relative distance d from a forcing of shorter period, the boundary is lower than at that
+forcing by about d^0.6: the boundary has cusps there, as CB_gt has on |κ1| = |κ2|."""
 
 
 def negate(
@@ -77,16 +77,16 @@ def alternate(
 
     For P = 2 this is Eq. (21), (κ1, κ2) → (κ1, -κ2): between kicks x advances by an extra 1/2.
 
-    If only the sites c, c + m, c + 2m, … are kicked, c < m = `spacing`, every second one of these
-    kicks changes sign, and (x, y) → (x - c/2m, y + 1/2m); ω → ω + P/2m. P must be an even multiple
-    of m.
+    If only the sites c, c + m, c + 2m, … are kicked, where m = `spacing` and c < m, every second
+    one of these kicks changes sign, and (x, y) → (x - c/2m, y + 1/2m); ω → ω + P/2m. P must be an
+    even multiple of m.
 
     Parameters
     ----------
     kappa, x, y : array_like
         As for `negate`.
     spacing : int
-        m, 1 to P.
+        The distance m between kicked sites, from 1 to P.
 
     Returns
     -------
@@ -147,13 +147,13 @@ def ray(angle: ArrayLike) -> FloatArray:
     Parameters
     ----------
     angle : array_like
-        Degrees.
+        Angles of the rays, in degrees.
 
     Returns
     -------
     ndarray, shape (*angle.shape, 2)
-        On the axes one component is exactly 0; on the diagonals their moduli are equal to the last
-        bit.
+        On the axes one component is exactly 0; on the diagonals both components have
+        the same modulus, to the last bit.
 
     Examples
     --------
@@ -201,7 +201,7 @@ def dominant_centre(kappa: ArrayLike) -> tuple[float, float]:
     Returns
     -------
     site : float
-        From 0 to P - 1/2; half-integer between two sites.
+        From 0 to P - 1/2; a half-integer if the centre lies between two sites.
     x : float
         0 or 1/2, in turns.
 
@@ -217,7 +217,7 @@ def dominant_centre(kappa: ArrayLike) -> tuple[float, float]:
     (1, 0.5)
     """
     strengths = forcing(kappa)
-    # The strongest kicks first: with long forcings, only the first few sites need to be tried.
+    # Try the strongest kicks first: for long forcings, only the first few sites need be tried.
     sites = np.argsort(-np.abs(strengths), kind="stable").tolist()
     for site in chain(sites, (site + 0.5 for site in sorted(sites))):
         mirror = int(2 * site) - np.arange(strengths.size)
@@ -281,7 +281,7 @@ def symmetry_lines(kappa: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArr
 def shorten(
     forcings: Sequence[ArrayLike] | FloatArray, omega: OmegaLike
 ) -> tuple[list[FloatArray], RotationNumber]:
-    """Find the shortest forcings with the same orbits up to symmetry, and ω per their period.
+    """Find the shortest forcings with the same orbits up to symmetry; convert ω to their period.
 
     On κ1 = κ2 one step consists of two steps of the standard map, with rotation number ω/2. On
     κ1 = -κ2 the same holds up to the symmetry `alternate`.
@@ -336,7 +336,7 @@ def half_shift_nobles(
         Maximum number of rotation numbers to return.
     max_distance : float
         Distance from κ_{j+P/2} = -κ_j, relative to the largest strength, up to which these circles
-        break last; at 10⁻⁴ others do.
+        break last; at a distance of 10⁻⁴ other circles do.
 
     Returns
     -------
@@ -387,10 +387,10 @@ def lengthen(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, 
 
 
 def distances_to_shorter(kappa: ArrayLike, rounding: float = 1e-15) -> FloatArray:
-    """Compute the distances of a forcing from those that `shorten` shortens.
+    """Compute the distances of a forcing from the forcings that `shorten` can shorten.
 
-    There is at least one for each shorter period, and one from antiperiodic forcings,
-    κ_{j+P/2} = -κ_j, if P is even, unless kappa is one of them to rounding.
+    There is at least one distance for each shorter period. If P is even, the distance from
+    antiperiodic forcings, κ_{j+P/2} = -κ_j, is added, unless kappa is antiperiodic to rounding.
 
     Parameters
     ----------
@@ -437,9 +437,9 @@ def _shorter(kappas: FloatArray) -> Iterator[tuple[float, int, int, FloatArray]]
     """Yield (change, period, spacing, rows) for each shorter period.
 
     `change` is the largest change of a strength that is needed to reach that period; the other
-    values are as in `_shortest`. A shorter period is reached by the forcings themselves, made
-    periodic, or, for each spacing m, by their alternated form: at the sites m apart that include
-    the largest |κ|, every second sign is changed, and all other strengths are 0.
+    values are as in `_shortest`. To reach a shorter period, either the forcings themselves are
+    made periodic, or, for each spacing m, their alternated form: in it every second sign is changed
+    at the sites m apart that include the largest |κ|, and all other strengths are 0.
     """
     period, size = kappas.shape[1], np.abs(kappas)
     largest = int(size.max(axis=0).argmax())
@@ -503,9 +503,9 @@ def degenerate_partner(omega: OmegaLike, profile: ArrayLike) -> RotationNumber |
 
     y → y + 1/2 changes the sign of every other kick (`alternate`) and takes ω to ω + P/2. The two
     circles break together if another symmetry restores the signs: a shift in time, time reversal or
-    x → x + 1/2. This is the case if every other kick is zero, or under (1, 1, -1, -1). So the
-    circles of γ and 1 - γ break together on the axes of the (κ1, κ2) plane; the paper writes γ
-    there.
+    x → x + 1/2. This is the case if every other kick is zero, or under (1, 1, -1, -1). For
+    example, the circles of γ and 1 - γ break together on the axes of the (κ1, κ2) plane, where the
+    paper writes γ.
 
     Examples
     --------

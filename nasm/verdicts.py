@@ -27,7 +27,7 @@ from nasm.tables import html_table, omega_text
 from nasm.texts import rounded_bracket, rounded_value
 from nasm.types import FloatArray
 
-if TYPE_CHECKING:  # 0.2 s to import, and rarely needed
+if TYPE_CHECKING:  # these modules take 0.2 s to import, and are rarely needed
     from nasm.proofs.barrier import BarrierProof
     from nasm.proofs.transport import TransportProof
 
@@ -50,8 +50,8 @@ class VerdictSettings:
         If the boundary has no value and its bracket begins above this multiple of the forcing, a
         tighter tolerance cannot change the verdict.
     min_steps, max_steps : int
-        Limits on the number of steps of converse KAM: max_steps take a second or two, and suffice
-        if the forcing is at least 4·10⁻⁶ above the boundary.
+        Limits on the number of steps of converse KAM. The upper limit takes a second or two, and
+        suffices if the forcing is at least 4·10⁻⁶ above the boundary.
     max_points : int
         Maximum number of points of a circle that is farther from its breakup than the first of
         `tols`.
@@ -60,8 +60,8 @@ class VerdictSettings:
     proof_seconds : float
         CPU seconds for a proof.
     n_orbits, n_kicks : int
-        Number of orbits for direct iteration under long periods, and kicks of each orbit; these
-        take a few CPU seconds.
+        Number of orbits for direct iteration under long periods, and number of kicks of each orbit;
+        the iteration takes a few CPU seconds.
 
     Examples
     --------
@@ -87,7 +87,7 @@ DEFAULT_SETTINGS = VerdictSettings()
 
 
 class Answer(Enum):
-    """Is transport in y global?"""
+    """Answer to the question of whether transport in y is global."""
 
     BARRIER = "barrier"
     TRANSPORT = "transport"
@@ -131,7 +131,7 @@ class Evidence(Enum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Verdict(Result):
-    """Whether a rotational invariant circle exists under a forcing.
+    """Verdict on whether a rotational invariant circle exists under a forcing.
 
     Attributes
     ----------
@@ -148,8 +148,8 @@ class Verdict(Result):
         x and y of the circle at the start of a period, x on the lift, y up to an integer. None
         unless evidence is CIRCLE or CIRCLE_PROVED.
     steps : float
-        Steps (periods of the forcing) within which converse KAM eliminated all starts; inf if it
-        did not.
+        Steps (periods of the forcing) within which converse KAM eliminated all starts; inf if
+        some starts survived.
     proof : BarrierProof, TransportProof or None
         The proof that was tried, proved or not.
     proved_below : float
@@ -213,8 +213,8 @@ def verdict(
 ) -> Verdict:
     """Decide whether a barrier exists under a forcing, or transport is global.
 
-    1. Find the boundary on the ray through kappa, the more precisely the closer it is to kappa;
-       with three or more kicks, to 1% first.
+    1. Find the boundary on the ray through kappa, with a precision that increases the closer it is
+       to kappa. With three or more kicks, it is first found to 1%.
     2. If kappa is below the boundary, certify the circle under kappa itself, unless converse KAM
        eliminates all starts.
     3. If kappa is above the boundary, apply converse KAM under kappa itself, with as many steps as
@@ -226,7 +226,7 @@ def verdict(
     ----------
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first. Beyond 64 kicks no circle is sought: the answer is
-        TRANSPORT, by converse KAM or by an orbit that escapes, or UNDECIDED.
+        either UNDECIDED, or TRANSPORT by converse KAM or by an orbit that escapes.
     prove : bool
         Whether to try proofs. If one succeeds, evidence is CIRCLE_PROVED or TRANSPORT_PROVED.
     settings : VerdictSettings
@@ -319,7 +319,7 @@ def verdict(
 
 
 def _kicks_to_eliminate(kappa: FloatArray, boundary: float, settings: VerdictSettings) -> float:
-    """Return the kicks in which converse KAM eliminates all starts; inf if some survive.
+    """Return the number of kicks in which converse KAM eliminates all starts; inf if some survive.
 
     Try as many steps as suffice beyond most boundaries, then 4 and 16 times as many: next to bands
     in which circles break and reappear, starts survive longer.
@@ -336,7 +336,7 @@ def _kicks_to_eliminate(kappa: FloatArray, boundary: float, settings: VerdictSet
 def _verdict_on_long_period(
     kappa: FloatArray, short: FloatArray, prove: bool, settings: VerdictSettings
 ) -> Verdict:
-    """Return the Verdict on more than 64 kicks, by converse KAM and direct iteration alone."""
+    """Judge a forcing of more than 64 kicks by converse KAM and direct iteration alone."""
     size = float(np.abs(kappa).max())
     unit = critical_scale(kappa / size)
     boundary = replace(unit, upper=unit.upper / size)

@@ -17,8 +17,8 @@ def show_versions() -> None:
 
     These are the versions of this program, of Python, and of all libraries that the program or one
     of its extras may use; a library that is absent is marked "not installed". The machine is named,
-    too. `digest` identifies the source files of `nasm`: it differs from that of the release if they
-    were edited.
+    too. `digest` identifies the source files of `nasm`: it differs from the digest of the release
+    if the files were edited.
 
     Examples
     --------
@@ -46,10 +46,10 @@ def show_versions() -> None:
 
 
 def _libraries() -> list[str]:
-    """Return the names of the libraries that are declared, except those for tests and docs."""
+    """Return the names of all declared libraries, except those for tests and docs."""
     try:
         declared = requires(DISTRIBUTION) or []
-    except PackageNotFoundError:  # a copy of the sources that is not installed
+    except PackageNotFoundError:  # the program runs from a copy that is not installed
         return []
     wanted = [line for line in declared if not re.search(r"extra == .(test|docs)", line)]
     return sorted({re.split(r"[^\w.-]", line, maxsplit=1)[0] for line in wanted}, key=str.lower)

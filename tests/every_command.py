@@ -56,7 +56,7 @@ SMALLEST = {
     "proved_map": "--cells 32 --cpu-seconds 0.001 --distance 0.5",
     "work_precision": "--method barriers --method barrier-proof --ray 45",
 }
-AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # these two keep no cubes
+AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # these two store no cubes
 LOOKING = "claims", "convergence", "proved_map"  # to plan, these compute rays for a second or two
 COMPUTING = {
     "pipeline.store": ["replace"],
@@ -73,7 +73,7 @@ PROVING = ("ask", "proved_boundary", "proved_map", "work_precision")
 
 
 class Hidden:
-    """A module finder that hides some packages, and records which ones were looked for."""
+    """A module finder that hides some packages, and records all packages that were searched for."""
 
     def __init__(self, packages):
         self.packages, self.asked = packages, set()
@@ -96,7 +96,7 @@ def compute_nothing(patch, but_look):
 
 
 def look_at_figures(patch):
-    """Draw each figure for the screen and for a column; return the list that collects faults."""
+    """Make commands draw figures for screen and column; return the list that collects faults."""
     from figure_faults import faults
 
     from workflows.figures import style

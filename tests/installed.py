@@ -1,4 +1,4 @@
-"""Check an installed copy: run `python tests/installed.py` with its Python, in another folder.
+"""Check an installed copy: run this file with the Python of that copy, in another folder.
 
 Every file that the packages need must be installed and be identical to the file in the checkout;
 the command `ask` must give an answer.
@@ -34,7 +34,7 @@ def check_files() -> int:
 
 
 def check_command() -> str:
-    """Ask about one forcing with the installed script; return the first line of its answer."""
+    """Run `ask` for one forcing with the installed script; return the first line of the answer."""
     script = Path(sysconfig.get_path("scripts")) / "nasm-transport"
     with TemporaryDirectory() as folder:
         command = [script, "ask", "0.3", "0.2", "--out", "out"]

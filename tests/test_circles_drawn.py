@@ -23,8 +23,8 @@ from workflows.figures.rotating import draw_rotating_circles
 from workflows.shared import rays
 
 ANGLES = np.linspace(0, 180, 13)
-SCALES = np.array([[0.4], [0.3]]) * np.ones(13)  # of two circles
-DOUBTFUL = 1, 4  # the point whose error is 5%
+SCALES = np.array([[0.4], [0.3]]) * np.ones(13)  # one row for each of two circles
+DOUBTFUL = 1, 4  # indices of the point whose error is 5%
 
 
 def on_rays(job, scales):
@@ -101,7 +101,7 @@ def test_residues_are_used_where_continuation_misses_the_tolerance():
     judge(result)
 
 
-def test_if_no_method_succeeds_the_status_is_that_of_the_first_one():
+def test_if_no_method_succeeds_the_status_is_that_of_the_first_method():
     result = computed(two_kicks(), [f"[0;2,{10**9},(1)]"], [0.0])
     assert result.status == status_code(Status.NEARLY_RATIONAL)
     assert style.has_flag(result.method, "continuation")

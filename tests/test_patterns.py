@@ -10,7 +10,7 @@ from workflows.patterns import study
 
 
 def said_of(*scale):
-    """Return the findings for pairs 1/2, 1/3 and 1/4 of the period apart, with these K_c."""
+    """Return the findings for pairs of kicks 1/2, 1/3 and 1/4 of a period apart with these K_c."""
     apart = 2, 3, 4
     pairs = [(study.PAIRS, 1 / q, study.pair(1, q)) for q in apart]
     cube = xr.Dataset({"critical_scale": ("forcing", np.divide(scale, apart))}, labels(pairs, ""))

@@ -7,7 +7,7 @@ rays do not start at zero; and CB_gt itself, bracketed by a certified circle (be
 KAM (above), with the last circle to break.
 
 Cubes, three tables and a figure in OUT. The defaults take about 80 CPU seconds. For direct
-iteration of the paper's size, add --first -1.1:1.1:1024 --second 0:1.1:512 --levels 5
+iteration at the size used in the paper, add --first -1.1:1.1:1024 --second 0:1.1:512 --levels 5
 --n-max 1000000 --n-orbits 10000.
 """
 

@@ -20,7 +20,7 @@ from nasm.arithmetic.lanes import fma, rint
 __all__ = ["add", "divided", "multiply", "pair", "sincos_2pi"]
 
 
-# Twice as many digits as a pair holds.
+# π to twice as many digits as a pair can represent.
 EXACT_PI = Fraction("3.1415926535897932384626433832795028841971693993751058209749445923")
 
 
@@ -40,7 +40,7 @@ def pair(exact: Fraction) -> tuple[float, float]:
 def _taylor(first):
     """Return the Taylor coefficients in r² of (sin 2πr)/r (first = 1) or cos 2πr (first = 0).
 
-    With them both functions are accurate to 1e-23 for |r| ≤ 1/8.
+    With these coefficients both functions are accurate to 1e-23 for |r| ≤ 1/8.
     """
     powers = range(first, first + 22, 2)
     return tuple(
@@ -55,7 +55,7 @@ INVERSE_TWO_PI = pair(1 / (2 * EXACT_PI))
 
 @njit(inline="always")
 def two_sum(a, b):
-    """Compute a + b of two floats exactly, as the rounded sum and its rounding error."""
+    """Add two floats exactly: return the rounded sum and its rounding error."""
     s = a + b
     t = s - a
     return s, (a - (s - t)) + (b - t)
@@ -89,7 +89,7 @@ def divided(a, b):
 
 @njit
 def _polynomial(coefficients, square):
-    """Evaluate the polynomial to 1e-23; its terms below 1e-7 need only floats."""
+    """Evaluate a Taylor polynomial to 1e-23, with floats alone for its terms below 1e-7."""
     low = coefficients[len(coefficients) - 1][0]
     for k in range(len(coefficients) - 2, _FIRST_FLOAT - 1, -1):
         low = low * square[0] + coefficients[k][0]
@@ -101,7 +101,7 @@ def _polynomial(coefficients, square):
 
 @njit
 def sincos_2pi(x):
-    """Compute sin 2πx and cos 2πx, to 1e-23."""
+    """Compute sin 2πx and cos 2πx of a pair x, to 1e-23."""
     x = renormalised(x[0] - rint(x[0]), x[1])
     quarter = rint(4 * x[0])
     r = two_sum(x[0] - 0.25 * quarter, x[1])

@@ -60,9 +60,9 @@ def continued_or_by_residue(
 ) -> CriticalScale:
     """Compute the scale at which the circle of ω breaks on the ray κ = s·profile.
 
-    Continuation is used if it reaches an error of tol; otherwise Greene's residue for periods up to
-    q_max, unless that fails too or has a larger error. `lower` always comes from continuation: it
-    is the scale of a certified circle.
+    Continuation is used if it reaches an error of tol; otherwise Greene's residue is used, for
+    periods up to q_max, unless it fails too or has a larger error. `lower` always comes from
+    continuation: it is the scale of a certified circle.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def by_continuation(
 
 
 def _predict_continuation(seconds: float, coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds from the tail of ω, relative to the mean of the paper's six circles.
+    """Predict CPU seconds from the tail of ω and the mean per ray of the paper's six circles.
 
     Golden circles take two thirds as long as the mean. Circles with a tail of fours, whose breakup
     is resolved only with more modes, take 2.6 times as long as golden ones.
@@ -153,7 +153,7 @@ def by_residue(
     array([[0.69]])
     """
     settings = {"method": periodic.METHOD, "q_max": q_max}
-    seconds = 0.045 if len(plane.origin) <= 2 else 0.16  # for P > 2, two families of orbits
+    seconds = 0.045 if len(plane.origin) <= 2 else 0.16  # P > 2 needs two families of orbits
     return _job("breakdown_residue", plane, _circles(omegas), angles, seconds, settings)
 
 
@@ -187,14 +187,15 @@ def job_on_rays(
     title: str,
     more: Mapping[str, xr.Variable] | None = None,
 ) -> Job:
-    """Return the Job of a cube of critical scales; a tile holds several rays of one row.
+    """Return the Job of a cube of critical scales; a tile contains several rays of one row.
 
     Parameters
     ----------
     name : str
         Name of the cube.
     axes : mapping of str to str
-        Long name of each coordinate of the plane; the cube contains their values at the breakup.
+        Long name of each coordinate of the plane; the cube contains the values of these coordinates
+        at the breakup.
     rows : dict of str to xr.Variable
         Coordinates of the rows, the dimension coordinate first; {} for a cube with dim (angle).
     angles : sequence of float

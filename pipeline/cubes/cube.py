@@ -2,7 +2,7 @@
 
 A cube consists of a lazy xarray template (variables, dims, coordinates, units), the length of a
 tile along each tiled dimension, and the settings that determine its values. Two cubes with the same
-`config_hash` hold the same numbers, no matter who computes them, or in what order; see
+`config_hash` contain the same numbers, no matter who computes them, or in what order; see
 `nasm.arithmetic.reproducible`. Only bounds that are proved within a time limit depend on the
 machine. A cube without tiles, see `untiled`, is identified by its settings alone, which are known
 before it is computed.
@@ -35,13 +35,13 @@ _COMMON_ATTRIBUTES = {
     "map": "y' = y + κ_n/(2π) sin 2πx, x' = x + y' mod 1; κ_n has the period of the forcing",
 }
 _ANCILLARY = "error", "digits", "lower", "upper", "period", "level", "status", "method"
-"""Names of variables that describe the main variable, which is the first one not named here."""
+"""Names of variables that describe the main variable, the first one that is not listed here."""
 
 Coords: TypeAlias = dict[str, np.ndarray]
 """The values of each coordinate in one tile: numbers or strings."""
 
 Settings: TypeAlias = dict[str, Any]
-"""What JSON can hold: numbers, strings, and lists and objects of these."""
+"""Values that JSON can represent: numbers, strings, and lists and objects of these."""
 
 Arrays: TypeAlias = dict[str, Any]
 """The array of each computed variable in one tile; `certificates`, if there are any, are bytes."""
@@ -63,7 +63,7 @@ class Cube:
     tile : dict of str to int
         Number of cells of a tile along each tiled dim. A tile is the unit of work and of storage.
     settings : dict
-        What determines the values, besides the coordinates; it must be JSON-serializable.
+        All that determines the values besides the coordinates; it must be JSON-serializable.
 
     Examples
     --------
@@ -101,7 +101,7 @@ class Cube:
 
     @property
     def computed(self) -> list[str]:
-        """Names of the variables that tiles fill, data or coordinates: those without values yet."""
+        """Names of the data variables and coordinates that have no values yet; tiles fill them."""
         return [str(name) for name, array in self.template.variables.items() if array.chunks]
 
     @property
@@ -116,7 +116,7 @@ class Cube:
 
     @cached_property
     def config_hash(self) -> str:
-        """SHA-256 of coordinates, variables, tiling and settings; without tiles, settings alone."""
+        """SHA-256 of coordinates, variables, tiling and settings; without tiles, of settings only."""
         digest = hashlib.sha256()
         known, variables = self.template.coords.keys() - {*self.computed}, {}
         for name, array in sorted(self.template.variables.items()) if self.tile else ():
@@ -201,9 +201,9 @@ def coordinate(
     Parameters
     ----------
     dim : str or tuple of str
-        Its dimension, or dimensions.
+        Dimension or dimensions of the coordinate.
     values : array_like
-        Its values.
+        Values of the coordinate.
     long_name, units : str
         Attributes of the CF conventions; `attrs` are further attributes.
     """
@@ -211,7 +211,7 @@ def coordinate(
 
 
 def cells_along(axes: Iterable["Axis"], long_names: Mapping[str, str]) -> dict[str, xr.Variable]:
-    """Return the coordinates of cells along axes, and the ends of the cells; the last axis first.
+    """Return the coordinates and the ends of the cells along axes, beginning with the last axis.
 
     Parameters
     ----------
@@ -231,8 +231,8 @@ def cells_along(axes: Iterable["Axis"], long_names: Mapping[str, str]) -> dict[s
 def text(dim: str, texts: Iterable[str], long_name: str) -> xr.Variable:
     """Return a labelled variable of strings along a dimension.
 
-    "" stands for a missing string. It is read from a store as NaN, like any value that is missing
-    after a join of two cubes, because xarray cannot join zarr's own type of string.
+    "" represents a missing string. A store returns it as NaN, like any value that is missing after
+    a join of two cubes, because xarray cannot join strings of zarr's own type.
     """
     label = {"long_name": long_name, "missing_value": ""}
     return xr.Variable(dim, np.array(list(texts), dtype=str), label)
@@ -258,7 +258,7 @@ def blank(
     long_name : str
         What the variable is; `attrs` are further attributes.
     fill : float or NumPy scalar
-        Fill value; the variable has its dtype.
+        Fill value, which also determines the dtype of the variable.
     """
     sizes = {name: c.size for name, c in coords.items() if c.dims == (name,)}
     values = dask.array.full(tuple(sizes.values()), fill, chunks=-1)
@@ -266,14 +266,14 @@ def blank(
 
 
 NOT_COMPUTED = -128
-"""Code of a value not computed, the smallest int8; lost or missing chunks are also read as this."""
+"""Code of a value that is not computed, the smallest int8; lost or missing chunks are read as it."""
 
 NO_MEAN = "not a quantity: do not interpolate or average it"
 _STATUSES = list(Status)
 
 
 def flags(meanings: Iterable[str]) -> dict[str, Any]:
-    """Return the CF attributes of a variable of codes: 1, 2, … for the meanings, in this order."""
+    """Return the CF attributes of a variable whose codes 1, 2, … have these meanings, in order."""
     numbered = enumerate(meanings, 1)
     return {"comment": NO_MEAN, **flag_attributes({NOT_COMPUTED: "not_computed", **dict(numbered)})}
 
@@ -295,7 +295,7 @@ FLAGS = flags(status.name.lower() for status in _STATUSES)
 """Attributes of every variable `status`."""
 
 STATUS_SETTING = {"statuses": FLAGS["flag_meanings"].split()[1:]}
-"""The meanings of the codes: a setting, as they are part of what determines the numbers."""
+"""The meanings of the codes, as a setting, because they also determine the stored numbers."""
 
 
 def status_code(status: Status) -> int:
@@ -332,5 +332,5 @@ def field_arrays(answers: Sequence[Any] | np.ndarray, names: Mapping[str, str]) 
 
 
 def codes(answers: ArrayLike, code_of: Callable[[Any], int]) -> NDArray[np.int8]:
-    """Return an array of the code of each answer; `answers` are nested lists, or an array."""
+    """Return the codes of all answers as an array; `answers` are nested lists, or an array."""
     return np.vectorize(code_of, "b")(np.array(answers, dtype=object))

@@ -1,6 +1,7 @@
 """Claims about Algorithm 1 and about images of circles under symmetries (Secs. VI.A to VI.C).
 
-Also the amplitudes of circles, which Proposition 1 assumes to be below 1 (Sec. V.B).
+This module also finds the largest amplitude of circles, which Proposition 1 assumes to be below 1
+(Sec. V.B).
 """
 
 from functools import partial
@@ -61,8 +62,8 @@ def circle_claims():
 def frames(omega, kappa, u):
     """Compute the properties of the frame M of Algorithm 1 directly from the map.
 
-    Returns a dict: "e", M⁻¹(θ + ω) e, shape (2, n); "shear", M⁻¹(θ + ω) DT M(θ), (2, 2, n); "s", S,
-    and "printed_s", S as printed, (n,).
+    Return a dict with "e": M⁻¹(θ + ω) e, shape (2, n); "shear": M⁻¹(θ + ω) DT M(θ), shape
+    (2, 2, n); "s": S, and "printed_s": S as printed in the paper, both of shape (n,).
     """
     turn = fourier.turns(omega, u.shape[-1] // 2 + 1)
     x, y, e = invariance(omega, kappa, u)
@@ -141,7 +142,7 @@ def _symmetries():
 
 
 def _carried(*cases):
-    """Judge (circle, ω, forcing): each circle should be certified and have that ω and forcing."""
+    """Judge the cases: each circle must be certified, with the ω and the forcing of its case."""
     right = all(
         circle.certified and circle.omega == omega and np.array_equal(circle.kappa, kappa)
         for circle, omega, kappa in cases
@@ -155,8 +156,9 @@ def _carried(*cases):
 def largest_amplitude():
     """Find the largest max y - min y over circles, before the first and the second kick.
 
-    The circles on each of six rays are the last one, at 0.999 of its breakup or as close to it as
-    it can be certified, and those of seven noble ω at smaller scales, where they exist. A circle
+    On each of six rays these are the last circle, at 0.999 of its breakup or as close to the
+    breakup as it can be certified, and the circles of seven fixed ω at smaller scales, where they
+    exist. A circle
     and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
     """
     others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]
@@ -174,6 +176,6 @@ def largest_amplitude():
 
 
 def _heights(omega, u):
-    """Return max y - min y before each kick: y_j = x_j - x_{j-1}."""
+    """Return max y - min y before each kick, where y_j = x_j - x_{j-1}."""
     before = fourier.rotate(u[-1], fourier.turns(omega, u.shape[-1] // 2 + 1).conj())
     return np.ptp(np.diff(np.vstack([before, u]), axis=0), axis=1).tolist()

@@ -14,13 +14,13 @@ HEADER = ("φ, degrees", "last circle, ω", "relative bracket", *NAMES)
 
 
 def ranges(circles, barrier):
-    """List the ranges of rays with the same last circle, a dict each.
+    """List the ranges of rays with the same last circle, each range as a dict.
 
     from, to : angles of the first and the last ray of the range, degrees.
     circle : exact text of ω; "" where the methods do not identify it.
     bracket : the largest (upper - lower)/value; NaN if any is unknown.
     each of NAMES : smallest distance by which this circle of the paper's six breaks before CB_gt,
-        relative to CB_gt; NaN without a value.
+        relative to CB_gt; NaN if no ray has a value.
     """
     domain, short = _shortfalls(circles, barrier)
     table, names = short.transpose("angle", "circle").to_pandas(), domain.circle.values
@@ -35,7 +35,7 @@ def ranges(circles, barrier):
 
 
 def _shortfalls(circles, barrier):
-    """Return CB_gt in the fundamental domain, and by what fraction the six CB_ω lie below it."""
+    """Return CB_gt in the fundamental domain, and the fraction by which each CB_ω lies below it."""
     domain = barrier.sel(angle=slice(0, 45))
     six = circles.critical_scale.sel(circle=[str(parse(name)) for name in NAMES])
     six = six.sel(angle=domain.angle.values, method="nearest")
@@ -54,7 +54,7 @@ def cells(row):
 
 
 def _text(value, form):
-    return form.format(round(value, 12) + 0.0) if np.isfinite(value) else "–"  # no -0
+    return form.format(round(value, 12) + 0.0) if np.isfinite(value) else "–"  # avoid -0
 
 
 def summary(circles, barrier, rows):

@@ -19,7 +19,8 @@ class Work:
     """The computations of one tab. They begin at `start`, and end at `close`.
 
     document : the Bokeh document.
-    client : function → dask Client; called in threads only, as it may wait for the workers.
+    client : function that returns a dask Client; it is called only in threads, because it may wait
+        for the workers.
     loaded : {name of kernels: Event, set when they are loaded}.
     busy : {name of a computation: its progress as text}.
     failed : {name of a computation that failed: the reason}, until it is started again.
@@ -40,13 +41,13 @@ class Work:
         return self._lanes[-1]
 
     def start(self):
-        """Begin with the computations submitted so far; called on the event loop."""
+        """Start the computations submitted so far; to be called on the event loop."""
         self.closed = False
         for lane in self._lanes:
             lane.start()
 
     def close(self):
-        """Drop all remaining computations, as the tab is closed."""
+        """Drop all remaining computations, because the tab is closed."""
         self.closed = True
 
     def tick(self, callback):
@@ -79,8 +80,8 @@ class Latest:
     def submit(self, function, *args, done):
         """Compute function(*args) in a thread, and call done(result) on the event loop.
 
-        A newer call makes an older one void: its result is dropped. One call runs at a time, and
-        only the newest one waits. If the function is a generator, done(value) is called for each
+        A newer call makes an older one void: the result of the older one is dropped. One call runs
+        at a time, and only the newest one waits. If the function is a generator, done(value) is called for each
         value that is not None. A generator that has become void is closed at its next `yield`, so
         it should yield often: None if there is nothing new to show.
         """
@@ -89,7 +90,7 @@ class Latest:
         self.start()
 
     def cancel(self):
-        """Make the computations that run or wait void."""
+        """Make the running and the waiting computation void."""
         self._number += 1
         self._waiting = None
 
@@ -98,7 +99,7 @@ class Latest:
         return self.work.closed or number != self._number
 
     def start(self):
-        """Start the computation that waits, unless one runs."""
+        """Start the waiting computation, unless another one is running."""
         if self._waiting and not self._runs and not self.work.closed:
             job, self._waiting = self._waiting, None
             self._runs = True
@@ -133,12 +134,12 @@ class Latest:
 
 
 def spread(client, calls, max_workers=inf, priority=0):
-    """Yield (key, result) of calls on the workers as they end, and None while waiting for one.
+    """Yield (key, result) of each call on the workers as it ends, and None while waiting.
 
     client : dask Client. calls : deque of (key, function, *args). max_workers, priority : as for
-    `submit.as_completed`. Four calls are in flight for each worker, so that the
-    scheduler always has one that it prefers to those of a lower priority. They are cancelled when
-    this generator is closed.
+    `submit.as_completed`. Four calls are in flight for each worker, so that the scheduler
+    always has a call that it prefers to calls of a lower priority. All calls in flight are
+    cancelled when this generator is closed.
     """
     for item in as_completed(
         client, lambda: calls.popleft() if calls else None, 4, max_workers, _YIELD_SECONDS, priority

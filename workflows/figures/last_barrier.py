@@ -1,6 +1,6 @@
 """CB_gt coloured by its last circles: one colour for each class under the symmetry.
 
-Its caption is in `workflows.shared.boundary_captions`.
+The caption is in `workflows.shared.boundary_captions`.
 """
 
 import numpy as np
@@ -66,7 +66,7 @@ def _draw_bracket(axes, barrier):
 
 
 def _draw_cusp(axes, barrier, classes, styles):
-    """Draw how far the boundary is below the cusp at 45°, on logarithmic axes, and a fit."""
+    """Draw how far the boundary is below the cusp at 45°, with a fit, on logarithmic axes."""
     (side,) = np.nonzero((barrier.angle.values < 45) & (barrier.angle.values > 25))
     cusp = barrier.critical_scale.sel(angle=[45.0], method="nearest").values
     below, away = cusp - barrier.critical_scale.values[side], 45 - barrier.angle.values[side]
@@ -88,7 +88,7 @@ def _draw_cusp(axes, barrier, classes, styles):
 
 
 def _draw_circle_strip(axes, barrier, classes, styles, reflection):
-    """Draw the last circle by angle: the larger of ω and its image `reflection` - ω."""
+    """Draw ω of the last circle at each angle, or its image `reflection` - ω if that is larger."""
     angle, omega = barrier.angle.values, barrier.omega.values
     omega = np.maximum(omega, reflection - omega) if reflection else omega
     style.draw_points(axes, angle, omega, classes, styles, 4)

@@ -1,4 +1,4 @@
-"""Boundaries of rotating standard maps for several phases, bracketed, against that of T."""
+"""Bracketed boundaries of rotating standard maps for several phases, compared with that of T."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ def draw_three_kicks(three, two):
     Colours are those of the last circles.
     """
     exact = three.phase.values
-    heights = [1.4, 0.3 + 0.4 * len(exact)]  # heights of plane and strips in a column
+    heights = [1.4, 0.3 + 0.4 * len(exact)]  # heights of the plane and of the strips in a column
     figure = style.canvas(13, 1.6 + 1.3 * max(4, len(exact)), sum(heights))
     if style.in_column():
         left, right = figure.subfigures(2, height_ratios=heights)
@@ -21,7 +21,7 @@ def draw_three_kicks(three, two):
     plane, strips = left.subplots(), right.subplots(len(exact), sharex=True, squeeze=False)[:, 0]
     circles = three.circle.transpose(
         "phase", "angle"
-    ).values  # κ and -κ break at the same scale, but their last circles may differ
+    ).values  # barriers under κ and -κ break at the same scale, but the last circles may differ
     styles = style.circle_styles(circles.ravel())
     label = r"$\mathit{CB}_{gt}$ of $T$ ($\Omega = 1/2$)"
     planes.fill_inside(plane, two, edgecolor="black", lw=1, label=label)

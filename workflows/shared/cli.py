@@ -45,7 +45,7 @@ _ADVANCED = (
     *("follow", "max_cpu_seconds", "n_cusp_rays", "picture_angle", "precision", "release"),
     *("scheduler", "store", "tile", "tls", "yes"),
 )
-_ARGUMENTS, _LINE = "workflows.arguments", "workflows.line"  # keys of a context's meta
+_ARGUMENTS, _LINE = "workflows.arguments", "workflows.line"  # keys in the `meta` of a context
 version = click.version_option(__version__, message="nasm %(version)s")
 
 
@@ -83,7 +83,7 @@ class StrengthOrFile(Strength):
 
 
 def no_such_option(context: click.Context, word: str) -> click.NoSuchOption:
-    """Return the error for a mistyped option, which suggests similar options."""
+    """Return the error for a mistyped option; the error suggests similar options."""
     word = word.partition("=")[0]
     names = [name for parameter in context.command.get_params(context) for name in parameter.opts]
     similar = get_close_matches(word, [name for name in names if name.startswith("-")])
@@ -248,7 +248,7 @@ real = functools.partial(_number, _RealRange)
 def choice(
     name: str, values: Sequence[str], default: Any, help: str, multiple: bool = False
 ) -> Decorator:
-    """Make an option that takes one of the texts `values`, or several of them."""
+    """Make an option that takes one of the texts `values`; with `multiple`, it may be repeated."""
     return click.option(
         name,
         default=default,
@@ -282,13 +282,13 @@ def parsed(
     default : str or tuple of str
         The text that is parsed by default.
     parse : callable
-        Function of the text, or of the tuple of texts; it raises ValueError for a bad one.
+        Function of the text, or of the tuple of texts; it raises ValueError for a bad text.
     metavar, help : str
         As shown by --help.
     multiple : bool
         Whether the option may be repeated.
     shown : bool or str
-        Whether --help shows the default, or the text that it shows instead.
+        Whether --help shows the default; or the text that --help shows instead of it.
     """
 
     def callback(context: click.Context, parameter: click.Parameter, text: Any) -> Any:
@@ -438,7 +438,7 @@ def plane_options(n_max: int, tile: int, levels: int, precision: str) -> Decorat
 
 
 def _at_home(path: str) -> str:
-    """Expand ~ in a path to the home directory, which shells do not do after --out=."""
+    """Expand ~ in a path to the home directory; after --out= shells do not expand it."""
     if (expanded := os.path.expanduser(path)).startswith("~"):
         reason = f"{path}: no such home directory; write ./{path} for a folder of that name"
         raise click.BadParameter(reason)
@@ -446,7 +446,7 @@ def _at_home(path: str) -> str:
 
 
 class _File(click.Path):
-    """A file that exists."""
+    """A parameter type: the path of a file that exists."""
 
     def convert(
         self, value: Any, parameter: click.Parameter | None, context: click.Context | None
@@ -455,7 +455,7 @@ class _File(click.Path):
 
 
 class _Directory(click.ParamType):
-    """A directory, which need not exist, or a URL if that is allowed."""
+    """A parameter type: a directory, which need not exist, or, if `url` is true, a URL."""
 
     name = "directory"
 

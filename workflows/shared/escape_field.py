@@ -23,7 +23,7 @@ from workflows.shared.run import Run
 _PREVIEW_SIZE = 4000  # limit on cells and on steps of the preview that predicts the refinement
 
 Wanted = set[tuple[int, ...]] | None
-"""Indices of tiles; None for all."""
+"""Indices of the wanted tiles; None if all tiles are wanted."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class Grid:
     tile : int
         Minimum number of cells along each side of a tile; see `grid.join_tiles`.
     levels : int
-        Levels of refinement, each with cells half as wide.
+        Number of levels; the cells of each level are half as wide as those of the level before.
     follow : list of int
-        Increasing N of the boundaries {n* ≤ N} that are refined.
+        Increasing step numbers N whose boundaries {n* ≤ N} are refined.
     precision : str
         Floating-point precision, as for `escape.first_escape`.
     """
@@ -106,9 +106,9 @@ def field_cube(grid: Grid) -> Cube:
 def estimate_tiles(run: Run, grid: Grid) -> Iterator[tuple[Job, Wanted]]:
     """Yield (job, wanted tiles) for each sweep of `escape_plane`; None stands for all tiles.
 
-    With one level all tiles are wanted. With several, none are wanted if the run's place holds the
-    field already; otherwise a coarse preview of the plane predicts where levels are refined. If
-    the place holds a field with other settings, the program ends with a usage error.
+    With one level all tiles are wanted. With several levels, no tiles are wanted if the run's place
+    already holds the field; otherwise a coarse preview of the plane predicts where levels are
+    refined. If the place holds a field with other settings, the program ends with a usage error.
     """
     if grid.levels == 1:
         job = _level_job(grid, "escape", 0)
@@ -159,8 +159,9 @@ def _level_job(grid, name, level):
 def escape_plane(run: Run, grid: Grid) -> xr.Dataset:
     """Compute the field of first escape times, and return the cube `escape`.
 
-    With one level the sweep computes every cell. With more, each level is a cube of its own,
-    `escape_level0` and so on, and `escape` is composed of them, with the `level` of each cell.
+    With one level the sweep computes every cell. With several levels, each level is a separate
+    cube, `escape_level0` and so on. `escape` is composed of these cubes; its variable `level`
+    states the level of each cell.
     """
     if grid.levels == 1:
         return run.sweep(_level_job(grid, "escape", 0))
@@ -193,8 +194,8 @@ def boundary_table(dataset: xr.Dataset, angles: FloatArray, steps: Sequence[int]
     Returns
     -------
     xarray.Dataset
-        Dims (n, angle). `critical_scale` is the distance from the origin, `resolution` the cell
-        width there.
+        Dims (n, angle). `critical_scale` is the distance of the boundary from the origin, and
+        `resolution` is the width of the cells at the boundary.
     """
     field = dataset.escape_time.isel(ensemble=-1).load()
     names = field.dims[::-1]

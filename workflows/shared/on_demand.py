@@ -17,7 +17,7 @@ from pipeline.sweep.progress import plural
 from workflows.shared.phase_space import in_box
 
 MANIFOLDS = {"unstable": manifolds.unstable, "stable": manifolds.stable}
-_TOTAL_LENGTH = 8.0  # in turns, of all branches of one kind together
+_TOTAL_LENGTH = 8.0  # length of all branches of one kind together, in turns
 _SIDE_STARTS, _DOUBLINGS = 48, 13  # starts along a side; doublings of the number of periods
 _FRAME_SECONDS = 0.15  # pause between frames, so that the spreading is visible
 _MAX_Q = 60  # largest q of the convergents whose residues are computed
@@ -27,14 +27,14 @@ _N_RESIDUES, PLACES = 3, 60  # number of convergents; places along a segment, be
 def spreading(
     kappa: FloatArray, box: tuple[float, float, float, float]
 ) -> Iterator[tuple[dict[str, Any], dict[str, list], str]]:
-    """Iterate an ensemble that starts in the middle of a box; yield it whenever n has doubled.
+    """Iterate an ensemble from the middle of a box; yield it each time the periods have doubled.
 
     Parameters
     ----------
     kappa : array, shape (P,)
         One period of kicks.
     box : (left, bottom, width, height)
-        The starts fill a tenth of its width and height evenly.
+        The starts are spread evenly over the middle tenth of its width and of its height.
 
     Yields
     ------
@@ -55,7 +55,7 @@ def spreading(
         before, squares = squares, (y - first) ** 2
         variances = [*history["variance"], squares.mean()]
         history = {"n": [*history["n"], int(n)], "variance": variances}
-        rates = (squares - before) / n  # from n/2 to n
+        rates = (squares - before) / n  # between periods n/2 and n
         text = f"The ensemble after {plural(int(n), 'period')}: variance {squares.mean():.4g}, "
         text += f"D = {rates.mean():.3g} ± {rates.std() / rates.size**0.5:.1g} per period."
         yield {"x": x, "y": y}, history, text
@@ -73,7 +73,7 @@ def resonance(
         "unstable" and "stable": columns "x" and "y" of the manifolds in the box; "lobes": lists
         of the edges of the lobes.
     text : str
-        The flux of the turnstiles, in a sentence, and why anything is missing.
+        The flux of the turnstiles, in a sentence, and the reasons why anything is missing.
     """
     p, q = fraction.numerator, fraction.denominator
     lines = {name: [np.array([[], []])] for name in MANIFOLDS}
@@ -115,8 +115,8 @@ def residues(start: FloatArray, profile: FloatArray, omega: RotationNumber) -> d
     Returns
     -------
     dict
-        "at", the values of s, and "residue", NaN where no orbit is found: lists of lists; "orbit":
-        names.
+        "at": the values of s; "residue": the residues, NaN where no orbit is found; both are lists
+        of lists, one list for each orbit. "orbit": the names p/q of the orbits.
     """
     minimax = action.ConvergentOrbits(start, profile, distinct_convergents(omega, _MAX_Q))
     at, names = np.linspace(0, 1, PLACES + 1), [f"{one.p}/{one.q}" for one in minimax.chains]
