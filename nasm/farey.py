@@ -8,10 +8,10 @@ of two neighbours add up, approximately, to that of their mediant. So no circle 
 neighbours with large residues, and beyond the last breakup typically a hundred mediants exclude all
 ω.
 
-The orbit of a mediant is joined from those of its neighbours (`nasm.action`). The search does not
-decide everything: a circle within a relative distance δ of its breakup is resolved only by periods
-of order 1/δ. But the tree has no gaps, whereas converse KAM samples starts, and its survivors may
-be confined to intervals of width 10⁻⁶ for three kicks or more.
+The orbit of a mediant is obtained by joining the orbits of its neighbours (`nasm.action`). The
+search does not decide everything: a circle within a relative distance δ of its breakup is resolved
+only by periods of order 1/δ. But the tree has no gaps, whereas converse KAM samples starts, and its
+survivors may be confined to intervals of width 10⁻⁶ for three kicks or more.
 """
 
 from collections.abc import Sequence
@@ -45,14 +45,14 @@ from nasm.types import OmegaLike
 __all__ = ["TreeSettings", "circle_exists", "find_existing_circle"]
 
 LONGEST_PERIOD = 3000
-"""Period of the convergents whose residues decide whether a circle exists."""
+"""Period from which the residues of the convergents decide whether a circle exists."""
 
 _GAMMA = parse("gamma")
 
 
 @dataclass(frozen=True)
 class TreeSettings:
-    """Which residues exclude circles, which show one, and how far the Farey tree is searched.
+    """Settings: which residues exclude or show a circle, and how far the Farey tree is searched.
 
     Attributes
     ----------
@@ -60,23 +60,24 @@ class TreeSettings:
     product_period : int
         A circle may exist between two neighbours if the product of their residues is below
         largest_product·(1 + product_period/q), with the longer of their two periods q. At the
-        breakup of a circle that is noble from the neighbours on, both residues tend to 1/4, their
-        product to 1/16, and the differences are of order 1/q. On the paths to the last circles of
-        144 forcings of one to twelve kicks, at their breakup, products were at most 0.19; from
-        period 10 on they were at most 0.08, but 0.19 for the tail (4).
+        breakup of a circle whose path continues in golden steps from the neighbours on, both
+        residues tend to 1/4, their product to 1/16, and the differences are of order 1/q. On the
+        paths to the last circles of 144 forcings of one to twelve kicks, products at the breakup
+        were at most 0.19. From period 10 on they were at most 0.08, except for the tail (4), where
+        they reached 0.19.
     largest_residue : float
-        Largest residue that an orbit of at least `short_period` may have next to a circle that
-        exists. On these paths it was at most 0.8; with 11 kicks it was once 1.57.
+        Largest residue that an orbit of period `short_period` or longer may have next to a circle
+        that exists. On these paths residues were at most 0.8, except one of 1.57 with 11 kicks.
     short_period : int
-        Shorter orbits next to a circle may have any residue; one residue was 49.
+        Orbits of shorter period next to a circle may have any residue; one had a residue of 49.
     small_residue : float
         If the residues of neighbours are below this value, the noble between them is tested
         directly.
     max_mediants : int
         Maximum number of mediants tried; forcings that were decided took up to 1700.
     scanned_period : int
-        Up to this period, the highest maximum of the action is sought; for longer orbits, the one
-        next to the maxima of the neighbours.
+        Up to this period, the highest maximum of the action is sought; for longer orbits, the
+        maximum next to those of the neighbours.
     first_period : int
         Shortest period of the convergents whose residues are compared.
     longest_ratio : int
@@ -125,8 +126,8 @@ def find_existing_circle(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     deepest : int
-        The search does not continue between neighbours if either has a period above this, 10 to
-        10⁶; the noble between them is tested by `circle_exists` instead.
+        A period from 10 to 10⁶. If either of two neighbours has a longer period, the search does
+        not continue between them; instead, `circle_exists` tests the noble between them.
     settings : TreeSettings
         Which residues exclude circles, and how far the tree is searched.
 
@@ -136,10 +137,10 @@ def find_existing_circle(
         A noble in [0, P/2] per period whose circle exists according to `circle_exists`; None if
         none was found.
     nobles : list of RotationNumber
-        If a circle was found on the way down, its noble alone. Otherwise the nobles not excluded
-        down to `deepest`, or not reached, the simplest first; if all were excluded, the one that
-        took the longest orbit to exclude. Just beyond the last breakup, the noble of the last
-        circle is in the list.
+        If a circle was found on the way down, only its noble. Otherwise the nobles that were not
+        excluded down to `deepest`, or not reached, the simplest first; if all were excluded, the
+        one whose exclusion took the longest orbit. Just beyond the last breakup, the noble of the
+        last circle is in the list.
     period : int
         The longest period used. Excluding a circle that breaks at a relative distance δ below the
         forcing takes periods of order 1/δ.
@@ -183,7 +184,7 @@ def find_existing_circle(
                     return omega, [omega], period
         push(left, middle)
         push(middle, right)
-    for *_, left, right in heap:  # not reached
+    for *_, left, right in heap:  # pairs that the search did not reach
         left_over += [(omega, (left, right)) for omega in _nobles(kappa, left, right)]
     left_over.sort(key=lambda noble: len(noble[0].prefix))
     existing = (omega for omega, pair in left_over if _exists(omega, kappa, pair, settings))
@@ -265,9 +266,9 @@ def circle_exists(
         *_, before, residue = residues
         if residue > before and residue > settings.largest_residue:
             return False
-        # Where two orbits exchange roles, residues pass through 0; three may be small by chance.
+        # Where two orbits exchange roles, residues pass through 0: three may be small by chance.
         is_small = max(residues[-3:]) < settings.small_residue
-        if is_small and (_fall(residues) or residue == 0):  # it vanishes to rounding
+        if is_small and (_fall(residues) or residue == 0):  # 0: it vanishes to rounding
             return True
     return _fall(residues)
 
@@ -309,15 +310,15 @@ def _scanned(ordered, fraction, settings):
 
 
 def _node(fraction, orbit, settings):
-    # A lost short orbit takes its place in the search as if its residue were that at a breakup.
+    # A short orbit that is lost is treated as if it had the residue of an orbit at a breakup.
     lost = 0.25 if fraction.denominator <= SURE_PERIOD else inf
     return _Node(fraction, orbit, max(orbit.residue, 1e-6) if orbit else lost)
 
 
 def _nobles(kappa, one, other):
-    """List the noble whose path from two neighbours continues in golden steps.
+    """Return a list with the noble whose path from two neighbours continues in golden steps.
 
-    If `half_shift_nobles` yields a noble between the neighbours, it comes first in the list.
+    If `half_shift_nobles` yields a number between the neighbours, it comes first in the list.
     """
     (p, q), (r, s) = sorted(
         (node.fraction.as_integer_ratio() for node in (one, other)), key=lambda f: f[1]

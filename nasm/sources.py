@@ -21,7 +21,10 @@ _ROOT = Path(__file__).parent
 
 
 def _stamps(folder: str | Path) -> dict[str, tuple[int, int, int]]:
-    """Return the times and sizes of all .py files below a folder; ctime cannot be set back."""
+    """Return the times and sizes of all .py files below a folder.
+
+    Of the times, that of the last change of status (ctime) cannot be set back.
+    """
     stamps: dict[str, tuple[int, int, int]] = {}
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -44,7 +47,7 @@ _AT_IMPORT = _current()
 
 
 def are_unchanged() -> bool:
-    """Return True if the files exist and have not changed since import.
+    """Return True if the source files exist and have not changed since import.
 
     Examples
     --------
@@ -56,7 +59,7 @@ def are_unchanged() -> bool:
 
 
 def digest() -> "_Hash":
-    """Return a hashlib object: the SHA-256 of the names and contents of all files.
+    """Return the SHA-256 of the names and contents of all source files, as a hashlib object.
 
     Examples
     --------

@@ -24,7 +24,7 @@ __all__ = ["eliminates", "longest_lived", "longest_lived_start"]
 
 LONGEST_LIFETIME = 1.6
 """Product of the relative distance beyond the breakup and the steps that converse KAM needs to
-eliminate all starts. It is about twice `transversal.EXCESS_BOUNDS`, as some orbits linger."""
+eliminate all starts. It is about twice `transversal.EXCESS_BOUNDS`, as some starts last longer."""
 
 
 def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLived:
@@ -37,12 +37,14 @@ def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLi
     n_max : int
         Maximum number of steps (periods of the forcing).
     until : float
-        The `time.thread_time` after which a start on a transversal counts as a survivor.
+        The `time.thread_time` at which the search of transversals stops; a start not yet eliminated
+        then counts as a survivor.
 
     Returns
     -------
     LongestLived
-        Its `kicks` is inf if starts survive n_max steps on every line or transversal.
+        Its `kicks` is inf if a start survives n_max steps on the dominant line or, if there is no
+        such line, on every transversal tried.
 
     Examples
     --------
@@ -89,8 +91,8 @@ def longest_lived_start(kappa: ArrayLike, n_max: int) -> tuple[float, float, flo
 def eliminates(kappa: ArrayLike, n_max: int) -> bool:
     """Return True if converse KAM eliminates all starts within n_max steps.
 
-    The starts are on the dominant line or, if there is none, on a transversal. Their elimination is
-    strong evidence, not a proof, that no circle exists.
+    The starts are on the dominant line or, without such a line, on a transversal. Their elimination
+    is strong evidence, not a proof, that no circle exists.
 
     Examples
     --------
@@ -122,7 +124,8 @@ def candidates(
         Largest distance of a noble number from the average, in turns per period. The average is
         accurate to six digits.
     number : int
-        Maximum number of noble numbers of each kind; the simplest are returned.
+        Maximum number of noble numbers, and of those from `half_shift_nobles`; the simplest are
+        returned.
 
     Returns
     -------

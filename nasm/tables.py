@@ -10,7 +10,7 @@ __all__ = ["html_table", "omega_text", "status_text"]
 
 
 def omega_text(number: RotationNumber, period: int) -> str:
-    """Write a rotation number as a continued fraction and in decimals, per period and per kick.
+    """Return a rotation number as text: continued fraction and decimals, per period and per kick.
 
     Examples
     --------
@@ -26,7 +26,7 @@ def omega_text(number: RotationNumber, period: int) -> str:
 
 
 def status_text(status: Enum) -> str:
-    """Write a status as its name, with the reason and the remedy unless it is OK.
+    """Return the name of a status, with the reason and the remedy unless the status is OK.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def status_text(status: Enum) -> str:
 
 
 def html_table(rows: Mapping[str, str], caption: str = "") -> str:
-    """Write a table of two columns as HTML, leaving out empty rows.
+    """Return a table of two columns as HTML, leaving out rows without text.
 
     Examples
     --------

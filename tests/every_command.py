@@ -96,7 +96,7 @@ def compute_nothing(patch, but_look):
 
 
 def look_at_figures(patch):
-    """Make commands draw figures for screen and column; return the list that collects faults."""
+    """Have each figure drawn for screen and column; return the list that collects faults."""
     from figure_faults import faults
 
     from workflows.figures import style

@@ -1,4 +1,4 @@
-"""Breakups by continuation, compared with κ_G and residues; cases that it must refuse."""
+"""Breakups by continuation, compared with κ_G and residues; cases that must be refused."""
 
 from itertools import takewhile
 
@@ -87,10 +87,10 @@ def test_breakups_for_tails_other_than_golden_have_adequate_errors(tail):
     assert compared >= 3
 
 
-# Paths of circles that end before the tail of ω is reached, or while the next circle is 3 units of
-# scale away; ω close to a fraction; circles that break almost at once. low and high bound the scale
-# that is certified nevertheless. Two values of high are from residues of minimizing orbits with q
-# up to 60 000; their errors are 5e-7 and 2.3e-5.
+# The cases are paths of circles that end before the tail of ω is reached, or while the next circle
+# is 3 units of scale away; ω close to a fraction; and circles that break almost at once. `low` and
+# `high` bound the scale at which a circle is certified nevertheless. Two values of `high` are from
+# residues of minimizing orbits with q up to 60 000; their errors are 5e-7 and 2.3e-5.
 @pytest.mark.parametrize(
     ("omega", "profile", "tol", "status", "low", "high"),
     [
@@ -114,9 +114,9 @@ def test_without_enough_circles_there_is_a_status_and_no_value(
     assert not result.lower >= high
 
 
-# A forcing close to two forcings of shorter period, where the depths of both cusps count; and those
-# of 240 random rays on which, at the finest tolerance, half the spread of the estimates was smaller
-# than the true error, by a factor of up to 1.67.
+# NEAR is close to two forcings of shorter period, so that the depths of both cusps count. The other
+# hard cases are those of 240 random rays on which, at the finest tolerance, half the spread of the
+# estimates was smaller than the true error, by a factor of up to 1.67.
 NEAR = (-1.015869172540561, -1.0154541970028859, -1.015869172540561, -1.0151179126561691)
 ANGLES = np.random.default_rng(1401).uniform(0, 180, 240)
 HARD = [("gamma", NEAR, 1e-4, 0.02)]
@@ -157,13 +157,13 @@ def test_a_circle_is_certified_at_the_given_distance_and_none_past_breakup(name,
     for too_high, distance in ((0.3, 0.1), (1e-2, 5e-3), (1e-3, 5e-4)):
         wrong = breakup * (1 + too_high)
         scale = continuation.certified_circle(omega, profile, wrong, distance)[0]
-        assert scale < breakup  # and not NaN: circles farther inside were computed on the way
+        assert scale < breakup  # not NaN, as circles at smaller scales were computed first
 
 
 @pytest.mark.parametrize("case", thirds([("gamma", (1,)), ("[0;1,2,(1)]", ray(30))]))
 def test_spurious_circles_just_beyond_the_breakup_are_rejected(case):
-    # So close beyond the breakup, Newton's method does converge: a scale above the breakup would be
-    # that of a spurious circle.
+    # This close to the breakup, Newton's method converges even beyond it: a scale above the breakup
+    # would be that of a spurious circle.
     name, profile = case
     breakup = periodic.critical_scale(parse(name), profile).value
     scale = continuation.certified_circle(parse(name), profile, breakup * (1 + 1e-4), 2e-5)[0]
@@ -176,7 +176,7 @@ def test_without_a_breakup_nothing_is_certified():
 
 
 @pytest.mark.slow
-def test_a_circle_is_certified_exactly_at_the_distance_if_possible():
+def test_a_circle_is_certified_exactly_at_the_given_distance_if_possible():
     profile, distance = ray(23.4375), 1.6e-5
     breakup = periodic.critical_scale("gamma", profile).value
     result = continuation.certified_circle("gamma", profile, breakup, distance)[0]

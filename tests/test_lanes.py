@@ -11,7 +11,7 @@ RNG = np.random.default_rng(2)
 A, B, C = RNG.uniform(-1, 1, (3, LANES)) * 2.0 ** RNG.integers(-40, 40, (3, LANES))
 A[:6] = 0.5, 1.5, -2.5, -0.25, -0.0, 2.0**60  # ties, signed zeros, large integers
 B[:6] = 0.5, -1.5, 2.5, 0.25, 0.0, -(2.0**60)
-F = 0.1  # a float among lanes
+F = 0.1  # a float that is combined with lanes
 
 
 def exact_fma(a, b, c):
@@ -20,7 +20,7 @@ def exact_fma(a, b, c):
     return np.array([float(Fraction(a) * Fraction(b) + Fraction(c)) for a, b, c in triples])
 
 
-# Each operation twice: for lanes or floats, and for NumPy arrays.
+# Each operation is defined twice: for lanes or floats, and for NumPy arrays.
 OPERATIONS = {
     "add": (lambda a, b, c: a + b, np.add),
     "subtract": (lambda a, b, c: a - b, np.subtract),
@@ -70,7 +70,7 @@ def test_a_float_in_any_position_is_broadcast_to_all_lanes():
         assert_same_bits(on_lanes("fma", a, b, c), exact_fma(a, b, c))
 
 
-def test_operations_on_few_lanes_agree_with_the_first_of_many():
+def test_operations_on_few_lanes_agree_with_the_first_of_many_lanes():
     @njit
     def compute(out):
         a, b, c = lanes.load_few(A, 0), lanes.load_few(B, 0), lanes.load_few(C, 0)

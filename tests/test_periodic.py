@@ -1,4 +1,4 @@
-"""Periodic orbits compared with high precision, published residues, symmetries, and each other."""
+"""Periodic orbits, compared with the map, published residues, symmetries, and each other."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ def test_both_orbits_are_closed_ordered_and_have_the_residue_of_DT(kappa, p, q):
     assert periodic.residue(kappa, p, q) == result[1].refined_residue()
 
 
-def test_greene_1979():
+def test_golden_residues_at_the_breakup_are_those_of_greene_1979():
     # At κ_G the residues of the golden convergents tend to 0.2500888 (minimax) from both sides, and
     # to -0.25543 (minimizing).
     residues = [periodic.residue((KAPPA_G,), p, q) for p, q in [*FIBONACCI, (1597, 2584)]]
@@ -128,7 +128,7 @@ def test_residues_give_a_value_on_a_shorter_forcing_but_not_next_to_it(which):
 
 @pytest.mark.parametrize("angle", [20, 45, 70, 92.76, 117.43])
 def test_tori_break_where_longer_convergents_predict(angle):
-    # Consecutive convergents of one rotation vector, made from the tribonacci constant.
+    # These vectors converge to one rotation vector, made from the tribonacci constant.
     results = [
         periodic.torus_scale(f"{p}/{q}", f"{r}/{q}", *ray(angle))
         for p, r, q in [(504, 778, 927), (1705, 2632, 3136), (3136, 4841, 5768)]
@@ -142,7 +142,7 @@ def test_tori_break_where_longer_convergents_predict(angle):
 @pytest.mark.parametrize(
     ("vector", "mean", "amplitude", "kicks", "p", "q"),
     [
-        (("89/144", "5/12"), 1.0, 0.0, (1.0,), 89, 144),  # Δκ = 0: the standard map, whatever Ω
+        (("89/144", "5/12"), 1.0, 0.0, (1.0,), 89, 144),  # Δκ = 0: the standard map, for any Ω
         (("21/68", "1/2"), 0.9, 0.3, (1.2, 0.6), 21, 34),
     ],
 )

@@ -1,4 +1,4 @@
-"""Planes of forcings: breakups share their symmetries, and invalid planes are refused."""
+"""Planes of forcings: breakups have the symmetries of a plane, and invalid planes are refused."""
 
 import json
 import re
@@ -48,7 +48,7 @@ def test_circles_break_at_the_same_scale_on_rays_related_by_symmetry(case):
         assert not np.isclose(on_ray, scale, rtol=1e-2).any()
 
 
-def test_a_plane_with_an_origin_has_only_symmetries_that_fix_the_origin():
+def test_a_plane_with_nonzero_origin_has_only_symmetries_that_fix_it():
     assert Plane("off", AXES, (0.1, 0.2, 0, 0), FIRST, SECOND).symmetries == ((False, 0, 0),)
     # (κ1, κ2, 0.2) reversed is (0.2, κ2, κ1), a shift of (κ2, κ1, 0.2).
     assert planes.three_kicks(0.2).unfold(30).tolist() == [30, 60]
@@ -80,7 +80,7 @@ def test_pairs_half_a_period_apart_have_the_boundary_of_two_kicks():
     _, halves = planes.pairs("1/2").ray(30)
     assert (2 * halves == TWO.ray(30)[1]).all()
     (_, alone), (_, two_times) = planes.pairs("1/2").ray(0), planes.pairs("1/5").ray(0)
-    for profile in (alone, two_times):  # without the second series it is the standard map
+    for profile in (alone, two_times):  # the standard map, as the second series is absent
         assert critical_scale(profile).value == pytest.approx(0.971635406, rel=1e-8)
 
 

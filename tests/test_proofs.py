@@ -22,7 +22,7 @@ from pipeline.cubes.proved import proved_barrier, proved_map, proved_triangles, 
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _compiled():  # compilation would count towards the CPU time of a proof
+def _compiled():  # otherwise, compilation would count towards the CPU time of a proof
     proofs.critical_scale((1, 0), 0.1)
 
 
@@ -119,12 +119,12 @@ def test_stored_certificates_are_compared_with_tiles_and_checked(job, n, tmp_pat
     }
     for data, reason in wrong.items():
         path.write_bytes(data)
-        longest = "60" if "seal" in reason else "0"  # other faults show without checking proofs
+        longest = "60" if "seal" in reason else "0"  # other faults need no checking of proofs
         result = invoke("verify", tmp_path, "--proofs", "--max-cpu-seconds", longest)
         assert result.exit_code == 1, reason
         assert reason in result.output.split("wrong: 1 tile\n")[1]
-        assert "1 tile damaged" in result.output  # its checksum also detects the change
-    for file, data in (("zarr.json", b"{}"), ("digests.json", b"")):  # damage here prevents repair
+        assert "1 tile damaged" in result.output  # the tile's checksum also reveals the change
+    for file, data in (("zarr.json", b"{}"), ("digests.json", b"")):  # needed to repair a cube
         file = tmp_path / f"{job.cube.name}.zarr/{file}"
         whole = file.read_bytes()
         file.write_bytes(data)

@@ -33,7 +33,7 @@ def driven(out):
 
 
 class Study:
-    """A study of the squares up to n, which counts how often it is computed."""
+    """A study that returns square numbers, and counts how often it is computed."""
 
     def __init__(self):
         self.count = 0
@@ -137,7 +137,7 @@ def test_a_stored_study_adds_nothing_to_the_predicted_time(tmp_path, study):
         pass
 
 
-def test_a_command_without_sweeps_computes_nothing_when_it_runs_again(tmp_path, monkeypatch):
+def test_a_command_without_sweeps_computes_nothing_when_it_is_run_again(tmp_path, monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("existing results are computed again")
 
@@ -193,7 +193,7 @@ def test_each_command_names_options_that_shorten_a_run():
     assert cli.shortening(full).startswith("leave --full out; reduce ")
 
 
-def test_the_full_gallery_takes_hours_and_so_requires_yes_as_well(tmp_path):
+def test_the_full_gallery_takes_hours_and_therefore_also_requires_yes(tmp_path):
     result = CliRunner().invoke(main_of("gallery"), ["--full", "--out", str(tmp_path / "out")])
     assert (result.exit_code, (tmp_path / "out").exists()) == (2, False)
     assert "add --yes" in result.output

@@ -76,7 +76,7 @@ def pickled(path):
 
 @pytest.mark.parametrize("where", ["evil", "tiles/evil", "in a group"])
 def test_no_pickle_in_a_store_is_executed(place, tmp_path, monkeypatch, where):
-    """This holds even with versions of numcodecs that unpickle whatever they are asked to."""
+    """This is so even with versions of numcodecs that unpickle any data."""
     monkeypatch.setattr("numcodecs.pickles.ALLOW_UNSAFE_PICKLE_DECODE", True, raising=False)
     evil = Path(place.cube("toy"), where)
     evil.mkdir()
@@ -126,7 +126,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("words", "edit"), REFUSED)
-def test_metadata_unlike_those_of_any_cube_are_refused_in_one_sentence(place, words, edit):
+def test_metadata_that_no_cube_has_are_refused_in_one_sentence(place, words, edit):
     change(place, edit)
     assert all(words in sentence for sentence in messages_about(place))
 
@@ -143,13 +143,13 @@ def test_metadata_unlike_those_of_any_cube_are_refused_in_one_sentence(place, wo
 )
 def test_records_that_do_not_match_the_tiles_are_refused_in_one_sentence(place, edit):
     change(place, edit)
-    state, damage, _ = messages_about(place)  # reading the cube needs no records
+    state, damage, _ = messages_about(place)  # a cube is read without its records
     assert state == damage
     assert "are damaged, or another program's" in state
 
 
 def endless():
-    """Return a zstd frame that declares no size: 64 blocks of 4 bytes, each for 2^17 zeros."""
+    """Return a zstd frame that declares no size: 64 blocks of 4 bytes, each encoding 2^17 zeros."""
     block, last = ((2**17 << 3 | 2 | end).to_bytes(3, "little") + b"\0" for end in (0, 1))
     return b"\x28\xb5\x2f\xfd\x00\x58" + 63 * block + last
 
@@ -256,7 +256,7 @@ def test_certificates_whose_boxes_have_invalid_lifetimes_are_not_checked(lives):
         proved.seconds_to_check({"lives": lives})
 
 
-def test_the_longest_function_sets_a_certificate_s_cost_wherever_it_is():
+def test_the_longest_function_anywhere_determines_a_certificate_s_cost():
     short, long = [[0], [0]], [[0], [0] * 1000]
     cost = {
         name: proved.seconds_to_check({"kappa": ["0x1p0"], "moves": {"numbers": numbers}})

@@ -4,7 +4,7 @@ Along an orbit of the chain (see `nasm.action`) a tangent vector obeys the linea
 
     v_{n+1} = (2 + κ_n cos 2πx_n) v_n - v_{n-1}.
 
-For the start x_c = a on a symmetry centre (site c, a = 0 or 1/2), take the even solution
+For the start x_c = a at a symmetry centre (site c, a = 0 or 1/2), take the even solution
 
     v_0 = 1,   v_1 = v_{-1} = 1 + (κ_c/2) cos 2πa,   n counted from c.
 
@@ -15,20 +15,21 @@ If v_n ≤ 0 for some n, no rotational invariant circle passes through that star
    theorem for one twist map, if the kicks are weak enough.) On a graph the kicks preserve the order
    of neighbouring points. As two such points approach each other, their normalised distances tend
    to a solution ξ_n > 0 of the linearised chain, for all n from -∞ to ∞.
-2. Given one such ξ > 0, the second variation of the action of every finite piece of the orbit is
+2. Given such a ξ > 0, the second variation of the action of every finite piece of the orbit is
    positive: Σ_k η_k (Hη)_k = Σ_k ξ_k ξ_{k+1} (η_{k+1}/ξ_{k+1} - η_k/ξ_k)² > 0 for every η ≠ 0
    that vanishes outside the piece.
-3. The orbit is its own mirror image about the centre, so v_{-n} = v_n. If v_n ≤ 0 for the first
-   time at n, then η = v on |k| < n, and 0 elsewhere, has Σ_k η_k (Hη)_k = 2 v_{n-1} v_n ≤ 0.
+3. The orbit is its own mirror image about the centre, so v_{-n} = v_n. Let n be the first site at
+   which v_n ≤ 0. Then the sequence η_k = v_k for |k| < n, and 0 elsewhere, yields
+   Σ_k η_k (Hη)_k = 2 v_{n-1} v_n ≤ 0.
 
 A circle is a graph, so it meets the line x_c = a at one point: if all y on the line are eliminated,
 no rotational circle exists. The interval 0 ≤ y ≤ 1/2 suffices, by the symmetries y → y + 1 and
 (x, y) → (-x, -y). The criterion is MacKay and Percival's, Commun. Math. Phys. 98 (1985) 469.
 
-The line is the dominant one, x = 1/2 before the stronger kick, or x = 0 if that kick is negative.
-The minimax orbits are on it, and v becomes negative soonest there. With three or more kicks,
-minimax orbits of different ω may be on different lines: `converse_kam.transversal` constructs a
-curve through them all.
+The line used is the dominant one: x = 1/2 before the stronger kick, or x = 0 if that kick is
+negative. The minimax orbits are on this line, and v becomes negative soonest for starts on it. With
+three or more kicks, minimax orbits of different ω may be on different lines:
+`converse_kam.transversal` constructs a curve through them all.
 
 On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the line obeys,
 beyond breakup,
@@ -95,18 +96,20 @@ _LIFETIME_RATIO = 2 + 5**0.5
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """Settings of the beam search for the longest-lived start; wider is slower but more reliable.
+    """Settings of the beam search for the longest-lived start.
+
+    A wider search is slower but more reliable.
 
     Attributes
     ----------
     grids : tuple of (int, float)
-        For each grid: number of starts, and position of a start in its cell. The grids share no
-        starts.
+        For each grid, the number of starts, and the position of a start in its cell. The grids
+        share no starts.
     width : int
         Number of starts from which the search continues at each level. See `longest_lived` for how
         often each width misses the longest lifetime.
     final_width : int
-        The same for cells smaller than 100·resolution/T², with T the longest lifetime.
+        Limit on `width` for cells smaller than 100·resolution/T², with T the longest lifetime.
     children : int
         New starts around each start from which the search continues.
     cell_ratio : float
@@ -173,11 +176,11 @@ class LongestLived:
     Attributes
     ----------
     site : int
-        Index, from 0, of the kick before which it is taken.
+        Index, from 0, of the kick before which the start is taken.
     x, y : float
         The start, in turns.
     kicks : float
-        Kicks until it is eliminated; inf if it survives.
+        Kicks until the start is eliminated; inf if it survives.
 
     Examples
     --------
@@ -200,7 +203,7 @@ def elimination_time(
     Parameters
     ----------
     kappa : array_like, shape (P,)
-        Strengths of the kicks, first kick first; they repeat after one or two kicks.
+        Strengths of the kicks, first kick first; they must repeat after one or two kicks.
     y : array_like
         Starts on the dominant line, in turns.
     n_max : int
@@ -250,8 +253,8 @@ def longest_lived(
     y : float
         The start, in [0, 1/2] up to the size of a cell.
     time : float
-        Its elimination time in steps; inf if it survives n_max steps: it is then one of the
-        survivors, not necessarily the longest-lived.
+        Its elimination time in steps; inf if the start survives n_max steps. It is then a survivor,
+        but not necessarily the longest-lived one.
 
     Notes
     -----
@@ -259,9 +262,8 @@ def longest_lived(
     starts get 8 children each, 0.15 cells apart, and so on until cells are too small to separate
     their starts. The search may miss the longest lifetime, and with it a survivor. Of 992 searches,
     2% to 0.002% beyond the breakup and a third of them within a degree of the diagonals, none
-    missed it by more than 1%.
-    Nor did any with a width of 16, but 4% did with 8, 20% with 4, and 77% with 1. Dense scans of
-    2²⁴ starts did not find longer lifetimes.
+    missed the longest lifetime by more than 1%. With a width of 16 none did so either, but 4% did
+    with 8, 20% with 4, and 77% with 1. Dense scans of 2²⁴ starts did not find longer lifetimes.
 
     Examples
     --------
@@ -280,9 +282,9 @@ def longest_lived(
 def critical_scale(
     profile: ArrayLike, n_max: int, settings: LineSettings = DEFAULT_SETTINGS
 ) -> CriticalScale:
-    """Compute where the last circle breaks on κ = s·profile, and a scale at which none exists.
+    """Compute where the last circle breaks on κ = s·profile, and a scale at which no circle exists.
 
-    1. Start where the largest strength is 2, and the first kick eliminates all starts.
+    1. Start at the scale at which the largest strength is 2: the first kick eliminates all starts.
     2. Lower the scale, by the law s - s_c = slope/T fitted to the last two scales, so that the
        longest lifetime T grows by a factor of 4.2 each time, until it is near n_max. The last
        scale is `upper`.
@@ -291,7 +293,7 @@ def critical_scale(
     Parameters
     ----------
     profile : array_like, shape (P,)
-        Direction of the ray, not zero; it repeats after one or two kicks.
+        Direction of the ray, not zero; it must repeat after one or two kicks.
     n_max : int
         Steps (periods of the forcing), 100 to 10⁹. On the paper's plane upper/value - 1 is
         0.6/n_max to 1/n_max, on its diagonals half of that.
@@ -301,10 +303,11 @@ def critical_scale(
     Returns
     -------
     CriticalScale
-        upper : no start was found to survive n_max steps there. error : a third of upper - value;
-        all of it next to a cusp that lifetimes do not resolve. lower is NaN and omega None: the
-        method neither finds nor identifies a circle. Status NOT_CONVERGED if lifetimes contradict
-        each other, or the law, because a search missed a survivor.
+        upper : no start was found to survive n_max steps at this scale. error : a third of
+        upper - value; the whole difference next to a cusp that lifetimes do not resolve. lower is
+        NaN and omega None: the method neither finds nor identifies a circle. The status is
+        NOT_CONVERGED if lifetimes contradict each other, or the law, because a search missed a
+        survivor.
 
     Raises
     ------
@@ -374,7 +377,7 @@ def _lower_scale(lifetime, scale, time, slope, n_kicks, max_scales):
 
 
 def _gap(lifetime, scale, time, slope, min_slope, max_slope):
-    """Return the distance from `scale` down to the breakup, by the law; NaN if it does not hold."""
+    """Return the distance from `scale` down to the breakup, by the law; NaN if the law fails."""
     higher = scale + (_LIFETIME_RATIO - 1) * slope / time
     if np.isnan(higher):
         return np.nan
@@ -388,7 +391,7 @@ def _gap(lifetime, scale, time, slope, min_slope, max_slope):
 def has_dominant_line(kappa: ArrayLike) -> bool:
     """Return True if minimax orbits of all ω are on one symmetry line.
 
-    This is so if the forcing repeats after one or two kicks.
+    This is the case if the forcing repeats after one or two kicks.
 
     Examples
     --------
@@ -447,9 +450,9 @@ def beam_search(
     Parameters
     ----------
     lifetimes : callable
-        Maps an array of y to their lifetimes in kicks; inf for a survivor.
+        Maps an array of starts y to their lifetimes in kicks; inf for a survivor.
     starts, offset
-        One of the grids of the settings.
+        One of the grids of the settings: number of starts, and position of a start in its cell.
     settings : SearchSettings
 
     Returns
@@ -467,8 +470,8 @@ def beam_search(
         if times[longest] > best_time:
             best_y, best_time = float(y[longest]), float(times[longest])
         # The map shears: starts a cell apart are T cells apart after T kicks. Their lifetimes are
-        # nearly equal if that is less than 1/T, the distance between neighbours on an orbit of T
-        # kicks. Then a few parents are enough.
+        # nearly equal if this separation is less than 1/T, the distance between neighbours on an
+        # orbit of T kicks. Then a few parents are enough.
         if np.isinf(best_time) or cell * best_time**2 < resolution or cell < np.spacing(0.5):
             return best_y, best_time
         if cell * best_time**2 < 100 * resolution:
@@ -480,7 +483,7 @@ def beam_search(
 
 @njit(forceinline=True)
 def tangent_kick(c, n, x, y, v, w):
-    """Apply kick n to lanes or floats; x is the shifted angle X."""
+    """Apply kick n to lanes or floats; x is the shifted angle X of `nasm.escape`."""
     r = x - rint(x)
     u = fabs(r) - 0.25
     q = u * u
@@ -529,7 +532,7 @@ def _replay(c, state, lane):
 
 @kernel
 def _elimination_times(c, x, w, y, n_max, times):
-    """Write into `times`, for every start, the kick after which v ≤ 0; inf if later than n_max.
+    """Write into `times`, for every start, the number of kicks until v ≤ 0; inf if above n_max.
 
     A lane whose start is finished takes the next start.
     """

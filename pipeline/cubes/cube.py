@@ -116,7 +116,7 @@ class Cube:
 
     @cached_property
     def config_hash(self) -> str:
-        """SHA-256 of coordinates, variables, tiling and settings; without tiles, of settings only."""
+        """SHA-256 of coordinates, variables, tiling and settings; of settings alone if untiled."""
         digest = hashlib.sha256()
         known, variables = self.template.coords.keys() - {*self.computed}, {}
         for name, array in sorted(self.template.variables.items()) if self.tile else ():
@@ -266,7 +266,7 @@ def blank(
 
 
 NOT_COMPUTED = -128
-"""Code of a value that is not computed, the smallest int8; lost or missing chunks are read as it."""
+"""Code of a value that is not computed, and of lost or missing chunks: the smallest int8."""
 
 NO_MEAN = "not a quantity: do not interpolate or average it"
 _STATUSES = list(Status)

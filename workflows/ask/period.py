@@ -10,18 +10,18 @@ from nasm.verdicts import Answer, verdict
 from workflows.shared.phase_space import portrait
 from workflows.shared.verdict_sentences import forcing_text, lifetime_text, sentences, steps_text
 
-_STARTS, _STEPS = 64, 10**6  # of direct iteration, which only illustrates the verdict
+_STARTS, _STEPS = 64, 10**6  # for direct iteration, which only illustrates the verdict
 _POINTS = 2**20  # total length of the orbits searched for one that escapes
-_NEAR = 0.96  # no escape is sought if the boundary is above this: 12 rays showed none 4% beyond it
+_NEAR = 0.96  # no escape is sought if the boundary is above this: 4% beyond it, 12 rays had none
 _TRACED = 5000  # maximum number of steps drawn from the longest-lived start
 
 
 def escaping_orbit(kappa):
-    """Return x, y of an orbit up to its escape from the paper's window, or None.
+    """Return x, y of an orbit up to its escape from the paper's window, or None if none escapes.
 
     The orbits that escape first are iterated again by `orbits.orbit`, whose rounding differs.
-    Because they are chaotic, few of them escape at the same step again; but if there are many of
-    them, some escape soon.
+    Because they are chaotic, few of them escape at the same step again; but if many are iterated,
+    some escape soon.
     """
     x, y = escape.ensemble(_STARTS)
     times = escape.escape_time(kappa, x, y, _STEPS)
@@ -31,7 +31,7 @@ def escaping_orbit(kappa):
         return None
     starts = np.argsort(times, kind="stable")[: max(4, int(_POINTS / n))]
     orbit = orbits.orbit(kappa, x[starts], y[starts], int(min(n, _STEPS)))
-    escapes = np.argwhere((orbit[1] < lo) | (orbit[1] > hi))  # by steps
+    escapes = np.argwhere((orbit[1] < lo) | (orbit[1] > hi))  # in order of steps
     if not escapes.size:
         return None
     steps, first = escapes[0]
@@ -45,7 +45,7 @@ def drawn(kappa, point, verdict, escaping):
     )  # imported late, as this takes as long as the verdict
 
     longest, name = None, forcing_text(kappa, point)
-    is_long = verdict.boundary.status is Status.TOO_LONG  # its minimax orbits are not known
+    is_long = verdict.boundary.status is Status.TOO_LONG  # then no minimax orbits are known
     if verdict.answer is Answer.TRANSPORT and not is_long:
         n_max = int(min(max(1000, 2 * verdict.steps), _STEPS))
         x, y, steps = survivors.longest_lived_start(kappa, n_max)
@@ -57,8 +57,8 @@ def drawn(kappa, point, verdict, escaping):
 def answer_periodic(strengths, point, prove):
     """Return the verdict on one period of kicks as text, and a function that draws its figure.
 
-    point : (Plane, its two coordinates), or None. prove : bool. ValueError if a strength is not
-    finite or too large.
+    point : (Plane, its two coordinates), or None. prove : bool. Raises ValueError if a strength is
+    not finite or too large.
     """
     result = verdict(strengths, prove)
     transport = result.answer is Answer.TRANSPORT

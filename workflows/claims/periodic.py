@@ -21,7 +21,7 @@ def periodic_claims():
     tangents = np.array([[step_tangent(kappa, x, y) for kappa in kappas.T] for x, y in points])
     of_tangents = (2 - np.trace(tangents, axis1=-2, axis2=-1)) / 4
     off = max(np.abs(residues - printed / 2).max() for residues in (residue, of_tangents))
-    # The boundary between complex and real eigenvalues has measure zero.
+    # The boundary between complex and real eigenvalues has measure zero: no sample is on it.
     stable = np.abs(np.linalg.eigvals(tangents).imag).min(axis=-1) > 0
     wrong = int((stable != ((printed > 0) & (printed < 2))).sum())
     # P3 takes points I, II, III, IV to II, I, IV, III; P4 to III, IV, I, II.
@@ -103,7 +103,7 @@ def _secondary_orbits():
 
 
 def cubic_estimates(epsilon):
-    """Return z² of (38b), and its printed and corrected estimates, at κ1 = κ2 = 4 + epsilon."""
+    """Return z² by (38b), and its printed and corrected estimates, at κ1 = κ2 = 4 + epsilon."""
     kappa = 4 + epsilon
     exact = float(fixed_points.secondary(kappa, kappa)[0][0]) ** 2
     denominator = kappa - kappa**2 / 2 + kappa * (1 - kappa / 2) ** 3

@@ -1,4 +1,6 @@
-"""Run a sweep on a cluster with a queue, its workers as a job array: for Slurm, others are similar.
+"""Run a sweep on a cluster with a queue; the workers are a job array.
+
+This script is for Slurm; other queues are similar.
 
     python workflows/examples/job_queue.py WORKFLOW OPTIONS...
 
@@ -8,8 +10,8 @@ is one process that runs as long as the sweep, so submit it as a job too: `sbatc
 it again: it resumes.
 """
 
-# %% Eight jobs at a time, each on the cores of one node; when one ends, the queue starts the next
-# of the array. For PBS: qsub -J 1-1000%8 and qdel.
+# %% Up to eight jobs run at a time, each on the cores of one node; when one ends, the queue starts
+# the next of the array. For PBS, use qsub -J 1-1000%8 and qdel.
 import subprocess
 import sys
 from pathlib import Path
@@ -34,7 +36,7 @@ export NUMBA_CACHE_DIR=$here
     --preload "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()"
 """
 
-# %% A scheduler that requires TLS, because its clients can execute any code; then the jobs.
+# %% Start a scheduler, which requires TLS because its clients can execute any code; then the jobs.
 if len(sys.argv) < 2:
     sys.exit(__doc__)
 workflow, *options = sys.argv[1:]

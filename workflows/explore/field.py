@@ -1,4 +1,4 @@
-"""First escape times at the resolution of a view: known ones, and the others from coarse to fine.
+"""First escape times at the resolution of a view; unknown ones are computed from coarse to fine.
 
 A view is computed in blocks that are 27, 9, 3 and finally 1 pixel wide. Whether orbits escape in a
 block is partly a matter of chance. Far outside the boundary they escape quickly; a block without an
@@ -72,7 +72,7 @@ class Field:
         return times, cell * max(self.cells, self.apart if steps < self.steps else 1)
 
     def at(self, a, b):
-        """Return the time at a point, NaN outside."""
+        """Return the time at a point; NaN if the point is outside the grid."""
         cell = _cells(self.b, b), _cells(self.a, a)
         return self.times[cell] if min(cell) >= 0 else np.nan
 
@@ -111,14 +111,17 @@ def computed(client, plane, view, steps, fields):
 
 
 class Quadtree:
-    """The escape times of a view, from blocks to pixels: what to compute next, and the picture.
+    """The escape times of a view, from blocks to pixels.
+
+    A Quadtree determines what is computed next, and returns the picture.
 
     plane : the plane of forcings. view : View. steps : int, N. fields : known Fields, best first.
     """
 
     def __init__(self, plane, view, steps, fields):
         self.plane, self.view, self.steps = plane, view, steps
-        # Known times that are fine enough; coarser ones, shown meanwhile, and their cell size.
+        # `final` contains the known times that are fine enough; `backdrop` also contains coarser
+        # ones, which are shown meanwhile; `_coarse` is the cell size of the latter.
         self.final, self.backdrop = np.full((2, *view.shape), np.nan)
         self._coarse = np.inf
         for field in fields:
@@ -173,7 +176,8 @@ class Quadtree:
     def picture(self):
         """Return the times of the view, and the largest size in pixels of a block of equal times.
 
-        Times have the shape of the view; they are inf without escape within N, NaN if not known.
+        Times have the shape of the view; they are inf if no orbit escapes within N steps, NaN if
+        not known.
         """
         if self._selected.any():
             now = self._results[self._images[self._selected]]

@@ -81,9 +81,9 @@ class Latest:
         """Compute function(*args) in a thread, and call done(result) on the event loop.
 
         A newer call makes an older one void: the result of the older one is dropped. One call runs
-        at a time, and only the newest one waits. If the function is a generator, done(value) is called for each
-        value that is not None. A generator that has become void is closed at its next `yield`, so
-        it should yield often: None if there is nothing new to show.
+        at a time, and only the newest one waits. If the function is a generator, done(value) is
+        called for each value that is not None. A generator that has become void is closed at its
+        next `yield`, so it should yield often: None if there is nothing new to show.
         """
         self.cancel()
         self._waiting = self._number, function, args, done

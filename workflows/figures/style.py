@@ -1,4 +1,4 @@
-"""Shared by all figures: colours, numbers in TeX, and how a figure is saved."""
+"""Code shared by all figures: colours, numbers in TeX, and saving a figure."""
 
 from contextlib import contextmanager
 from functools import cache
@@ -26,7 +26,9 @@ INSIDE, NO_ESCAPE = "0.84", "0.95"
 MARKERS = "o^sDvP*<>X"
 _DASHES = ["-", (0, (5, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (2, 1)), (0, (6, 1, 1, 1, 1, 1))]
 _DASHES += [(0, (9, 2)), (0, (1, 1)), (0, (9, 2, 1, 2)), (0, (4, 1, 4, 3)), (0, (3, 1, 1, 1))]
-_KINDS = 5  # markers and dashes fixed by ω alone; others distinguish circles that would look alike
+# Number of markers and dashes that ω alone determines; the others distinguish circles that would
+# look alike.
+_KINDS = 5
 
 
 def colour_of(i):
@@ -42,12 +44,13 @@ def line_of(i):
 def circle_style(text, whole=0):
     """Return {"color", "marker", "ls"} of the circle of ω, determined by its partial quotients.
 
-    text : ω as text; "" if it is not known. whole : as in `circle_class`. A class shares a style.
+    text : ω as text; "" if it is not known. whole : as in `circle_class`. All circles of a
+    class share a style.
 
     The index of the colour is the sum of a - 1 over the quotients of [·; a, …], minus the same sum
-    over those that repeat: 0, blue, for the golden circle, and one more for each step away from it
-    among the noble ones. ω + 1 has the colour of ω, and the colours recur after seven; the marker
-    and the dash then tell the circles apart.
+    over the repeating quotients. It is 0, blue, for the golden circle, and increases by one for
+    each step away from it among the noble circles. ω + 1 has the colour of ω, and the colours recur
+    after seven; circles of one colour differ in marker and dash.
     """
     if not text:
         return {"color": "black", "marker": "x", "ls": "-"}
@@ -216,7 +219,7 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
 
 
 def drawn(draw, out, name, caption="", column=False):
-    """Draw a figure by `draw()` and save it, see `save` and `sheet`.
+    """Draw a figure with `draw()` and save it; see `save` and `sheet`.
 
     Returns the paths and an error message of one line, "" if the figure was saved.
     """
@@ -250,7 +253,7 @@ def finish(figure):
 
 
 def _show_whole_markers(figure):
-    """Do not clip markers at the edge of the axes; for this, drop the points outside the axes."""
+    """Leave markers at the edge of the axes unclipped, after dropping the points outside."""
     for axes in figure.axes:
         for line in axes.lines:
             if line.get_transform() != axes.transData:
@@ -264,7 +267,7 @@ def _show_whole_markers(figure):
 
 
 def _close_up(figure):
-    """Move outer legends next to the axes; there would be gaps if the axes have equal scales."""
+    """Move outer legends next to the axes: axes with equal scales leave gaps there."""
     boxes = [axes.get_tightbbox() for axes in figure.axes]
     for legend in figure.legends:
         box, gap = legend.get_window_extent(), figure.dpi / 20
@@ -288,7 +291,7 @@ def frame(figure):
 
 
 def _within(axes, x, y):
-    """Return the coordinates of points as floats, and which lie in the part of the plane shown."""
+    """Return the coordinates of points as floats, and a mask of those within the axes' limits."""
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     (left, right), (low, high) = np.sort(axes.get_xlim()), np.sort(axes.get_ylim())
     return x, y, (left <= x) & (x <= right) & (low <= y) & (y <= high)
@@ -343,7 +346,7 @@ def longest_arcs(angle, classes):
 
 
 def arcs(angle, names):
-    """Return the fraction of the angle covered by each name, a Series, the largest first."""
+    """Return the fraction of the angle covered by each name, as a Series, the largest first."""
     width = np.diff(np.r_[angle[0], (angle[1:] + angle[:-1]) / 2, angle[-1]]) / np.ptp(angle)
     shares = Series(width).groupby(np.asarray(names), sort=False).sum()
     return shares.sort_values(ascending=False, kind="stable")

@@ -10,15 +10,15 @@ _SECTIONS = "arXiv:1606.04824, Sec."
 FORCING = (0.35, 0.5)
 ISLAND = (0.0, 0.55)  # Fig. 1(d): a start in the island of (0, 1/2)
 SYMMETRIC_FORCING = (0.5, 0.7)
-# Fig. 2: in the island of (1/2, 0), in the chain of ω = 2/3, and in the island of (0, 1/2).
+# Fig. 2: starts in the island of (1/2, 0), the chain of ω = 2/3, and the island of (0, 1/2).
 MARKED = ((0.5, 0.12), (0.5, 0.36), (0.0, 0.44))
 
 
 def nonautonomous_dataset(n_orbits, n_max):
     """Iterate T_{κ1κ2}, T_{κ2κ1} and the nonautonomous map from the same starts.
 
-    x, y with dims (forcing, step, orbit); kick_x, kick_y (kick, orbit); and island_x, island_y
-    (kick) of one orbit in an island.
+    The Dataset contains x, y with dims (forcing, step, orbit); kick_x, kick_y (kick, orbit); and
+    island_x, island_y (kick) of one orbit in an island.
     """
     forcings = np.array([FORCING, FORCING[::-1]])
     x, y = np.stack([orbits.portrait(kappa, n_orbits, n_max) for kappa in forcings], axis=1)
@@ -41,7 +41,10 @@ def nonautonomous_dataset(n_orbits, n_max):
 
 
 def images(kappa, x, y):
-    """Return (κ, x, y), its images under `negate`, both and `alternate`, in the order of Fig. 2."""
+    """Return (κ, x, y) and its images under the symmetries, in the order of Fig. 2.
+
+    The images are those under `negate`, under both symmetries, and under `alternate`.
+    """
     alternated = alternate(kappa, x, y)
     return [(kappa, x, y), negate(kappa, x, y), negate(*alternated), alternated]
 
@@ -49,8 +52,9 @@ def images(kappa, x, y):
 def symmetric_dataset(n_orbits, n_max):
     """Iterate T under four forcings related by symmetry.
 
-    x, y with dims (forcing, step, orbit); marked_x, marked_y (forcing, step, marked); and
-    `difference`, the largest distance of marked orbits from images of the first forcing's orbits.
+    The Dataset contains x, y with dims (forcing, step, orbit); marked_x, marked_y (forcing, step,
+    marked); and `difference`, the largest distance of marked orbits from the images of the first
+    forcing's orbits.
     """
 
     def iterated(x, y):

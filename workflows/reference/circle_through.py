@@ -1,9 +1,9 @@
-"""Which circle passes through a start? The second method for rotation numbers.
+"""Which circle passes through a start? This is the second method for rotation numbers.
 
 The momentum Y(ω) at which the circle of ω crosses the line x = const increases with ω. So the
 rotation number of a start (x, y) solves Y(ω) = y. Circles of noble ω, which are robust, are
-computed by Newton's method in Fourier space. The secant method ends with two of them so close that
-Y is linear between them to rounding.
+computed by Newton's method in Fourier space. The secant method ends with two circles so close
+that Y is linear between them to rounding.
 """
 
 import numpy as np
@@ -38,7 +38,10 @@ def momentum_on(circle, x):
 
 
 def rotation_number(kappa, x, y):
-    """Return ω of the circle through (x, y), and the last change of the estimate; or two NaN."""
+    """Return ω of the circle through (x, y), and the last change of the estimate.
+
+    Both are NaN if a circle needed for the estimate is not certified.
+    """
     xs, _ = orbit(kappa, x, y, 1000)
     estimate, known = (xs[-1] - xs[0]) / 1000, {}
     for width in _WIDTHS:

@@ -27,7 +27,7 @@ _N_RESIDUES, PLACES = 3, 60  # number of convergents; places along a segment, be
 def spreading(
     kappa: FloatArray, box: tuple[float, float, float, float]
 ) -> Iterator[tuple[dict[str, Any], dict[str, list], str]]:
-    """Iterate an ensemble from the middle of a box; yield it each time the periods have doubled.
+    """Iterate an ensemble from the middle of a box; yield it after 1, 2, 4, … periods.
 
     Parameters
     ----------

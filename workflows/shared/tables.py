@@ -1,4 +1,4 @@
-"""What Datasets have in common: labelled variables, outcomes as CF flags, and CSV tables."""
+"""Functions for all Datasets: labelled variables, outcomes as CF flags, and CSV tables."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -43,7 +43,7 @@ def dataset(
 
     Notes
     -----
-    A label is the long name of a number without unit, or the attributes returned by `described`.
+    A label is the long name of a dimensionless variable, or the attributes returned by `described`.
     """
 
     def labelled(dims: Any, values: ArrayLike, label: str | dict[str, Any]) -> tuple:
@@ -76,7 +76,7 @@ def strengths(
 
 
 def outcomes(dims: str | Sequence[str], codes: ArrayLike) -> tuple:
-    """Return a variable of status codes, see `cube.status_code`, with their meanings."""
+    """Return a variable of status codes (see `cube.status_code`) with their meanings."""
     return dims, np.asarray(codes).astype("int8"), described("outcome", **FLAGS)
 
 
