@@ -19,6 +19,7 @@ import xarray as xr
 from PIL import Image
 
 from pipeline.cubes.barrier import unfolded
+from pipeline.cubes.proved import everywhere
 from workflows.figures import planes, style
 from workflows.figures.proved_map import draw_proved_map
 from workflows.figures.work_precision import draw_work_precision
@@ -58,7 +59,8 @@ def boundary(cube):
 
 def proved_map(cube):
     barrier = unfolded(cube("barrier"), np.linspace(0, 45, 91))
-    drawn = draw_proved_map(cube("proved_map"), cube("proved_triangles"), barrier)
+    whole = everywhere(cube("proved_map").load(), barrier)
+    drawn = draw_proved_map(whole, cube("proved_triangles"), barrier)
     keep(drawn, "proved_map", 150)
 
 

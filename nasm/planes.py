@@ -176,6 +176,23 @@ class Plane:
         at turn + angle degrees, or at turn - angle if mirrored. Its circle of ω corresponds to the
         circle of ω + omega_shift on that ray, up to the sign of ω and multiples of P.
         """
+        return self._symmetries(_ROUNDING)
+
+    @cached_property
+    def exact_symmetries(self) -> tuple[tuple[bool, int, int], ...]:
+        """Those `symmetries` under which forcings and images are equivalent to the last bit.
+
+        For the planes of this module, all are exact.
+
+        Examples
+        --------
+        >>> from nasm.planes import rotating
+        >>> rotating("1/3").exact_symmetries == rotating("1/3").symmetries
+        True
+        """
+        return self._symmetries(0.0)
+
+    def _symmetries(self, rounding: float) -> tuple[tuple[bool, int, int], ...]:
         vectors = np.array([self.origin, self.first, self.second])
         elements = []
         for mirrored, quarters in product((False, True), range(4)):
@@ -185,10 +202,26 @@ class Plane:
             first, second = cos * a + sin * b, cos * b - sin * a
             image = np.array([origin, first, -second if mirrored else second])
             for omega_shift, equivalent in equivalent_forcings(vectors):
-                if np.abs(equivalent - image).max() <= _ROUNDING * np.abs(vectors).max():
+                if np.abs(equivalent - image).max() <= rounding * np.abs(vectors).max():
                     elements.append((mirrored, 90 * quarters, omega_shift))
                     break
         return tuple(elements)
+
+    @cached_property
+    def wedge(self) -> tuple[float, float]:
+        """Smallest range of angles whose images by `exact_symmetries` are all rays, in degrees.
+
+        Between mirrors it extends from one to the next.
+
+        Examples
+        --------
+        >>> from nasm.planes import pairs, two_kicks
+        >>> two_kicks().wedge, pairs("1/3").wedge
+        ((0.0, 45.0), (45.0, 135.0))
+        """
+        elements = self.exact_symmetries
+        begin = min((turn / 2 for mirrored, turn, _ in elements if mirrored), default=0.0)
+        return begin, begin + 360 / len(elements)
 
     def unfold(self, angle: ArrayLike) -> FloatArray:
         """List the rays that share their last barrier with the one at `angle`.

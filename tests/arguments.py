@@ -4,7 +4,7 @@ import inspect
 
 import numpy as np
 
-from nasm import circles, escape, numbers, orbits, periodic, proofs, self_consistent, tori
+from nasm import circles, escape, numbers, orbits, periodic, planes, proofs, self_consistent, tori
 from nasm.converse_kam import aperiodic
 from nasm.numbers import parse
 
@@ -61,6 +61,10 @@ OTHERS = {
     orbits.rotation_number_of: {"x": np.arange(5.0)},
     periodic.torus_scale: {"omega": "5/8", "frequency": "1/2", "amplitude": 0.0},
     proofs.transport_cells.prove_cell: {"kappa": (0.25, 0.5)},
+    proofs.transport_cells.prove_cell_of_plane: {
+        "plane": planes.two_kicks(),
+        "centre": (0.25, 0.5),
+    },
     self_consistent.evolve: {"x": np.zeros(3)},
     aperiodic.critical_scale: {"profile": np.ones(64)},
     tori.critical_scale: {"omega": 0.618},

@@ -9,6 +9,7 @@ import types
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations_with_replacement
+from itertools import product as outcomes
 
 import numpy as np
 import pytest
@@ -109,14 +110,10 @@ class Kernel:
         place = [arb(x) for x in place]
         return place + [a * b for a, b in combinations_with_replacement(place, 2)]
 
-    def swapped(self, parts):
-        """Return the parts in their order after a kick, which in cells swaps the two strengths."""
-        return [parts[i] for i in (0, 2, 1, 3, 5, 4, 8, 7, 6)] if self.cells else parts
-
-    def sources(self, state, k, spread, sine, cosine):
+    def sources(self, state, k, widths, sine, cosine):
         """Return what a kick adds to each last difference, besides κ cos 2πx·displacement."""
         moves = [state[name] for name, *_ in self.known[: len(self.places[0])]]
-        widths = [spread if i == 1 else arb(0) for i in range(len(moves))]
+        widths = [arb(0), *map(arb, widths)]
         squares, mixed = product(moves, moves), product(widths, moves)
         return [width * sine / (2 * arb.pi()) for width in widths] + [
             cosine * other - arb.pi() * k * sine * square
@@ -124,8 +121,9 @@ class Kernel:
         ]
 
     def strength(self, strengths, place):
-        """Return κ, or κ + σ_0h in cells."""
-        return strengths[0] + (strengths[1] * arb(place[1]) if self.cells else arb(0))
+        """Return κ, or k + σ_α f + σ_β g in cells."""
+        widths = zip(strengths[1:3], place[1:], strict=True)
+        return strengths[0] + sum((width * arb(x) for width, x in widths), arb(0))
 
     def largest(self, sums):
         """Return the largest value of Σ factor·sum in a box."""
@@ -153,9 +151,9 @@ def used(value, bound):
 def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     """Check in multiprecision arithmetic that the state after one kick satisfies all bounds.
 
-    strengths : k, and in cells also h, and k and h of the next kick. Returns, by name, the share
-    of each bound that is used; it exceeds 1 if the bound is too small. For a bad box, these shares
-    are not computed.
+    strengths : k, and in cells also f, g and the largest difference `blur`. Returns, by name, the
+    share of each bound that is used; it exceeds 1 if the bound is too small. For a bad box, these
+    shares are not computed.
 
     1. Any orbit of the box satisfies the chain up to a defect; A and B grow by its components.
     2. `rest` grows by all that may increase Q beyond the sums; the payments cover sums and `rest`.
@@ -165,9 +163,9 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     ctx.prec = 256
     state, bad, inner = kick(*strengths, scale, tuple(numbers))
     a, b, k, pi = kernel.state(numbers), kernel.state(state), strengths[0], arb.pi()
-    spread = strengths[1] if kernel.cells else 0.0
+    widths, blur = strengths[1:3], arb(strengths[3] if kernel.cells else 0.0)
+    spread = sum(map(abs, widths))
     moves, steps, sums = zip(*kernel.known, strict=True)
-    moves1, steps1, sums1 = zip(*kernel.swapped(kernel.known), strict=True)
     wronskian = abs(a["v"] * b["t"] - b["v"] * a["t"])
     E = a["A"] * abs(a["v"]) + a["B"] * abs(a["t"]) + sum(abs(a[name]) for name in moves)
     if E > 0.1 or abs(wronskian * scale - 1) > 1.01e-3 or b["V"] > 1e100:
@@ -181,21 +179,21 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     for place in kernel.places:
         factors, strength = kernel.factors(place), kernel.strength(strengths, place)
         straight = combined(factors[: len(place)], a, moves[: len(place)])
-        known, added = combined(factors, a, moves), combined(factors, b, sums1)
+        known, added = combined(factors, a, moves), combined(factors, b, sums)
         added -= combined(factors, a, sums)
-        for sign in (1, -1):
+        for sign, off_by in outcomes((1, -1), (-blur, blur) if kernel.cells else (blur,)):
             alpha, beta = sign * a["A"] * a["v"].sgn(), sign * a["B"] * a["t"].sgn()
             moved = known + alpha * a["v"] + beta * a["t"]
             sine_there, cosine_there = (2 * (X + moved)).sin_cos_pi()
-            kicked = strength * sine_there / (2 * pi)
+            kicked = (strength + off_by) * sine_there / (2 * pi)
             off = X + moved + Y + combined(factors, a, steps) + alpha * a["w"] + beta * a[steps[0]]
-            off += kicked - b["x"] - b["x_low"] - fmpq(1, 4) - combined(factors, b, moves1)
+            off += kicked - b["x"] - b["x_low"] - fmpq(1, 4) - combined(factors, b, moves)
             off -= alpha * b["v"] + beta * b["t"]
             defect = defect.max(abs(off - round(float(off.mid()))))
             line = strength * h + k * (cosine * moved - pi * sine * straight**2)
             line += (strength - k) * cosine * straight
             curved = curved.max(abs(kicked - line))
-            change = strength * cosine_there - k * cosine
+            change = (strength + off_by) * cosine_there - k * cosine
             unseen = unseen.max(abs(V2 * change - added))
             line = (strength - k) * (cosine - 2 * pi * sine * straight)
             line -= 2 * pi * k * (sine * known + pi * cosine * straight**2)
@@ -203,11 +201,11 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
 
     # Worst-case rounding errors: of x̂, of the solutions at this site and the next, of cos, of V.
     rounded = a["A"] * (abs(b["w"]) + abs(b["v"]) + abs(a["v"]))
-    rounded += a["B"] * (abs(b[steps1[0]]) + abs(b["t"]) + abs(a["t"]))
+    rounded += a["B"] * (abs(b[steps[0]]) + abs(b["t"]) + abs(a["t"]))
     rounded += sum(abs(a[name]) for name in moves)
-    rounded += sum(abs(b[name]) for name in (*moves1, *steps1))
-    sources = kernel.sources(a, k, spread, sine, cosine)
-    for step, source in zip(steps1, sources, strict=True):
+    rounded += sum(abs(b[name]) for name in (*moves, *steps))
+    sources = kernel.sources(a, k, widths, sine, cosine)
+    for step, source in zip(steps, sources, strict=True):
         if source != 0:
             rounded += abs(b[step] - source) + abs(source)
     solutions = ULP * rounded + COS_ERROR * abs(k) * E
@@ -215,17 +213,17 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     of_strength = spread * COS_ERROR * E
     worst = (curved + solutions + orbit + of_strength).max(defect) * (1 + LONGEST * ULP) / wronskian
     of_V = V2 * ((7 + 4 * abs(k)) * ULP + COS_ERROR * (abs(k) + spread))
-    of_sums = 3 * ULP * sum(abs(b[name]) for name in sums1)
-    needed = kernel.largest([b[name] for name in sums1]) + b["rest"]
+    of_sums = 3 * ULP * sum(abs(b[name]) for name in sums)
+    needed = kernel.largest([b[name] for name in sums]) + b["rest"]
     payment = a["V"] * (b["W"] - a["W"] - k * cosine * a["V"])
     paid = a["paid"] + payment + of_V
     # Check that the kick has changed y and all last differences by the right amounts.
     turned = b["y"] + b["y_low"] - a["y"] - a["y_low"] - k * h
     right = abs(turned - round(float(turned))) < 1e-15
-    changes = zip(("v", *moves), ("w", *steps), ("w", *steps1), (arb(0), *sources), strict=True)
-    for move, step, step1, source in changes:
+    changes = zip(("v", *moves), ("w", *steps), (arb(0), *sources), strict=True)
+    for move, step, source in changes:
         size = abs(a[step]) + abs(k * a[move]) + abs(source) + (spread + E) * E
-        right &= abs(b[step1] - a[step] - k * cosine * a[move] - source) < 1e-12 * size
+        right &= abs(b[step] - a[step] - k * cosine * a[move] - source) < 1e-12 * size
     shares = {
         "steps": 1.0 if right else math.inf,
         "sine": used(abs(sine), arb(inner["sine"])),
@@ -258,7 +256,7 @@ def row_of_the_cube(kernel):
     """Return a row whose defect is mainly cubic and whose Wronskian is the smallest allowed."""
     row = dict.fromkeys(kernel.names, 0.0)
     row |= {"x": -0.25, "y": 0.3, "v": 1.0, "V": 1.0, "t": 1e-4, kernel.known[0][1]: 1e-4}
-    strengths = (1.9, 1e-10, 1.0, 0.0) if kernel.cells else (1.9,)
+    strengths = (1.9, 1e-10, 0.0, 0.0) if kernel.cells else (1.9,)
     return strengths, 0.9991e4, [row[name] for name in kernel.names]
 
 
@@ -278,7 +276,10 @@ def rows(kernel, count=400):
     for _ in range(count):
         spread = rng.choice([abs(size(-10, 0)), rng.uniform(0, 2)]) if kernel.cells else 0.0
         k = float(rng.choice([0.0, 1.0, rng.uniform()]) * (2 - spread) * rng.choice([-1, 1]))
-        strengths = (k, float(spread), 1.0, 0.0) if kernel.cells else (k,)
+        # The strength changes with σ_α, with σ_β, or with both.
+        f, g = spread * np.array([(1, 0), (0, -1), (-0.5, 0.5)][rng.integers(3)])
+        blur = rng.choice([0.0, 4 * ULP * abs(k), abs(size(-14, -3))])
+        strengths = (k, float(f), float(g), float(blur)) if kernel.cells else (k,)
         row = dict.fromkeys(kernel.names, 0.0)
         turn = rng.choice([rng.uniform(-0.5, 0.5), rng.integers(-2, 3) / 4 + size(-17, -3)])
         row |= {"x": float(turn - np.rint(turn)), "y": rng.uniform(-0.5, 0.5)}
@@ -292,8 +293,8 @@ def rows(kernel, count=400):
             row[move] = float(part * rng.choice([-1, 1]))
             row[step] = row[move] * rng.uniform(-3, 1)
         if spread and rng.uniform() < 0.2:  # the kick leaves p unchanged
-            row["zp"] = -spread * math.cos(2 * math.pi * row["x"]) / (2 * math.pi)
-            row["p"] = 0.0
+            h = math.cos(2 * math.pi * row["x"]) / (2 * math.pi)
+            row |= {"zp": -f * h, "p": 0.0, "zq": -g * h, "q": 0.0}
         row |= {"A": parts[-1] / abs(row["v"]), "B": parts[-2] / abs(row["t"])}
         row |= {"w": row["v"] * rng.uniform(-2, 2), "W": row["V"] * rng.uniform(-1, 1)}
         step = kernel.known[0][1]

@@ -44,10 +44,11 @@ PROVING = {
     "certificate_checker": None,
     "barrier": "_omega_ball _divisors _russmann Grid residual norm slope_modes "
     "bounds_of_the_residual bound_of_the_inverse both_sides inequalities verified balls",
-    "patches": "covered_up_to _Patch _chebyshev",
-    "transport": "_closed _is_twist _is_positive _covered _followed _tiles _arithmetic_is_ieee "
+    "patches": "covered_up_to _vectors _Patch _chebyshev",
+    "transport": "_closed is_twist _is_positive _covered _followed _tiles _arithmetic_is_ieee "
     "_follow _start _along _replay _accurate horner _next _kick",
-    "transport_cells": "prove_cell _covered _cover _bisect _start _replay _trigonometry _kick",
+    "transport_cells": "prove_cell prove_cell_of_plane largest_strengths _cell _covered _cover "
+    "_bisect _start _coordinate _replay _trigonometry _kick",
 }
 KERNELS = "transport", "transport_cells"
 # Tests of each module, the quickest first.
@@ -61,7 +62,7 @@ TESTS = {
     "barrier": ("proof_barrier", "proof_patches", "certificates"),
     "patches": ("proof_patches", "certificates"),
     "transport": ("proof_transport", "certificates", "proof_cells"),
-    "transport_cells": ("proof_cells", "certificates"),
+    "transport_cells": ("proof_cells", "proof_planes", "certificates"),
 }
 OTHERS = {
     **{"<": (">", "<="), ">": ("<", ">="), "<=": (">=", "<"), ">=": ("<=", ">")},

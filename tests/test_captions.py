@@ -8,7 +8,7 @@ from nasm.planes import two_kicks
 from nasm.symmetries import ray
 from pipeline.cubes import beyond
 from pipeline.cubes.barrier import boundary
-from pipeline.cubes.proved import proved_map, proved_triangles
+from pipeline.cubes.proved import everywhere, proved_map, proved_triangles
 from pipeline.cubes.rotating_maps import breakups
 from workflows.convergence.study import on_the_diagonal
 from workflows.figures.convergence import diagonal_caption
@@ -29,7 +29,8 @@ def test_the_proved_map_caption_gives_distances_in_plain_percentages(away, expec
     known = {"angle": angles, "critical_scale": ("angle", [0.5, 0.5])}
     known |= {"kappa1": ("angle", kappa1), "kappa2": ("angle", kappa2)}
     rays = [(0.0, 0.5), (45.0, 0.5)]
-    cube, triangles = proved_map(rays, 64, 1.0).cube, proved_triangles(rays, [""] * 2, 0.1).cube
+    cube = proved_map(two_kicks(), rays, 64, 1.0).cube
+    triangles = proved_triangles(two_kicks(), rays, [""] * 2, 0.1).cube
     scale = np.hypot(*np.meshgrid(cube.template.kappa1, cube.template.kappa2)) / 0.5
     proved = np.where(scale > 1, 2, 1)
     if away < 1:
@@ -42,7 +43,9 @@ def test_the_proved_map_caption_gives_distances_in_plain_percentages(away, expec
     }
     numbers = {key: ("triangle", [x]) for key, x in (sides | {"proved_below": 0.9}).items()}
     within = triangles.template.assign(numbers)
-    caption = proved_map_caption(filled.assign_attrs(cells=64), within, xr.Dataset(known))
+    barrier = xr.Dataset(known, attrs=two_kicks().record)
+    whole = everywhere(filled.assign_attrs(cube.attributes), barrier)
+    caption = proved_map_caption(whole, within, barrier)
     assert expected in caption
     assert "on half of the rays of CB_gt to 10% below it" in caption
     assert "e+0" not in caption

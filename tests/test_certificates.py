@@ -291,7 +291,7 @@ def box_across_a_corner():
 def matrix_without_an_inverse():
     """Certify (1, 1, 5), to which the theorem does not apply: its matrix is at best singular."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(proofs.transport, "_is_twist", lambda _: True)
+        patch.setattr(proofs.transport, "is_twist", lambda _: True)
         return proofs.transport.prove((1.0, 1.0, 5.0)).certificate()
 
 

@@ -100,7 +100,7 @@ def test_status_codes_are_explained_by_the_flag_meanings():
 
 def test_flags_have_the_type_of_their_variable_in_a_cube_and_in_netcdf(tmp_path):
     place = store.place_of(tmp_path)
-    cells = proved.proved_map([(0.0, 1.0), (45.0, 1.2)], cells=64, seconds=1.0)
+    cells = proved.proved_map(two_kicks(), [(0.0, 1.0), (45.0, 1.2)], cells=64, seconds=1.0)
     for plan in (JOBS["flux"].cube, JOBS["continuation"].cube, cells.cube):
         store.create(place, plan, "tests")
         cube = store.read(place, plan.name)
@@ -198,10 +198,13 @@ def test_the_cost_of_a_tile_is_predicted_to_within_an_order_of_magnitude():
     assert costs[1] < costs[0] / 100
 
 
+CELLS = {"cells": 32} | TWO.record
+
+
 @pytest.mark.parametrize("halves", [(1 / 64, 1 / 64), (1 / 65, 1 / 64), (1 / 64, 1 / 65)])
 def test_a_cell_is_certified_only_by_a_certificate_that_covers_all_of_it(halves):
     cell = ("kappa2", "kappa1"), [[proofs.cells.TRANSPORT]]
-    tile = xr.Dataset({"proved": cell}, {"kappa1": [1.0], "kappa2": [0.5]}, {"cells": 32})
+    tile = xr.Dataset({"proved": cell}, {"kappa1": [1.0], "kappa2": [0.5]}, CELLS)
     certificate = {"kappa": [(1.0).hex(), (0.5).hex()], "half_width": [h.hex() for h in halves]}
     message = proved.uncertified_cells(tile, [certificate])
     assert message == ("proved cells that no certificate covers: 1" if min(halves) < 1 / 64 else "")
@@ -214,7 +217,7 @@ def test_a_certificate_covers_a_cell_its_mirror_image_and_no_other_cell(painted)
     states[painted] = proofs.cells.TRANSPORT
     centres = (np.arange(2) + 24.5) / 32
     cells = ("kappa2", "kappa1"), states
-    tile = xr.Dataset({"proved": cells}, {"kappa1": centres, "kappa2": centres}, {"cells": 32})
+    tile = xr.Dataset({"proved": cells}, {"kappa1": centres, "kappa2": centres}, CELLS)
     certificate = {"kappa": [x.hex() for x in centres[::-1]], "half_width": [(1 / 64).hex()] * 2}
     message = proved.uncertified_cells(tile, [certificate])
     assert message == ("proved cells that no certificate covers: 1" if painted == (0, 0) else "")
@@ -227,7 +230,7 @@ def test_a_certificate_covers_a_cell_its_mirror_image_and_no_other_cell(painted)
 def test_a_triangle_is_certified_only_by_patches_that_fill_it(end, tilt):
     corners = {"kappa1_low": 0.5, "kappa2_low": 0.0, "kappa1_high": 0.5, "kappa2_high": 0.5}
     tile = {key: ("triangle", [x]) for key, x in corners.items()} | {"triangle": [3]}
-    tile = xr.Dataset({"proved_below": ("triangle", [0.75])}, tile)
+    tile = xr.Dataset({"proved_below": ("triangle", [0.75])}, tile, TWO.record)
     certificates = [
         {key: [x.hex() for x in row] for key, row in fields.items()}
         for fields in (

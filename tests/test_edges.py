@@ -75,6 +75,7 @@ def faces():
 KERNELS = {maps.kick, maps.unkick}
 SLOW = {barriers.boundary, barriers.critical_scale, proofs.bracket.critical_scale}
 SLOW |= {proofs.barrier.proved_lower, proofs.transport.prove, proofs.transport.proved_upper}
+SLOW |= {proofs.transport_cells.prove_cell_of_plane}
 SLOW |= {proofs.transport_cells.prove_cell, tori.last_critical_scale, tori.upper_scale, verdict}
 SLOW |= {continuation.certified_circle, diffusion.diffusion}
 SEARCHES = {

@@ -135,9 +135,9 @@ def test_nothing_is_proved_if_one_side_of_a_patch_crosses_the_breakup(beyond, en
 # --- each constant is a bound for all σ and t -----------------------------------------
 
 
-def patch(profile, tilt, low, high, shape, module=module):
+def patch(profile, tilt, low, high, shape, module=module, origin=()):
     with ctx.workprec(128):
-        return module._Patch(GAMMA, list(profile), list(tilt), low, high, N, *shape)
+        return module._Patch(GAMMA, list(profile), list(tilt), low, high, N, *shape, origin)
 
 
 def nodes(n):
@@ -189,10 +189,12 @@ CASES = {
     "steep in t": lambda: by_values(0.1, [1, 1], STEEP, tilt=(1e-4, 0.0)),
     "kicks": lambda: by_values(1e-9, [1] * 8, (1,), (0.5, 0.3)),
     "kicks in t": lambda: by_values(1e-9, [1] * 8, (1,) * 4, (1e-4, 1e-4), (0.3, 0.5)),
+    "kicks in a plane": lambda: by_values(1e-9, [1] * 8, (1,) * 4, (0.3, 0.1), (0.1, 0.2)),
     "single": lambda: circles_at_points((0.8,), (0.0,), 1.0, (3, 1)),
     "complex": lambda: complex_modes((0.0, 0.0, 0.0), (3, 1)),
     "complex in t": lambda: complex_modes((0.05, 0.1, 0.1), (3, 2)),
 }
+ORIGIN = {"kicks in a plane": (0.4, -0.3)}  # of the planes in which profile and tilt lie
 UNIT = {"complex": -29, "complex in t": -31}
 made_case = cache(lambda case: CASES[case]())
 
@@ -200,7 +202,7 @@ made_case = cache(lambda case: CASES[case]())
 def proved_constants(case, module=module):
     """Return ρ and the constants of a proof."""
     profile, tilt, high, shape, moves = made_case(case)
-    result = patch(profile, tilt, 0.0, high, shape, module)
+    result = patch(profile, tilt, 0.0, high, shape, module, ORIGIN.get(case, ()))
     with ctx.workprec(128):
         result = result.verified(moves, UNIT.get(case, -80))
     return result["rho"], result["constants"]
@@ -214,6 +216,10 @@ def checked_constants(case, checker=checker, rho=0.01):
     rows = [[float(x).hex() for x in numbers] for numbers in (profile, tilt, (0, high))]
     data = dict(zip(("kappa", "tilt", "scales"), rows, strict=True))
     data |= {"rho": float(rho).hex(), "omega": str(GAMMA), "moves": moves}
+    if case in ORIGIN:
+        matrix = dict(zip(("origin", "first", "second"), [ORIGIN[case], *np.eye(2)], strict=True))
+        data["plane"] = {name: [float(x).hex() for x in row] for name, row in matrix.items()}
+        data["centre"] = data.pop("kappa")
     with ctx.workprec(checker.BITS):
         return rho, checker.theorem(data)[1]
 
@@ -248,6 +254,7 @@ def truth(case, rho):
         slope = 1 + N * np.fft.ifft(2j * np.pi * k * u).real
         E = np.roll(u, -1, 0) * turn + np.roll(u, 1, 0) / turn - 2 * u
         strength = s * (np.array(profile) + t * np.array(tilt))[:, None] / (2 * np.pi)
+        strength += np.array(ORIGIN.get(case, np.zeros(P)))[:, None] / (2 * np.pi)
         E = N * np.fft.ifft(E).real - strength * np.sin(2 * np.pi * g)
         wave = np.exp(2 * np.pi * rho) * norm(np.exp(2j * np.pi * (g - np.arange(N) / N)))
         here = {"n": norm(slope), "p": norm(1 / slope), "k": wave, "error": norm(E)}
@@ -302,13 +309,15 @@ WRONG = {  # a changed line: the case in which it makes a constant too small
     ("n.append(1 + sum(row[j] for row in slopes))", "n.append(1 + slopes[0][j])"): "steep",
     ("(rho + sum(row[j] for row in norms))", "(rho + norms[0][j])"): "steep",
     ("norm([i * x for i, x", "norm([x for i, x"): "between",
-    ("[s * (a + t * b) for", "[0 * s for"): "kicks",
-    ("[s * (a + t * b) for", "[s * a for"): "kicks in t",
+    ("[o + s * (a + t * b) for", "[o + 0 * s for"): "kicks",
+    ("[o + s * (a + t * b) for", "[o + s * a for"): "kicks in t",
+    ("[o + s * (a + t * b) for", "[s * (a + t * b) for"): "kicks in a plane",
+    ("return abs(self.origin[j]) + s", "return s"): "kicks in a plane",
     (
         "steps = [[2 * (arb(m) / (4 * n))",
         "steps = [[2 * (arb(m) / (8 * n))",
     ): "steep between points",
-    ("kappa = [self.high * self._largest", "kappa = [self.middle * self._largest"): "kicks",
+    ("kappa = [self._largest(j, self.high)", "kappa = [self._largest(j, self.middle)"): "kicks",
     ("inequalities(grid.omega, kappa, rho", "inequalities(grid.omega, grid.kappa, rho"): "kicks",
 }
 
@@ -339,13 +348,12 @@ WRONG_CHECKS = {
         "errors = found # An angle",
     ): "kicks",
     ("p[j] = p[j].max(neumann(", "p[j] = (neumann("): "between",
-    ("[s * (a + t * b) for", "[0 * s for"): "kicks",
-    ("[s * (a + t * b) for", "[s * a for"): "kicks in t",
-    ("conclusion([high * x for", "conclusion([middle * x for"): "kicks",
-    (
-        "conclusion([high * x for x in largest]",
-        "conclusion([high * x for x in kappa]",
-    ): "kicks in t",
+    ("[o + s * (a + t * b) for", "[o + 0 * s for"): "kicks",
+    ("[o + s * (a + t * b) for", "[o + s * a for"): "kicks in t",
+    ("[o + s * (a + t * b) for", "[s * (a + t * b) for"): "kicks in a plane",
+    ("strongest = [abs(o) + high * x", "strongest = [abs(o) + middle * x"): "kicks",
+    ("x in zip(origin, largest", "x in zip(origin, kappa"): "kicks in t",
+    ("strongest = [abs(o) + high * x", "strongest = [high * x"): "kicks in a plane",
 }
 
 

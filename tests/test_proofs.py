@@ -55,12 +55,12 @@ def test_the_proved_boundary_is_stored_as_a_cube_with_both_proofs(tmp_path, work
     assert len(list((tmp_path / "out/certificates/proved_barrier").iterdir())) == cube.angle.size
 
 
-BREAKUPS = [(angle, 0.4858 / np.cos(np.deg2rad(angle))) for angle in (0.0, 45.0)]
+BREAKUPS = [(angle, 0.4858 / np.cos(np.deg2rad(angle))) for angle in (0.0, 44.0)] + [(45.0, 1.3)]
 
 
 def map_of_two_tiles():
     """Return the job of a map, and the indices and coordinates of two of its tiles."""
-    job = proved_map(BREAKUPS, 32, 0.1)
+    job = proved_map(two_kicks(), BREAKUPS, 32, 0.1)
     axes = {name: job.cube.template[name].values for name in ("kappa2", "kappa1")}
     tiles = {}
     for index in ((4, 24), (8, 24)):  # κ1 = 0.77, κ2 = 0.14 and 0.27
@@ -71,7 +71,7 @@ def map_of_two_tiles():
 
 def one_triangle():
     """Return a job of triangles, and the index and coordinates of its first triangle."""
-    job = proved_triangles([(10.0, 0.5), (20.0, 0.55)], ["[0;(1)]"] * 2, 0.4)
+    job = proved_triangles(two_kicks(), [(10.0, 0.5), (20.0, 0.55)], ["[0;(1)]"] * 2, 0.4)
     return job, {(0,): {"triangle": np.array([0])}}
 
 
@@ -141,7 +141,9 @@ def test_stored_certificates_are_compared_with_tiles_and_checked(job, n, tmp_pat
 def test_transport_is_proved_only_beyond_the_boundary():
     angles, low, size = np.linspace(0, 45, 7), (0.5, 0.125), 1 / 8  # CB_gt crosses this square
     scales = np.array([barriers.critical_scale(ray(angle), 1e-2).value for angle in angles])
-    proved, result = proofs.proved_cells(low, size, 3, [*zip(angles, scales, strict=True)], 0.05)
+    proved, result = proofs.proved_cells(
+        two_kicks(), low, size, 3, [*zip(angles, scales, strict=True)], 0.05
+    )
     assert len(result) <= (proved == 2).sum()
     assert set(proved.ravel().tolist()) == {1, 2}
     # Even the inner corner of the cell nearest to the boundary lies beyond the boundary.
@@ -167,7 +169,7 @@ def test_triangles_fill_the_region_and_end_near_the_boundary(sagitta):
 
 
 def test_the_proved_map_is_symmetric_about_the_diagonal():
-    job = proved_map(BREAKUPS, 32, 1e-3)
+    job = proved_map(two_kicks(), BREAKUPS, 32, 1e-3)
     coords = {name: job.cube.template[name].values[30:32] for name in ("kappa2", "kappa1")}
     proved = job.compute(coords, job.cube.settings)["proved"]
     assert (proved == proved.T).all()

@@ -37,7 +37,8 @@ from nasm.checks import count, positive, real
 from nasm.circles import continuation, fourier
 from nasm.maps import MAX_STRENGTH, MIN_SIZE, direction, forcing
 from nasm.numbers import RotationNumber, as_rotation_number, convergents
-from nasm.proofs.certificates import certificate, in_hex
+from nasm.planes import Plane
+from nasm.proofs.certificates import certificate, in_hex, matrix_in_hex
 from nasm.results import Result
 from nasm.symmetries import shorten
 from nasm.tables import html_table, omega_text
@@ -99,6 +100,9 @@ class BarrierProof(Result):
         Entry [m][l][j] is [re, im], two lists of integers: u_j = Σ C_jml T_m(σ) T_l(t), where C_jml
         has the modes (re[k] + i im[k])·2^unit, k ≥ 0; modes beyond the lists are 0. For one forcing
         m = l = 0.
+    plane : Plane, optional
+        For a patch of a plane; kappa and tilt are then coordinates, and s is counted from the
+        plane's origin.
 
     Examples
     --------
@@ -120,6 +124,7 @@ class BarrierProof(Result):
     constants: dict[str, float] = field(default_factory=dict)
     unit: int = 0
     coefficients: list[Any] = field(default_factory=list)
+    plane: Plane | None = None
 
     def __repr__(self) -> str:
         proved = f"exists under {self._forcings()}; proved on {self.n} points"
@@ -145,7 +150,8 @@ class BarrierProof(Result):
             return f"{self.kappa}"
         low, high = self.scales
         tilted = f"({self.kappa} + t·{self.tilt}), |t| ≤ 1" if any(self.tilt) else f"{self.kappa}"
-        return f"s·{tilted}, {low:g} ≤ s ≤ {high:g}"
+        within = f" in {self.plane.name}" if self.plane else ""
+        return f"s·{tilted}, {low:g} ≤ s ≤ {high:g}{within}"
 
     def certificate(self) -> dict[str, Any]:
         """Return what another program needs to check the proof, as a JSON-serializable dict.
@@ -162,9 +168,7 @@ class BarrierProof(Result):
         'a rotational invariant circle of [0;(1)] exists under the forcing (0.4, 0.2)'
         """
         fields: dict[str, Any] = {
-            "shortened_from": {"omega": str(self.omega), "kappa": in_hex(self.kappa)},
             "omega": str(self.short_omega),
-            "kappa": in_hex(self.short_kappa),
             "rho": self.rho.hex(),
             "moves": {"unit": self.unit, "numbers": self.coefficients},
         }
@@ -172,7 +176,14 @@ class BarrierProof(Result):
         if self.scales:
             fields |= {"tilt": in_hex(self.tilt), "scales": in_hex(self.scales)}
             theorem = "A barrier exists in a fan"
-        return certificate(self, theorem, fields, self.kappa, self.tilt, self.omega, self.scales)
+        if self.plane:
+            fields |= {"plane": matrix_in_hex(self.plane), "centre": in_hex(self.kappa)}
+            theorem = "A barrier exists in a patch of a plane"
+        else:
+            original = {"omega": str(self.omega), "kappa": in_hex(self.kappa)}
+            fields |= {"kappa": in_hex(self.short_kappa), "shortened_from": original}
+        forcings = self.kappa, self.tilt, self.omega, self.scales, self.plane
+        return certificate(self, theorem, fields, *forcings)
 
 
 def prove(

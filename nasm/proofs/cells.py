@@ -1,17 +1,19 @@
-"""Proofs of global transport in cells of the (κ1, κ2) plane, and of barriers in triangles.
+"""Proofs of global transport in cells of a plane of forcings, and of barriers in triangles.
 
 `nasm.proofs.transport_cells` proves transport for all forcings of a cell; a cell for which the
 proof fails is divided into four. `nasm.proofs.patches` proves that a barrier exists for all
-forcings of a triangle with a corner at κ = 0.
+forcings of a triangle with a corner at the plane's origin.
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nasm.planes import Plane, two_kicks
 from nasm.proofs import transport_cells
-from nasm.proofs.transport_cells import CellProof
+from nasm.proofs.transport_cells import CellProof, Curve, PlaneCellProof
 from nasm.types import FloatArray
 
 __all__ = ["distance", "proved_cells", "triangles"]
@@ -25,34 +27,57 @@ TRANSPORT = 2
 # Minimum relative distance from the boundary for which a proof is tried if it may take 1 s; of 128
 # closer cells only 2 were proved.
 _MIN_DISTANCE = 0.003
+_ANGLE_ERROR = 1e-9  # degrees, by which rays at the ends of a wedge may miss it
 
 
-def distance(rays: Sequence[Sequence[float]], kappa1: ArrayLike, kappa2: ArrayLike) -> FloatArray:
-    """Estimate 1 - s/s_c of forcings with κ1, κ2 ≥ 0; it is negative beyond the breakup.
+def distance(
+    plane: Plane, rays: Sequence[Sequence[float]], a: ArrayLike, b: ArrayLike
+) -> FloatArray:
+    """Estimate 1 - s/s_c of the forcings at (a, b) in a plane; it is negative beyond the breakup.
 
     The estimate is used only to choose which proof to try in a cell.
 
     Parameters
     ----------
+    plane : Plane
+        The plane of forcings.
     rays : sequence of (angle, scale)
-        Angle in degrees, from 0 to 45, and scale s_c of the last breakup; between these angles, the
-        scale is interpolated linearly.
-    kappa1, kappa2 : array_like
-        Non-negative strengths.
+        Angle in degrees, in the plane's `wedge`, and scale s_c of the last breakup; between these
+        angles, the scale is interpolated linearly.
+    a, b : array_like
+        Coordinates in the plane.
 
     Returns
     -------
     ndarray
-        Distances, in the shape to which kappa1 and kappa2 broadcast.
+        Distances, of the broadcast shape of a and b.
 
     Examples
     --------
+    >>> from nasm.planes import two_kicks
     >>> from nasm.proofs.cells import distance
-    >>> float(distance([(0.0, 0.5), (45.0, 1.4)], 0.25, 0.0))
+    >>> float(distance(two_kicks(), [(0.0, 0.5), (45.0, 1.4)], 0.0, -0.25))
     0.5
     """
-    angle = np.rad2deg(np.arctan2(np.minimum(kappa1, kappa2), np.maximum(kappa1, kappa2)))
-    return 1 - np.hypot(kappa1, kappa2) / np.interp(angle, *np.transpose(rays))
+    begin, _ = plane.wedge
+    images = plane.unfold(np.rad2deg(np.arctan2(b, a)))
+    angle = begin + ((images - begin + _ANGLE_ERROR) % 360).min(axis=0) - _ANGLE_ERROR
+    return 1 - np.hypot(a, b) / np.interp(angle, *np.transpose(rays))
+
+
+def in_wedge(plane: Plane, a: float, b: float) -> bool:
+    """Return whether a point of a plane lies in its `wedge`, whose images are the whole plane.
+
+    Examples
+    --------
+    >>> from nasm.planes import two_kicks
+    >>> from nasm.proofs.cells import in_wedge
+    >>> in_wedge(two_kicks(), 0.5, 0.5), in_wedge(two_kicks(), 0.5, 0.6)
+    (True, False)
+    """
+    begin, end = plane.wedge
+    angle = np.rad2deg(np.arctan2(b, a)) - begin
+    return bool((angle + _ANGLE_ERROR) % 360 <= end - begin + 2 * _ANGLE_ERROR)
 
 
 def triangles(
@@ -109,23 +134,31 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def proved_cells(
+    plane: Plane,
     low: tuple[float, float],
     size: float,
     depth: int,
     rays: Sequence[Sequence[float]],
     seconds: float,
     failed: list[tuple[float, float]] | None = None,
-) -> tuple[NDArray[np.int8], list[CellProof]]:
+    curve: Curve | None = None,
+) -> tuple[NDArray[np.int8], list[CellProof | PlaneCellProof]]:
     """Prove global transport in the 4**depth cells of a square.
 
     1. Try a proof for the whole square, unless it is too close to the boundary.
     2. If that fails, divide the square into quarters, and begin with those far from the boundary.
     3. Once a proof has failed, skip squares that are no smaller and no farther from the boundary.
 
+    Squares outside the plane's `wedge` are skipped, as they are images of others. In planes other
+    than that of two kicks, the proofs need a curve; the one on which a square was proved, or was
+    tried, is used for its quarters.
+
     Parameters
     ----------
+    plane : Plane
+        The plane of forcings.
     low : (float, float)
-        κ1 and κ2 of the lower left corner, non-negative.
+        Coordinates of the lower left corner.
     size : float
         Width of the square; the corners of all cells must be multiples of 2⁻³⁰.
     depth : int
@@ -136,35 +169,40 @@ def proved_cells(
         CPU time for a proof in a cell of the finest level; larger squares get half of it.
     failed : list of (size, distance), optional
         Squares for which no proof of transport was found; used in recursive calls.
+    curve : (int, ndarray), optional
+        The curve to try first; used in recursive calls.
 
     Returns
     -------
     states : ndarray of int8, shape (2**depth, 2**depth)
-        OPEN or TRANSPORT, indexed by κ2 and κ1. Cells with κ2 > κ1 are images of others;
-        they stay OPEN unless they belong to a larger square for which transport is proved.
-    proofs : list of CellProof
+        OPEN or TRANSPORT, indexed by the second coordinate and the first. Skipped squares stay
+        OPEN unless they belong to a larger square for which transport is proved.
+    proofs : list of CellProof or PlaneCellProof
 
     Examples
     --------
+    >>> from nasm.planes import two_kicks
     >>> from nasm.proofs import proved_cells
-    >>> states, proofs = proved_cells((0.75, 0.25), 0.0625, 1, [(0.0, 0.5), (45.0, 0.7)], 1.0)
+    >>> rays = [(0.0, 0.5), (45.0, 0.7)]
+    >>> states, proofs = proved_cells(two_kicks(), (0.75, 0.25), 0.0625, 1, rays, 1.0)
     >>> states.tolist(), len(proofs)
     ([[2, 2], [2, 2]], 1)
     """
     n, (low1, low2) = 2**depth, low
     failed = [] if failed is None else failed
     states = np.full((n, n), OPEN, np.int8)
-    proofs: list[CellProof] = []
-    if low2 >= low1 + size:
-        return states, proofs
+    proofs: list[CellProof | PlaneCellProof] = []
     centre = low1 + size / 2, low2 + size / 2
+    if not in_wedge(plane, *centre):
+        return states, proofs
     corners = low1 + np.array([0, size, 0, size]), low2 + np.array([0, 0, size, size])
-    distances = distance(rays, *corners)
+    distances = distance(plane, rays, *corners)
     if (distances > 0).all():
         return states, proofs
     nearest, limit = distances.max(), -_MIN_DISTANCE / max(seconds, 1.0)
     if nearest < limit and not any(size >= smaller and nearest >= at for smaller, at in failed):
-        proof = transport_cells.prove_cell(centre, size / 2, seconds / (2 if depth else 1))
+        budget = seconds / (2 if depth else 1)
+        proof, curve = _proved_square(plane, centre, size / 2, budget, curve, not depth)
         if proof.proved:
             return np.full_like(states, TRANSPORT), [proof]
         failed.append((size, nearest))
@@ -172,8 +210,31 @@ def proved_cells(
         # Beyond the boundary, the upper right quarter is the farthest from it.
         for i, j in (1, 1), (1, 0), (0, 1), (0, 0):
             quarter = low1 + j * size / 2, low2 + i * size / 2
-            quarter_states, more = proved_cells(quarter, size / 2, depth - 1, rays, seconds, failed)
+            quarter_states, more = proved_cells(
+                plane, quarter, size / 2, depth - 1, rays, seconds, failed, curve
+            )
             block = slice(i * n // 2, (i + 1) * n // 2), slice(j * n // 2, (j + 1) * n // 2)
             states[block] = quarter_states
             proofs += more
     return states, proofs
+
+
+def _proved_square(
+    plane: Plane,
+    centre: tuple[float, float],
+    half_width: float,
+    budget: float,
+    curve: Curve | None,
+    is_finest: bool,
+) -> tuple[CellProof | PlaneCellProof, Curve | None]:
+    """Try to prove transport in a square; also return the curve to try in its parts.
+
+    The finest squares are also tried on a curve of their own.
+    """
+    if plane == two_kicks():
+        return transport_cells.prove_cell(centre, half_width, budget), None
+    prove = partial(transport_cells.prove_cell_of_plane, plane, centre, half_width, budget)
+    proof = prove(curve)
+    if curve and is_finest and not proof.proved:
+        proof = prove(None)
+    return proof, (proof.site, proof.points) if len(proof.points) else curve

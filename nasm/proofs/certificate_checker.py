@@ -3,7 +3,7 @@
     check(json.loads(text))   # returns the claim, which is then proved, or raises Refuted
 
 It needs only python-flint, and shares no code with the programs that make the certificates.
-nasm/proofs/README.md, "Certificates", describes the fields and states the five theorems.
+nasm/proofs/README.md, "Certificates", describes the fields and states the seven theorems.
 
 *Transport.* Given a forcing, or a cell of forcings, and boxes with their lifetimes N, the program
 verifies that the boxes cover the initial conditions on a curve, and that for each box there is a
@@ -18,7 +18,7 @@ curve, and both halves are summed, each with its own share of that site. The orb
 
 where x̂_k, ξ_ik, … are numbers of 128 bits that are treated as exact; the bound on ρ_k includes
 their rounding errors. One parameter σ_i describes the initial condition; in a cell there are two
-more, for the strengths k + σ_i h. Any sequence of floats may serve as η.
+more, for the strengths k + Σ_i σ_i h_i. Any sequence of floats may serve as η.
 
 *A barrier.* The claim is about one forcing or a whole patch (called a "fan" in certificates).
 Functions are Laurent polynomials in z = e^{2πiφ} with balls as coefficients, and 1/g_j' is computed
@@ -64,29 +64,38 @@ MAX_UNIT = 10**4  # limit on |unit| in 2^unit, and on the bits of the integers i
 _MAX_SPREAD = 1000  # turns between orbits of a box; above it, bounds grow like 4 to the power 4^n
 MAX_MODES = 3 * 10**7  # modes of the longest function, times points, times kicks: an hour
 
-_TRANSPORT = {"kappa", "site", "boxes", "lives"}
-_BARRIER = {"kappa", "omega", "rho", "shortened_from", "moves"}
+_TRANSPORT = {"site", "boxes", "lives"}
+_BARRIER = {"omega", "rho", "moves"}
+_PLANE = "origin", "first", "second"
 # For each theorem: digest of its statement, and the fields besides claim, theorem and seal.
 THEOREMS = {
     "Transport is global": (
         "262141d95693b0b62f3f795cda61e9e083a5385af394d67e85edbe1571432456",
-        _TRANSPORT | {"a", "shortened_from"},
+        _TRANSPORT | {"kappa", "a", "shortened_from"},
     ),
     "Transport is global under several kicks": (
         "c1fbdccdea0195bf4b321a527d9b0984f55a0f1bf7a78dba1f59f19aa76e3e01",
-        _TRANSPORT | {"points", "shortened_from"},
+        _TRANSPORT | {"kappa", "points", "shortened_from"},
     ),
     "Transport is global in a cell": (
         "252fcfc01d65f0889b4a0b174de5a6003b903e8f7f0525d1c64b8a26d954ebb8",
-        _TRANSPORT | {"a", "half_width"},
+        _TRANSPORT | {"kappa", "a", "half_width"},
     ),
     "A barrier exists": (
         "39e7a1e397c5a92e49d751f8f00d1d304498a8c6402f591b2eea56ea3c2a93c2",
-        _BARRIER,
+        _BARRIER | {"kappa", "shortened_from"},
     ),
     "A barrier exists in a fan": (
         "6005a30ef68f1016cd6eb6f93af43ac9da23d17acad3487e6d00bf2b294f0fc2",
-        _BARRIER | {"tilt", "scales"},
+        _BARRIER | {"kappa", "shortened_from", "tilt", "scales"},
+    ),
+    "Transport is global in a cell of a plane": (
+        "26a76f764f92e1fda7615db5a3c2133bbe50d04d1bcb0200040076dae86a84e0",
+        _TRANSPORT | {"plane", "centre", "half_width", "points"},
+    ),
+    "A barrier exists in a patch of a plane": (
+        "a10d1d000a629702e0ec991e8936f7aac412e70231025aac75e281e0c8ea1814",
+        _BARRIER | {"plane", "centre", "tilt", "scales"},
     ),
 }
 
@@ -149,7 +158,9 @@ def _checked(certificate: Certificate, max_kicks: float) -> str:
     demand(data["claim"] == claim(data), f"the statement claimed is not {claim(data)!r}")
     if "shortened_from" in data:
         shortened(data)
-    if "points" in data:
+    if "points" in data and "plane" in data:
+        hypothesis_of_plane(data)
+    elif "points" in data:
         hypothesis_of_several(data)
     elif "boxes" in data:
         hypothesis(data)
@@ -164,19 +175,37 @@ def within_limits(data: Certificate, max_kicks: float) -> None:
     """Refute unless all fields have the right types, and none is too large to be checked."""
     original = data.get("shortened_from", {})
     demand(type(original) is dict, "shortened_from is not an object")
-    demand(is_row(data["kappa"], MAX_PERIOD), f"kappa is not a list of 1 to {MAX_PERIOD} numbers")
+    if "plane" in data:
+        within_limits_of_plane(data["plane"])
+    middle = "centre" if "plane" in data else "kappa"
+    message = f"{middle} is not a list of 1 to {MAX_PERIOD} numbers"
+    demand(is_row(data[middle], MAX_PERIOD), message)
+    demand("plane" not in data or len(data[middle]) == 2, "a plane does not have two coordinates")
     if original:
         message = f"the original forcing is not a list of 1 to {MAX_ORIGINAL_PERIOD} numbers"
         demand(is_row(original["kappa"], MAX_ORIGINAL_PERIOD), message)
     for field in {"half_width", "tilt"} & data.keys():
-        message = f"{field} does not have a number for each kick"
-        demand(is_row(data[field], MAX_PERIOD) and len(data[field]) == len(data["kappa"]), message)
+        message = f"{field} does not have a number for each kick, or for each coordinate"
+        demand(is_row(data[field], MAX_PERIOD) and len(data[field]) == len(data[middle]), message)
     if "boxes" in data:
         within_limits_of_boxes(data, max_kicks)
     else:
-        for omega in (data["omega"], original["omega"]):
+        for omega in (data["omega"], original.get("omega", data["omega"])):
             quotients(omega)
         within_limits_of_moves(data)
+
+
+def within_limits_of_plane(plane: Any) -> None:
+    """Refute unless a plane consists of three rows of as many numbers."""
+    demand(type(plane) is dict and plane.keys() == {*_PLANE}, "the plane is not three rows")
+    message = f"the plane is not three rows of equally many numbers, 1 to {MAX_PERIOD}"
+    demand(all(is_row(row, MAX_PERIOD) for row in plane.values()), message)
+    demand(len({len(row) for row in plane.values()}) == 1, message)
+
+
+def n_kicks(data: Certificate) -> int:
+    """Return the number of kicks per period, after shortening."""
+    return len(data["plane"]["origin"] if "plane" in data else data["kappa"])
 
 
 def within_limits_of_boxes(data: Certificate, max_kicks: float) -> None:
@@ -192,7 +221,7 @@ def within_limits_of_boxes(data: Certificate, max_kicks: float) -> None:
     message = f"lives are not integers from 1 to {MAX_LIFETIME}"
     demand(all(is_whole(lifetime) and 1 <= lifetime <= MAX_LIFETIME for lifetime in kicks), message)
     demand(sum(kicks) <= max_kicks, f"boxes have more than {max_kicks} kicks in all")
-    columns = 3 if several else 9 if "half_width" in data else 2
+    columns = 7 if "plane" in data else 3 if several else 9 if "half_width" in data else 2
     message = f"boxes are not {columns} texts of 16 digits for each lifetime"
     demand(type(boxes) is list and len(boxes) == columns, message)
     demand(all(type(column) is str and len(column) == 16 * len(lives) for column in boxes), message)
@@ -220,7 +249,7 @@ def within_limits_of_moves(data: Certificate) -> None:
     longest = 0
     for functions in (functions for rows in numbers for functions in rows):
         message = "not one function for each kick"
-        demand(type(functions) is list and len(functions) == len(data["kappa"]), message)
+        demand(type(functions) is list and len(functions) == n_kicks(data), message)
         message = f"a function is not two lists of integers of {MAX_UNIT} bits"
         for parts in functions:
             demand(type(parts) is list and len(parts) == 2, message)
@@ -229,7 +258,7 @@ def within_limits_of_moves(data: Certificate) -> None:
                 demand(all(is_whole(x) and x.bit_length() <= MAX_UNIT for x in part), message)
                 longest = max(longest, len(part))
     points = (len(numbers) + 1) * (max(map(len, numbers)) + 1)
-    demand(longest * points * len(data["kappa"]) <= MAX_MODES, "too many modes for their points")
+    demand(longest * points * n_kicks(data) <= MAX_MODES, "too many modes for their points")
 
 
 def is_whole(x: Any) -> bool:
@@ -250,16 +279,18 @@ def is_number(text: Any) -> bool:
 def claim(data: Certificate) -> str:
     """Return the claim that the certificate may make, about the forcing before it was shortened."""
     original = data.get("shortened_from", data)
-    under = f"the forcing {decimals(original['kappa'])}"
+    middle = decimals(original["centre" if "plane" in data else "kappa"])
+    under = f"the forcing {middle}"
     if "half_width" in data:
-        cell = f"within {decimals(data['half_width'])} of {decimals(original['kappa'])}"
-        under = f"every forcing {cell}"
+        under = f"every forcing within {decimals(data['half_width'])} of {middle}"
     elif "scales" in data:
         low, high = (repr(float.fromhex(number)) for number in data["scales"])
-        along = decimals(original["kappa"])
         if any(map(exact, data["tilt"])):
-            along = f"({along} + t {decimals(data['tilt'])}), -1 <= t <= 1"
-        under = f"every forcing from {low} to {high} times {along}"
+            middle = f"({middle} + t {decimals(data['tilt'])}), -1 <= t <= 1"
+        under = f"every forcing from {low} to {high} times {middle}"
+    if "plane" in data:
+        rows = (decimals(data["plane"][name]) for name in _PLANE)
+        under += " in the plane {} + a {} + b {}".format(*rows)
     if "omega" in original:
         return f"a rotational invariant circle of {original['omega']} exists under {under}"
     return f"transport is global under {under}"
@@ -385,9 +416,11 @@ def hypothesis(certificate: Certificate) -> None:
         demand(bound <= 0, f"Q/2 may be {bound} in the box {[float(number) for number in box]}")
 
 
-def cover(intervals: list[tuple[Fraction, Fraction]], end: Fraction) -> None:
-    """Refute unless the intervals cover [0, end]."""
-    reached = Fraction(0)
+def cover(
+    intervals: list[tuple[Fraction, Fraction]], end: Fraction, begin: Fraction = Fraction(0)
+) -> None:
+    """Refute unless the intervals cover [begin, end]."""
+    reached = begin
     for left, right in sorted(intervals):
         demand(left < right and left <= reached, f"a gap beyond {float(reached)}")
         reached = max(reached, right)
@@ -397,36 +430,102 @@ def cover(intervals: list[tuple[Fraction, Fraction]], end: Fraction) -> None:
 def hypothesis_of_several(certificate: Certificate) -> None:
     """Refute unless the hypothesis of "Transport is global under several kicks" holds."""
     kappa = [exact(strength) for strength in certificate["kappa"]]
-    is_twist = any(is_positive(kappa[m + 1 :] + kappa[:m]) for m in range(len(kappa)))
+    points, boxes, site = curve(certificate, kappa)
+    lives = certificate["lives"]
+    cover([(s - delta, s + delta) for s, delta, _ in boxes], Fraction(len(points) - 1, 2))
+    ahead = kappa[site:] + kappa[:site]
+    for (s, delta, split), lifetime in zip(boxes, lives, strict=True):
+        piece = int(2 * (s - delta))
+        demand(2 * (s + delta) <= piece + 1, "a box extends across a corner")
+        start = on_the_segment(points, piece, s, delta)
+        both_halves(start, split, [(k,) for k in ahead], lifetime, f"the box at {float(s)}")
+
+
+def curve(
+    certificate: Certificate, largest: list[Fraction]
+) -> tuple[list[tuple[Fraction, ...]], list[tuple[Fraction, ...]], int]:
+    """Return the corners of a curve, its boxes, and its site.
+
+    Refute unless kicks that are no stronger than `largest` leave a twist map without some site, and
+    the images of the curve continue it.
+    """
+    is_twist = any(is_positive(largest[m + 1 :] + largest[:m]) for m in range(len(largest)))
     demand(is_twist, "the theorem does not apply")
     points = [tuple(exact(number) for number in point) for point in certificate["points"]]
     ends = {(2 * x).denominator * (2 * y).denominator for x, y in (points[0], points[-1])}
     demand(
         ends == {1} and points[0][1] != points[-1][1], "the images of the curve do not continue it"
     )
-    boxes = rows(certificate["boxes"])
-    lives, site = certificate["lives"], certificate["site"]
-    demand(site in range(len(kappa)) and len(boxes) == len(lives), "site or lives does not match")
-    cover([(s - delta, s + delta) for s, delta, _ in boxes], Fraction(len(points) - 1, 2))
-    ahead = kappa[site:] + kappa[:site]
-    for (s, delta, split), lifetime in zip(boxes, lives, strict=True):
+    boxes, site = rows(certificate["boxes"]), certificate["site"]
+    is_matched = site in range(len(largest)) and len(boxes) == len(certificate["lives"])
+    demand(is_matched, "site or lives does not match")
+    return points, boxes, site
+
+
+def on_the_segment(
+    points: list[tuple[Fraction, ...]], piece: int, s: Fraction, delta: Fraction
+) -> tuple[tuple[Fraction, Fraction], tuple[Fraction, Fraction]]:
+    """Return x and y in the middle of a box on the line through two corners, and their changes."""
+    (x, y), (x_end, y_end) = points[piece : piece + 2]
+    dx, dy, part = x_end - x, y_end - y, 2 * s - piece
+    return (x + part * dx, y + part * dy), (2 * delta * dx, 2 * delta * dy)
+
+
+def both_halves(
+    start: Any,
+    split: Fraction,
+    kicks: Sequence[tuple[Fraction, ...]],
+    lifetime: list[int],
+    place: str,
+) -> None:
+    """Refute unless both halves of Q are at most 0 in a box.
+
+    start : as returned by `on_the_segment`. kicks : k and the h_i of each kick, beginning with the
+    kick at the curve.
+    """
+    demand(Fraction(float(1 - split)) == 1 - split, "a share of the site is not a float")
+    for half, ahead, n in zip(halves(start, split), (kicks, kicks[::-1]), lifetime, strict=True):
+        demand(isinstance(n, int) and n > 0, f"a lifetime of {n!r} kicks")
+        with ctx.workprec(128):
+            eta, *orbit = [[ball(number) for number in pair] for pair in half]
+            strengths = [(ball(k), [ball(width) for width in widths]) for k, *widths in ahead]
+            orbit += [[arb(0), arb(0)]] * len(strengths[0][1])
+            sites = list(orbits(orbit, strengths, n))
+            bound = summed(sites, eta[0], float(half[0][1]))
+        demand(bound <= 0, f"half of Q may be {bound} in {place}")
+
+
+def hypothesis_of_plane(certificate: Certificate) -> None:
+    """Refute unless the hypothesis of "Transport is global in a cell of a plane" holds.
+
+    The boxes must tile each segment of the curve times the cell.
+    """
+    matrix = ([exact(x) for x in certificate["plane"][name]] for name in _PLANE)
+    plane = list(zip(*matrix, strict=True))
+    centre, widths = ([exact(x) for x in certificate[key]] for key in ("centre", "half_width"))
+    demand(min(widths) > 0, "the half width of the cell is not positive")
+    largest = [
+        abs(o + sum(x * move for x, move in zip(centre, moves, strict=True)))
+        + sum(width * abs(move) for width, move in zip(widths, moves, strict=True))
+        for o, *moves in plane
+    ]
+    points, boxes, site = curve(certificate, largest)
+    ahead = plane[site:] + plane[:site]
+    segments: list[list[Cuboid]] = [[] for _ in points[1:]]
+    cell = [(x - width, x + width) for x, width in zip(centre, widths, strict=True)]
+    for s, delta, a, h_a, b, h_b, _ in boxes:
+        demand(min(delta, h_a, h_b) > 0, "the width of a box is not positive")
         piece = int(2 * (s - delta))
-        demand(2 * (s + delta) <= piece + 1, "a box extends across a corner")
-        demand(Fraction(float(1 - split)) == 1 - split, "a share of the site is not a float")
-        (x, y), (x_end, y_end) = points[piece : piece + 2]
-        x_middle, y_middle = (
-            start + (2 * s - piece) * (end - start) for start, end in ((x, x_end), (y, y_end))
-        )
-        x_width, y_width = 2 * delta * (x_end - x), 2 * delta * (y_end - y)
-        begun = halves(x_middle, y_middle, x_width, y_width, split)
-        for half, kicks, n in zip(begun, (ahead, ahead[::-1]), lifetime, strict=True):
-            demand(isinstance(n, int) and n > 0, f"a lifetime of {n!r} kicks")
-            with ctx.workprec(128):
-                eta, *orbit = [[ball(number) for number in pair] for pair in half]
-                strengths = [(ball(k), arb(0)) for k in kicks]
-                sites = list(orbits(orbit, strengths, [], n))
-                bound = summed(sites, eta[0], float(half[0][1]))
-            demand(bound <= 0, f"half of Q may be {bound} in the box at {float(s)}")
+        demand(0 <= piece < len(segments), "a box is on no segment of the curve")
+        segments[piece].append(((s - delta, s + delta), (a - h_a, a + h_a), (b - h_b, b + h_b)))
+    for i, cuboids in enumerate(segments):
+        whole = ((Fraction(i, 2), Fraction(i + 1, 2)), *cell)
+        demand(tile(whole, cuboids), "the boxes do not tile a segment of the curve times the cell")
+    for box, lifetime in zip(boxes, certificate["lives"], strict=True):
+        s, delta, a, h_a, b, h_b, split = box
+        start = on_the_segment(points, int(2 * (s - delta)), s, delta)
+        kicks = [(o + a * f + b * g, h_a * f, h_b * g) for o, f, g in ahead]
+        both_halves(start, split, kicks, lifetime, f"the box {[float(x) for x in box]}")
 
 
 def is_positive(kappa: list[Fraction]) -> bool:
@@ -439,9 +538,7 @@ def is_positive(kappa: list[Fraction]) -> bool:
     return True
 
 
-def halves(
-    x: Fraction, y: Fraction, x_width: Fraction, y_width: Fraction, split: Fraction
-) -> tuple[tuple[tuple[Any, Any], ...], ...]:
+def halves(start: Any, split: Fraction) -> tuple[tuple[tuple[Any, Any], ...], ...]:
     """Return η, x, v and t of both halves of Q, each at the site before the first and at the first.
 
     One half begins at the site of the curve; the other, with x_{c-n} → -x_{c-n}, begins at the site
@@ -449,6 +546,7 @@ def halves(
     also η at the first site of the latter half.
     """
     # Any slope for which v and t are not parallel is valid: split, or split + 1 if they nearly are.
+    (x, y), (x_width, y_width) = start
     near = abs(y_width - split * x_width) < (abs(x_width) + abs(y_width)) / 10_000
     slope = split + near
     ahead = (1 - split, 1), (x - y, x), (1 - slope, 1), (x_width - y_width, x_width)
@@ -506,19 +604,21 @@ def second_variation(a: Fraction, box: Sequence[Fraction], lifetime: int) -> Bal
     shears follow.
     """
     with ctx.workprec(128):
-        (start, strengths, aside), eta = on_a_line(a, box)
-        return summed(list(orbits(start, strengths, aside, lifetime)), *eta)
+        (begun, strengths), eta = on_a_line(a, box)
+        return summed(list(orbits(begun, strengths, lifetime)), *eta)
 
 
 def on_a_line(a: Fraction, box: Sequence[Fraction]) -> tuple[Any, tuple[Any, ...]]:
     """Return the arguments of `orbits`, and of `summed`, for a box as in `second_variation`."""
     y, delta, *strengths = (ball(number) for number in box[:6])
-    strengths = list(zip(strengths[::2], strengths[1::2], strict=True))
-    shears = [ball(number) for number in box[6:8]] or [arb(0)] * len(strengths)
-    aside = [shear * width for shear, (_, width) in zip(shears, strengths, strict=True)]
-    before = 1 + strengths[0][0] / 2 * (1 if a == 0 else -1)  # equals η after the site
-    begun = (ball(a) - y, ball(a)), (before, arb(1)), (-delta, arb(0))
-    return (begun, strengths, aside), (before, 1.0, fmpq(1, 2))
+    k, widths = strengths[::2], strengths[1::2]
+    # Each strength is a parameter of its own.
+    kicks = [(x, [w if i == j else arb(0) for j, w in enumerate(widths)]) for i, x in enumerate(k)]
+    shears = [ball(number) for number in box[6:8]] or [arb(0)] * len(k)
+    moves = [delta, *(shear * width for shear, width in zip(shears, widths, strict=True))]
+    before = 1 + k[0] / 2 * (1 if a == 0 else -1)  # equals η after the site
+    begun = (ball(a) - y, ball(a)), (before, arb(1)), *((-move, arb(0)) for move in moves)
+    return (begun, kicks), (before, 1.0, fmpq(1, 2))
 
 
 def summed(sites: list[Any], before: Ball, first: float, share: Any = 1) -> Ball:
@@ -546,26 +646,27 @@ def summed(sites: list[Any], before: Ball, first: float, share: Any = 1) -> Ball
 
 
 def orbits(
-    begun: Any, strengths: Sequence[tuple[Ball, Ball]], aside: list[Ball], lifetime: int
+    begun: Any, strengths: Sequence[tuple[Ball, list[Ball]]], lifetime: int
 ) -> Iterator[tuple[Ball, list[Ball], list[Ball], Ball]]:
     """Yield balls for each site: κ cos 2πx = [0] + Σ f_i [1]_i + Σ σ_i² [2]_i ± [3] on the box.
 
     The f_i are the parameters σ_i, followed by the products of two different parameters.
 
-    begun : x, v and t, each at the site before the first and at the first. strengths : k and h of
-    each kick, beginning with the first site. aside : the change of x at the second site with each
-    strength; [] if all h are 0.
+    begun : x, v, and the change of x with each parameter, at the site before the first and at the
+    first. The first parameter is that of the initial condition. strengths : k and its change with
+    each of the other parameters, for each kick, beginning with the first site.
     """
     pi = arb.pi()
-    (x_last, x), (v_last, v), (t_last, t) = begun
+    (x_last, x), (v_last, v), *both = begun
     # First order in the parameters (initial condition and strengths), then second order.
-    moves_last, moves = [t_last, *(-move for move in aside)], [t] + [arb(0)] * len(aside)
+    moves_last, moves = [list(at) for at in zip(*both, strict=True)]
     pairs = list(combinations_with_replacement(range(len(moves)), 2))
     bends_last = bends = [arb(0)] * len(pairs)
     on_v = on_t = arb(0)  # |ρ| ≤ on_v |v| + on_t |t|
     for n in range(lifetime):
-        i = n % len(strengths)
-        k, width = strengths[i]
+        k, widths = strengths[n % len(strengths)]
+        changes = [arb(0), *widths]
+        width = sum(map(upper, widths), arb(0))
         sine, cosine = (2 * x).sin_cos_pi()
         # x - x̂ = ξ + Σ σ_iσ_j bends_ij + ρ, ξ = Σ σ_i moves_i
         t = moves[0]
@@ -576,13 +677,14 @@ def orbits(
         demand(largest < _MAX_SPREAD, f"after {n} kicks the orbits of a box are too far apart")
         squares = curved * (largest + straight)  # ≥ |(x - x̂)² - ξ²|
         products = [moves[a] * moves[b] * (1 if a == b else 2) for a, b in pairs]
-        # σ_i of this kick's strength, times ξ.
-        mixed = [moves[a + b - 1 - i] if aside and 1 + i in (a, b) else arb(0) for a, b in pairs]
-        linear = [-2 * pi * k * sine * move for move in moves]
-        if aside:
-            linear[1 + i] += width * cosine
+        # The change of this kick's strength, times ξ.
+        mixed = [changes[a] * moves[b] + (changes[b] * moves[a] if a < b else 0) for a, b in pairs]
+        linear = [
+            change * cosine - 2 * pi * k * sine * move
+            for change, move in zip(changes, moves, strict=True)
+        ]
         quadratic = [
-            -2 * pi * (k * (sine * bend + pi * cosine * product) + width * sine * other)
+            -2 * pi * (k * (sine * bend + pi * cosine * product) + sine * other)
             for bend, product, other in zip(bends, products, mixed, strict=True)
         ]
         crossed = [term for term, (a, b) in zip(quadratic, pairs, strict=True) if a != b]
@@ -592,7 +694,7 @@ def orbits(
             [term for term, (a, b) in zip(quadratic, pairs, strict=True) if a == b],
             upper(k) * (2 * pi * upper(sine) * rho + 2 * pi**2 * upper(cosine) * squares)
             + upper(k) * 4 * pi**3 / 3 * largest**3
-            # σ_i h_i times the change of cos 2πx, beyond the term with ξ
+            # The change of the strength times that of cos 2πx, beyond the term with ξ
             + width * 2 * pi * (upper(sine) * curved + pi * largest**2),
         )
         # By Cramer's rule, with the Wronskian v_n t_{n+1} - v_{n+1} t_n, the defect of the
@@ -612,10 +714,12 @@ def orbits(
         x_next = 2 * x - x_last + k * sine / (2 * pi)
         v_next = slope * v - v_last
         moves_next = [slope * move - last for move, last in zip(moves, moves_last, strict=True)]
-        if aside:
-            moves_next[1 + i] += width * sine / (2 * pi)
+        moves_next = [
+            move + change * sine / (2 * pi)
+            for move, change in zip(moves_next, changes, strict=True)
+        ]
         bends_next = [
-            slope * bend - last - pi * k * sine * product + width * cosine * other
+            slope * bend - last - pi * k * sine * product + cosine * other
             for bend, last, product, other in zip(bends, bends_last, products, mixed, strict=True)
         ]
         # Exact numbers replace the balls, which would grow; the defect includes this change.
@@ -809,10 +913,8 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
     u_j = Σ_ml C_jml T_m(σ) T_l(t); a polynomial of the modes k ≥ 0 represents a real function of φ.
     """
     rho, (omega, divisors, period) = arb(float.fromhex(data["rho"])), rotation(data["omega"])
-    single = {"tilt": [(0.0).hex()] * len(data["kappa"]), "scales": [(1.0).hex()] * 2}
-    kappa, tilt, (low, high) = (
-        [exact(x) for x in (single | data)[key]] for key in ("kappa", "tilt", "scales")
-    )
+    origin, kappa, tilt = fan(data)
+    low, high = map(exact, data.get("scales", [(1.0).hex()] * 2))
     long, fanned = "scales" in data, any(tilt)
     demand(0 <= low < high or not long, "scales are not an interval")
     demand(rho > 0 and 0 < len(kappa) == len(tilt), "rho or tilt does not match")
@@ -827,11 +929,11 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
         for m, rows in enumerate(numbers)
         for i, functions in enumerate(rows)
     }
-    kappa, tilt = ([ball(x) for x in row] for row in (kappa, tilt))
+    origin, kappa, tilt = ([ball(x) for x in row] for row in (origin, kappa, tilt))
     middle, half, high = ball((low + high) / 2), ball((high - low) / 2), ball(high)
 
     def strengths(s, t):
-        return [s * (a + t * b) for a, b in zip(kappa, tilt, strict=True)]
+        return [o + s * (a + t * b) for o, a, b in zip(origin, kappa, tilt, strict=True)]
 
     bounds = {m: [sizes(f) for f in row] for m, row in moves.items()}
     totals = [sum(column, arb_poly()) for column in zip(*bounds.values(), strict=True)]
@@ -865,14 +967,31 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
         missed = [arb.pos_inf() if varies else arb(0) for varies in (long, fanned)]
         for far in [arb(i) / 10 for i in range(1, 40)]:  # log r of the ellipse in σ, or in t
             out = far.cosh()
-            reach = (middle + half * out) * largest[j], high * (abs(kappa[j]) + abs(tilt[j]) * out)
+            reach = (
+                abs(origin[j]) + (middle + half * out) * largest[j],
+                abs(origin[j]) + high * (abs(kappa[j]) + abs(tilt[j]) * out),
+            )
             for axis in (0, 1):
                 grown = ((m[axis] * far).cosh() * 2 * row[j](r) for m, row in bounds.items())
                 B = reach[axis] / two_pi * (two_pi * (rho + sum(grown))).exp()
                 tail = 4 * B * (-points[axis] * far).exp() / (1 - (-far).exp())
                 missed[axis] = tail if tail < missed[axis] else missed[axis]
         errors[j] = missed[0] + constants[0] * (missed[1] + constants[1] * errors[j])
-    return conclusion([high * x for x in largest], rho, divisors, period, errors, n, p, k)
+    strongest = [abs(o) + high * x for o, x in zip(origin, largest, strict=True)]
+    return conclusion(strongest, rho, divisors, period, errors, n, p, k)
+
+
+def fan(data: Certificate) -> tuple[list[Fraction], list[Fraction], list[Fraction]]:
+    """Return o, κ and b of the forcings o + s(κ + tb) of a certificate."""
+    middle = [exact(x) for x in data["centre" if "plane" in data else "kappa"]]
+    tilt = [exact(x) for x in data.get("tilt", [(0.0).hex()] * len(middle))]
+    if "plane" not in data:
+        return [Fraction(0)] * len(middle), middle, tilt
+    origin, first, second = ([exact(x) for x in data["plane"][name]] for name in _PLANE)
+    kappa, beside = (
+        [a * f + b * g for f, g in zip(first, second, strict=True)] for a, b in (middle, tilt)
+    )
+    return origin, kappa, beside
 
 
 def lebesgue(n: int) -> Ball:

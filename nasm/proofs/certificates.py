@@ -5,6 +5,7 @@ from typing import Any, Protocol
 
 from nasm.checks import with_sha256
 from nasm.numbers import RotationNumber
+from nasm.planes import Plane
 from nasm.types import FloatArray
 
 __all__ = ["certificate"]
@@ -19,9 +20,15 @@ _STATEMENTS = {
     "Transport is global in a cell": (
         "252fcfc01d65f0889b4a0b174de5a6003b903e8f7f0525d1c64b8a26d954ebb8"
     ),
+    "Transport is global in a cell of a plane": (
+        "26a76f764f92e1fda7615db5a3c2133bbe50d04d1bcb0200040076dae86a84e0"
+    ),
     "A barrier exists": "39e7a1e397c5a92e49d751f8f00d1d304498a8c6402f591b2eea56ea3c2a93c2",
     "A barrier exists in a fan": (
         "6005a30ef68f1016cd6eb6f93af43ac9da23d17acad3487e6d00bf2b294f0fc2"
+    ),
+    "A barrier exists in a patch of a plane": (
+        "a10d1d000a629702e0ec991e8936f7aac412e70231025aac75e281e0c8ea1814"
     ),
 }
 
@@ -42,6 +49,7 @@ def certificate(
     half_width: tuple[float, ...] = (),
     omega: RotationNumber | None = None,
     scales: tuple[float, ...] = (),
+    plane: Plane | None = None,
 ) -> dict[str, Any]:
     """Return the certificate of a proof as a JSON-serializable dict.
 
@@ -63,6 +71,8 @@ def certificate(
         Rotation number of the barrier; None for transport.
     scales : tuple of float
         For a patch: the forcings are s·(kappa + t·half_width), scales[0] ≤ s ≤ scales[1], |t| ≤ 1.
+    plane : Plane, optional
+        The plane of which all these are coordinates.
 
     Raises
     ------
@@ -78,6 +88,9 @@ def certificate(
             forcings = f"({forcings} + t {_decimals(half_width)}), -1 <= t <= 1"
     elif any(half_width):
         domain = f"every forcing within {_decimals(half_width)} of"
+    if plane:
+        rows = map(_decimals, (plane.origin, plane.first, plane.second))
+        forcings += " in the plane {} + a {} + b {}".format(*rows)
     what = f"a rotational invariant circle of {omega} exists" if omega else "transport is global"
     claim = f"{what} under {domain} {forcings}"
     statement = {"name": theorem, "version": _VERSION, "sha256": _STATEMENTS[theorem]}
@@ -94,6 +107,19 @@ def in_hex(numbers: Iterable[float]) -> list[str]:
     ['0x1.0000000000000p-1', '0x1.999999999999ap-4']
     """
     return [number.hex() for number in numbers]
+
+
+def matrix_in_hex(plane: Plane) -> dict[str, list[str]]:
+    """Write the three vectors of a plane exactly.
+
+    Examples
+    --------
+    >>> from nasm.planes import two_kicks
+    >>> from nasm.proofs.certificates import matrix_in_hex
+    >>> matrix_in_hex(two_kicks())["first"]
+    ['0x1.0000000000000p+0', '0x0.0p+0']
+    """
+    return {name: in_hex(getattr(plane, name)) for name in ("origin", "first", "second")}
 
 
 def columns_in_hex(rows: FloatArray) -> list[str]:

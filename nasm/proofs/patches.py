@@ -2,7 +2,8 @@
 
 A patch consists of the forcings κ = s(a + tb), low ≤ s ≤ high, |t| ≤ 1. Patches with the same a
 and b, each beginning at the s where the previous one ended, fill a triangle with a corner at κ = 0,
-or, if b = 0, a segment of a ray. On each patch
+or, if b = 0, a segment of a ray. In a plane of origin o, κ = o + s(a + tb), and the corner is o. On
+each patch
 
     u_j(φ; s, t) = Σ_{m<Q, l<R} C_jml(φ) T_m(σ) T_l(t),    s = (low + high)/2 + σ (high - low)/2,
 
@@ -32,6 +33,7 @@ from nasm import circles
 from nasm.checks import real
 from nasm.maps import MAX_STRENGTH, MIN_SIZE, direction, forcing
 from nasm.numbers import RotationNumber, as_rotation_number
+from nasm.planes import Plane
 from nasm.proofs.barrier import (
     Ball,
     BarrierProof,
@@ -85,6 +87,7 @@ def proved_below(
     budget: float,
     tilt: ArrayLike | None = None,
     nearest: float = 1e-4,
+    plane: Plane | None = None,
 ) -> tuple[float, list[BarrierProof]]:
     """Prove that the circle of omega exists from scale 0 upwards, along a ray or in a triangle.
 
@@ -103,7 +106,10 @@ def proved_below(
     tilt : array_like, shape (P,), optional
         Required for a triangle, which consists of the rays profile + t·tilt, -1 ≤ t ≤ 1.
     nearest : float
-        Relative distance from the breakup, from 0 to 1, at which to stop.
+        Relative distance from the breakup at which to stop, from 0 to 1.
+    plane : Plane, optional
+        A plane of which profile and tilt are coordinates; s is counted from its origin. The proof
+        is about exactly the floats of plane, profile and tilt.
 
     Returns
     -------
@@ -137,13 +143,16 @@ def proved_below(
     real("nearest", nearest, 0, 1)
     need_flint()
     short, short_omega = profile, omega
-    if tilt is None:
+    if tilt is None and plane is None:
         (short,), short_omega = shorten([profile], omega)
     tilt = np.zeros(short.size) if tilt is None else forcing(tilt)
     if tilt.shape != short.shape:
-        raise ValueError(f"tilt={tilt.tolist()} must have a number for each kick of the profile")
+        raise ValueError(f"tilt={tilt.tolist()} must have a number for each one of the profile")
+    if plane and profile.shape != (2,):
+        raise ValueError(f"profile={profile.tolist()} must be two coordinates of the plane")
     about = {"omega": omega, "kappa": tuple(profile.tolist()), "tilt": tuple(tilt.tolist())}
     about |= {"short_omega": short_omega, "short_kappa": tuple(short.tolist())}
+    about["plane"] = plane
     reached, proofs, part, until, pace = (
         0.0,
         [],
@@ -188,7 +197,8 @@ def covered_up_to(intervals: Iterable[tuple[float, ...]]) -> float:
 def _proved_between(low: float, high: float, value: float, about: dict[str, Any]) -> BarrierProof:
     """Try to prove that the circle exists for low ≤ s ≤ high, below the breakup at `value`."""
     about = about | {"scales": (low, high)}
-    omega, profile, tilt = (about[key] for key in ("short_omega", "short_kappa", "tilt"))
+    omega, plane = about["short_omega"], about.get("plane")
+    origin, profile, tilt = _vectors(plane, about["short_kappa"], about["tilt"])
     middle, half, distance = (low + high) / 2, (high - low) / 2, 1 - high / value
     epsilon = (
         _RESIDUAL_AT_1_PERCENT
@@ -200,14 +210,14 @@ def _proved_between(low: float, high: float, value: float, about: dict[str, Any]
     most = min(2**16, 2 ** ceil(log2(128 + 32 / distance)))
 
     def circle(sigma: float, t: float) -> circles.InvariantCircle:
-        kappa = (middle + half * sigma) * (np.array(profile) + t * np.array(tilt))
+        kappa = origin + (middle + half * sigma) * (profile + t * tilt)
         return circles.invariant_circle(omega, kappa, most)
 
-    far = [circle(1.0, t) for t in _points(_TRIAL_NODES if any(tilt) else 1).tolist()]
+    far = [circle(1.0, t) for t in _points(_TRIAL_NODES if any(about["tilt"]) else 1).tolist()]
     if lost := [one.status.value for one in far if not one.certified]:
         return BarrierProof(False, f"not proved: a circle was not found: {lost[0]}", **about)
     n = fast_size(int(_GRID_FACTOR * max(grid_size(one.u) for one in far)))
-    R, starts = _points_across(far, n, epsilon / 10) if any(tilt) else 1, []
+    R, starts = _points_across(far, n, epsilon / 10) if any(about["tilt"]) else 1, []
     if max(Q, R) > MAX_NODES:
         return BarrierProof(False, "not proved: the patch is too wide", **about)
     for sigma in _points(Q).tolist():  # the points closest to the breakup come first
@@ -219,7 +229,8 @@ def _proved_between(low: float, high: float, value: float, about: dict[str, Any]
             starts.append(start.u)
     unit = floor(log2(epsilon / (1000 * n)))
     with ctx.workprec(128 if n < 2**18 else 160):
-        patch = _Patch(omega, profile, tilt, low, high, n, Q, R)
+        exact = _vectors(plane, about["short_kappa"], about["tilt"], arb)
+        patch = _Patch(omega, *exact[1:], low, high, n, Q, R, exact[0])
         modes = patch.circles(starts, epsilon)
         if modes is None:
             return BarrierProof(False, "not proved: Newton's method diverges", **about)
@@ -229,6 +240,23 @@ def _proved_between(low: float, high: float, value: float, about: dict[str, Any]
         outcome = patch.verified(coefficients, unit)
     coefficients = [coefficients[first : first + R] for first in range(0, Q * R, R)]
     return BarrierProof(**about, n=n, unit=unit, coefficients=coefficients, **outcome)
+
+
+def _vectors(
+    plane: Plane | None, profile: Sequence[float], tilt: Sequence[float], number: Any = float
+) -> tuple[Any, Any, Any]:
+    """Return o, a and b of the forcings o + s(a + tb) as arrays of floats, or of balls."""
+
+    def vector(row: Sequence[float]) -> Any:
+        return np.array([number(x) for x in row])
+
+    if plane is None:
+        return vector([0.0] * len(profile)), vector(profile), vector(tilt)
+    along, beside = (
+        number(a) * vector(plane.first) + number(b) * vector(plane.second)
+        for a, b in (profile, tilt)
+    )
+    return vector(plane.origin), along, beside
 
 
 def _points(Q: int) -> FloatArray:
@@ -285,29 +313,31 @@ def _above_rounding(coefficients: list[Any], Q: int, R: int) -> list[Any]:
 class _Patch:
     """The forcings of a patch at Q·R Chebyshev points, in ball arithmetic.
 
-    The patch consists of the forcings s(profile + t·tilt), low ≤ s ≤ high, |t| ≤ 1. Lists run
-    over all points, or all pairs of degrees; the index for t varies fastest.
+    The patch consists of the forcings origin + s(profile + t·tilt), low ≤ s ≤ high, |t| ≤ 1. Lists
+    run over all points, or all pairs of degrees; the index for t varies fastest.
     """
 
     def __init__(
         self,
         omega: RotationNumber,
-        profile: Sequence[float],
-        tilt: Sequence[float],
+        profile: Sequence[float | Ball],
+        tilt: Sequence[float | Ball],
         low: float,
         high: float,
         n: int,
         Q: int,
         R: int,
+        origin: Sequence[float | Ball] = (),
     ) -> None:
         if not (
             0 <= low < high
             and 1 < Q <= MAX_NODES
             and 1 <= R <= MAX_NODES
-            and (R > 1 or not any(tilt))
+            and (R > 1 or all(x == 0 for x in tilt))
         ):
             raise ValueError(f"low={low}, high={high}, Q={Q}, R={R} are out of range")
         self.profile, self.tilt = [arb(k) for k in profile], [arb(k) for k in tilt]
+        self.origin = [arb(k) for k in origin] or [arb(0)] * len(self.profile)
         self.shape = Q, R
         self.middle, self.half, self.high = (arb(low) + high) / 2, (arb(high) - low) / 2, arb(high)
         self.T = [_chebyshev(Q), _chebyshev(R)]
@@ -315,8 +345,8 @@ class _Patch:
         self.grids = []
         for row, across in product(*self.T):
             s, t = self.middle + self.half * row[1], across[1] if R > 1 else arb(0)
-            both = zip(self.profile, self.tilt, strict=True)
-            self.grids.append(grid.under([s * (a + t * b) for a, b in both]))
+            rows = zip(self.origin, self.profile, self.tilt, strict=True)
+            self.grids.append(grid.under([o + s * (a + t * b) for o, a, b in rows]))
         self.odd, self.turn = grid.odd, turns(omega, grid.sites, n // 2 + 1)
 
     def circles(self, starts: list[FloatArray], epsilon: float = 0.0) -> list[Any] | None:
@@ -370,13 +400,13 @@ class _Patch:
         # differ by at most π/2Q.
         steps = [[2 * (arb(m) / (4 * n)).sin_pi() for m in range(n)] for n in self.shape]
         apart = [a + b for a, b in product(*steps)]
-        kappa = [self.high * self._largest(j) for j in range(len(self.profile))]
+        kappa = [self._largest(j, self.high) for j in range(len(self.profile))]
         outcome = verified(self.grids, u, E, sizes, apart, kappa, self._between, _BOUND_FRACTION)
         return {key: outcome[key] for key in outcome if key != "estimated_ratio"}
 
-    def _largest(self, j: int, t: Ball | int = 1) -> Ball:
-        """Bound |κ_j| for s = 1 and |t| at most `t`."""
-        return abs(self.profile[j]) + abs(self.tilt[j]) * t
+    def _largest(self, j: int, s: Ball, t: Ball | int = 1) -> Ball:
+        """Bound |κ_j| for |s| and |t| at most `s` and `t`."""
+        return abs(self.origin[j]) + s * (abs(self.profile[j]) + abs(self.tilt[j]) * t)
 
     def _between(self, error: Ball, rho: Ball, norms: list[Ball], j: int) -> Ball:
         """Bound ‖E_j‖ for all σ and t, from its bound `error` at the points.
@@ -395,7 +425,7 @@ class _Patch:
                 axes = (r + 1 / r) / 2
                 s, t = (self.middle + self.half * axes, 1) if axis == 0 else (self.high, axes)
                 size = rho + sum((r**m + r**-m) / 2 * x for m, x in enumerate(sums))
-                B = s * self._largest(j, t) / two_pi * (two_pi * size).exp()
+                B = self._largest(j, s, t) / two_pi * (two_pi * size).exp()
                 bound = 4 * B * r**-count / (1 - 1 / r)
                 least = bound if bound < least else least
             misses.append(least)

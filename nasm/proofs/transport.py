@@ -31,7 +31,7 @@ IEEE arithmetic with rounding to nearest, gradual underflow and a fused fma, whi
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from functools import cache
@@ -243,7 +243,7 @@ def prove(kappa: ArrayLike, budget: float = 10.0) -> TransportProof:
     ----------
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first. After shortening, the map must be a twist map:
-        P = 1, or P = 2 with min |κ_i| < 2, or 2 < P ≤ 64 and the matrix of `_is_twist` positive
+        P = 1, or P = 2 with min |κ_i| < 2, or 2 < P ≤ 64 and the matrix of `is_twist` positive
         definite; otherwise the outcome is SCOPE. For P Σ|κ_j| < 0.1 it is WEAK.
     budget : float
         CPU seconds. At a relative distance of 10⁻³ beyond the breakup, a proof takes about 10⁻² s
@@ -285,14 +285,9 @@ def prove(kappa: ArrayLike, budget: float = 10.0) -> TransportProof:
     original_kappa, strengths = tuple(kappa.tolist()), tuple(short.tolist())
     if short.size * np.abs(short).sum() < _MIN_TOTAL_STRENGTH:
         return _unproved(Outcome.WEAK, original_kappa, strengths)
-    if short.size > MAX_PERIOD or not _is_twist(strengths):
+    if short.size > MAX_PERIOD or not is_twist(strengths):
         return _unproved(Outcome.SCOPE, original_kappa, strengths)
-    if len(strengths) > 2:
-        return _on_polygon(short, original_kappa, strengths, budget)
-    site = int(np.argmax(np.abs(short)))
-    a = 0.5 if short[site] > 0 else 0.0
-    proof, _ = _covered(original_kappa, strengths, site, np.array([[a, 0.0], [a, 0.5]]), budget)
-    return proof
+    return replace(curve_at(short, budget), original_kappa=original_kappa)
 
 
 def _unproved(
@@ -306,12 +301,7 @@ def _unproved(
     )
 
 
-def _on_polygon(
-    kappa: FloatArray,
-    original_kappa: tuple[float, ...],
-    strengths: tuple[float, ...],
-    budget: float,
-) -> TransportProof:
+def _on_polygon(kappa: FloatArray, budget: float) -> TransportProof:
     """Try to prove that transport is global under three or more kicks.
 
     A piece of the polygon is bent if the boxes that wait on it outnumber the kicks in which floats
@@ -319,12 +309,13 @@ def _on_polygon(
     remaining time.
     """
     _compile_search()
+    strengths = tuple(kappa.tolist())
     polygon, end = None, time.thread_time() + budget
     for curve, kicks in transversal.eliminated_transversals(kappa, _MAX_STEPS, end):
         longest, bent = transversal.longest_period(kicks / kappa.size), True
         while bent:
             points, pieces = _closed(curve.corners)
-            polygon = original_kappa, strengths, curve.site, points
+            polygon = strengths, strengths, curve.site, points
             remaining = end - time.thread_time()
             proof, crowded = _covered(*polygon, remaining, max(kicks, _MIN_CROWD))
             if crowded is None:
@@ -333,9 +324,23 @@ def _on_polygon(
             bent = 0 <= piece < len(curve.orbits) - 1 and curve.bend(piece, longest)
     if polygon is None:
         late = time.thread_time() > end
-        return _unproved(Outcome.BUDGET if late else Outcome.PRECISION, original_kappa, strengths)
+        return _unproved(Outcome.BUDGET if late else Outcome.PRECISION, strengths, strengths)
     proof, _ = _covered(*polygon, end - time.thread_time())
     return proof
+
+
+def curve_at(kappa: FloatArray, budget: float) -> TransportProof:
+    """Prove that transport is global on a curve that suits a forcing, which is not shortened.
+
+    Used for the curve: with this forcing at its centre, a cell of forcings may be proved on it.
+    """
+    if kappa.size > 2:
+        return _on_polygon(kappa, budget)
+    strengths = tuple(kappa.tolist())
+    site = int(np.argmax(np.abs(kappa)))
+    a = 0.5 if kappa[site] > 0 else 0.0
+    line = np.array([[a, 0.0], [a, 0.5]])
+    return _covered(strengths, strengths, site, line, budget)[0]
 
 
 @cache
@@ -357,7 +362,7 @@ def _closed(corners: FloatArray) -> tuple[FloatArray, list[int]]:
     return points[kept], (np.flatnonzero(kept)[1:] - 2).tolist()
 
 
-def _is_twist(kappa: tuple[float, ...]) -> bool:
+def is_twist(kappa: tuple[float | Fraction, ...]) -> bool:
     """Return True if, for some m, the kicks other than κ_m make x_{m+P} grow with x_{m+1}.
 
     They do if the matrix with 2 - |κ_j|, j = m + 1 … m + P - 1, on the diagonal and -1 next to the

@@ -1,8 +1,8 @@
 """Proved statements about forcings, and the certificates of the proofs, one file per tile.
 
 The cube `proved_barrier` contains proved bounds on rays. `proved_map` contains a quadtree of cells
-of the (κ1, κ2) plane in which transport is global. `proved_triangles` contains one triangle per
-tile, with a corner at κ = 0, in which a barrier exists. See nasm/proofs/README.md.
+of a plane in which transport is global. `proved_triangles` contains one triangle per tile, with a
+corner at the plane's origin, in which a barrier exists. See nasm/proofs/README.md.
 """
 
 import json
@@ -14,11 +14,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from nasm import periodic, proofs
+from nasm import periodic, proofs, symmetries
 from nasm.numbers import parse
-from nasm.planes import TWO_KICKS_AXES, Plane, plane_of
+from nasm.planes import Plane, plane_of, three_kicks, two_kicks
+from nasm.proofs.certificates import matrix_in_hex
+from nasm.types import FloatArray
 from pipeline.cubes.barrier import circle_arrays, job_of_barriers, with_circles
 from pipeline.cubes.breakdown import scale_arrays
 from pipeline.cubes.cube import (
@@ -37,13 +39,11 @@ from pipeline.cubes.warm_up import load_orbits
 Certificate: TypeAlias = dict[str, Any]
 """A JSON object, see nasm/proofs/README.md; `nasm.proofs.certificate_checker` checks it."""
 
-REACH = 1.125
-"""Largest strength of either kick in `proved_map`; CB_gt ends below it."""
-
 _MAX_RATIO = 100  # maximum ratio of unpacked to packed size; at most 27 for certificates
 _MAX_WINDOW = 2**26  # bytes of memory for unpacking; files of `pack_certificates` need 2**19
-_BLOCKS = 36  # tiles along an axis of a map
-_CORNERS = "kappa1_low", "kappa2_low", "kappa1_high", "kappa2_high"  # far corners of a triangle
+_BLOCKS = 36  # tiles along an axis of a map, at least
+_MARGIN, _STEP = 1.15, 8  # of a map beyond CB_gt, as a factor; its reach is a multiple of 1/_STEP
+_SWAP = True, 90  # the symmetry that exchanges the coordinates of a plane
 _STATES = {
     NOT_COMPUTED: "not_computed",
     proofs.cells.OPEN: "open",
@@ -123,91 +123,209 @@ def uncertified_rays(tile: xr.Dataset, certificates: Iterable[Certificate]) -> s
     return ""
 
 
-def proved_map(rays: Sequence[Sequence[float]], cells: int, seconds: float) -> Job:
+def proved_map(plane: Plane, rays: Sequence[Sequence[float]], cells: int, seconds: float) -> Job:
     """Return the Job of the cube `proved_map`: cells of forcings with global transport.
 
-    Tiles with κ2 > κ1 are not computed: they are images of the others (arXiv:1606.04824, Sec. III).
+    Tiles outside the plane's `wedge` are not computed: they are images of the others, for two kicks
+    those with κ2 > κ1 (arXiv:1606.04824, Sec. III). `everywhere` adds the images.
 
     Parameters
     ----------
+    plane : Plane
+        The plane of forcings.
     rays : sequence of (angle, scale)
-        Angles in degrees, from 0 to 45, and the scale of the last breakup at each angle; proofs are
-        tried near these points.
+        Angles in degrees, in the plane's wedge, and the scale of the last breakup at each angle;
+        proofs are tried near these points, and the map extends somewhat beyond them.
     cells : int
-        Number of cells per unit of κ at the finest level: 32 times a power of two.
+        Number of cells per unit of strength at the finest level, a power of two; 8 or more.
     seconds : float
         Limit on the CPU time for the proof of each cell.
 
     Examples
     --------
+    >>> from nasm.planes import two_kicks
     >>> from pipeline.cubes.proved import proved_map
-    >>> job = proved_map([(0.0, 1.0), (45.0, 1.2)], cells=64, seconds=1.0)
+    >>> job = proved_map(two_kicks(), [(0.0, 0.97), (45.0, 1.2)], cells=64, seconds=1.0)
     >>> dict(job.cube.template.sizes), job.cube.tile_counts
     ({'kappa2': 72, 'kappa1': 72}, (36, 36))
     """
-    n = round(REACH * cells)
-    axes = {
-        name: coordinate(name, (np.arange(n) + 0.5) / cells, TWO_KICKS_AXES[name])
-        for name in ("kappa2", "kappa1")
-    }
+    angles, scales = np.transpose(rays)
+    farthest = (scales * np.abs(symmetries.ray(plane.unfold(angles))).max(axis=-1)).max()
+    reach = int(np.ceil(_STEP * _MARGIN * farthest)) / _STEP
+    # With mirrors at both axes, the map begins at 0.
+    elements = {(mirrored, turn) for mirrored, turn, _ in plane.exact_symmetries}
+    begin = 0.0 if {(True, 0), (True, 180)} <= elements else -reach
+    width = max(2.0 ** np.floor(np.log2((reach - begin) / _BLOCKS)), 1 / cells)
+    at = begin + (np.arange(round((reach - begin) * cells)) + 0.5) / cells
+    axes = {name: coordinate(name, at, text) for name, text in reversed(plane.axes.items())}
     flags = flag_attributes(_STATES) | {"references": "nasm/proofs/README.md"}
     proved = blank(axes, "what is proved for all forcings of the cell", np.int8(0), **flags)
     title = "Forcings for which transport is proved to be global"
     template = xr.Dataset({"proved": proved}, axes, {"title": title})
-    settings = {"rays": rays, "cells": cells, "seconds": seconds}
-    cube = Cube("proved_map", template, dict.fromkeys(axes, n // _BLOCKS), settings)
-    warm_up = partial(proofs.transport_cells.prove_cell, (1.0, 0.5), 2.0**-8)
+    settings = plane.record | {"rays": rays, "cells": cells, "seconds": seconds}
+    cube = Cube("proved_map", template, dict.fromkeys(axes, round(width * cells)), settings)
+    warm_up = partial(_load_cells, plane)
     return Job(cube, _compute_cells, _predict_cells, warm_up)
+
+
+def _load_cells(plane: Plane) -> None:
+    """Compile the kernels of `_compute_cells`."""
+    proofs.transport_cells.prove_cell((1.0, 0.5), 2.0**-8)
+    if plane != two_kicks():
+        proofs.transport_cells.prove_cell_of_plane(three_kicks(0.5), (0.75, 0.5), 2.0**-8)
 
 
 def _compute_cells(coords: Coords, settings: Settings) -> Arrays:
     """Prove that transport is global in cells of a tile."""
-    n, size = coords["kappa1"].size, 1 / settings["cells"]
-    low1, low2 = (round(coords[name][0] - size / 2, 9) for name in ("kappa1", "kappa2"))
-    if low2 > low1:
+    plane, size = plane_of(settings), 1 / settings["cells"]
+    name_a, name_b = plane.axes
+    n = coords[name_a].size
+    a, b = (round(float(coords[name][0] - size / 2), 9) for name in (name_a, name_b))
+    if not proofs.cells.in_wedge(plane, a + n * size / 2, b + n * size / 2):
         return {"proved": np.full((n, n), NOT_COMPUTED, np.int8)}
     depth = n.bit_length() - 1
     proved, cell_proofs = proofs.proved_cells(
-        (low1, low2), n * size, depth, settings["rays"], settings["seconds"]
+        plane, (a, b), n * size, depth, settings["rays"], settings["seconds"]
     )
-    if low1 == low2:  # cells on one side of the diagonal are images of those on the other
-        proved = np.where(np.tri(n, dtype=bool), proved.T, proved)
+    if a == b and _swaps(plane):  # cells on one side of the diagonal have images here
+        proved = np.maximum(proved, proved.T)  # TRANSPORT is larger than OPEN
     return {"proved": proved} | pack_certificates(cell_proofs)
+
+
+def _swaps(plane: Plane) -> bool:
+    """Return whether exchanging the coordinates of the plane is a symmetry."""
+    return _SWAP in {(mirrored, turn) for mirrored, turn, _ in plane.exact_symmetries}
 
 
 def uncertified_cells(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
     """Return a message about proved cells that no certificate covers; "" if all are covered.
 
-    A cell beyond the diagonal is proved by the certificate of its image, with κ1 and κ2 exchanged.
+    If exchanging the coordinates is a symmetry of the plane, the certificate of the image of a cell
+    proves the cell, too.
     """
-    kappa1, kappa2 = np.meshgrid(tile.kappa1, tile.kappa2)
-    certified, half = np.zeros(kappa1.shape, bool), 0.5 / tile.attrs["cells"]
+    plane = plane_of(tile.attrs)
+    a, b = np.meshgrid(*(tile[name] for name in plane.axes))
+    certified, half = np.zeros(a.shape, bool), 0.5 / tile.attrs["cells"]
+    images = ((a, b), (b, a)) if _swaps(plane) else ((a, b),)
     for certificate in certificates:
-        (k1, k2), (h1, h2) = (floats_of(certificate, f) for f in ("kappa", "half_width"))
-        for first, second in ((kappa1, kappa2), (kappa2, kappa1)):
+        middle = "centre" if plane != two_kicks() else "kappa"
+        if certificate.get("plane") != (matrix_in_hex(plane) if plane != two_kicks() else None):
+            continue
+        (k1, k2), (h1, h2) = (floats_of(certificate, field) for field in (middle, "half_width"))
+        for first, second in images:
             certified |= (np.abs(first - k1) + half <= h1) & (np.abs(second - k2) + half <= h2)
     proved = (tile.proved == proofs.cells.TRANSPORT).values
     n = np.count_nonzero(proved & ~certified)
     return f"proved cells that no certificate covers: {n}" if n else ""
 
 
+def everywhere(cube: xr.Dataset, barrier: xr.Dataset) -> xr.Dataset:
+    """Return the cells of the whole plane, images included.
+
+    Images are those under the `exact_symmetries` of the plane.
+
+    Parameters
+    ----------
+    cube : xr.Dataset
+        The cube `proved_map`.
+    barrier : xr.Dataset
+        CB_gt in the plane's wedge, as from `barrier.unfolded`.
+
+    Returns
+    -------
+    xr.Dataset, dims (second coordinate, first coordinate)
+        `proved` is True where transport is proved; `excess` is the relative distance beyond CB_gt;
+        `outside_theorem` is True where the theorem for three kicks or more does not apply.
+
+    Examples
+    --------
+    >>> from nasm.planes import two_kicks
+    >>> from pipeline.cubes.barrier import boundary
+    >>> from pipeline.cubes.proved import everywhere, proved_map
+    >>> barrier = boundary([0.0, 22.5, 45.0], tol=1e-2)
+    >>> cube = proved_map(two_kicks(), [(0.0, 0.97), (45.0, 1.2)], cells=64, seconds=1.0).cube
+    >>> whole = everywhere(cube.filled({}).assign_attrs(cube.attributes), barrier)
+    >>> dict(whole.sizes), int(whole.proved.sum())
+    ({'kappa2': 144, 'kappa1': 144}, 0)
+    """
+    plane, half = plane_of(cube.attrs), 0.5 / cube.attrs["cells"]
+    names = list(plane.axes)
+    here = (cube.proved.transpose(*names) == proofs.cells.TRANSPORT).values
+    at, first = cube[names[0]].values, float(cube[names[0]][0])
+    at = np.concatenate([-at[::-1], at]) if first > 0 else at
+    a, b = np.meshgrid(at, at)  # indexed by b and a
+    proved = np.zeros(a.shape, bool)
+    for mirrored, turn, _ in plane.exact_symmetries:
+        cos, sin = round(np.cos(np.deg2rad(turn))), round(np.sin(np.deg2rad(turn)))
+        c = -b if mirrored else b
+        image = np.stack([cos * a - sin * c, sin * a + cos * c])
+        index = np.rint((image - first) / (2 * half)).astype(int)
+        inside = ((index >= 0) & (index < np.array(here.shape)[:, None, None])).all(axis=0)
+        proved[inside] |= here[index[0][inside], index[1][inside]]
+    known = barrier.dropna("angle", subset=["critical_scale"])
+    rays = list(zip(known.angle.values, known.critical_scale.values, strict=True))
+    excess = -proofs.cells.distance(plane, rays, a, b)
+    variables = {
+        "proved": proved,
+        "excess": excess,
+        "outside_theorem": outside_theorem(plane, a, b, half),
+    }
+    dims = names[::-1]
+    arrays = {name: (dims, array) for name, array in variables.items()}
+    return xr.Dataset(arrays, dict.fromkeys(names, at), cube.attrs)
+
+
+def outside_theorem(
+    plane: Plane, a: FloatArray, b: FloatArray, half_width: float
+) -> NDArray[np.bool_]:
+    """Find the cells to which the theorem on transport under several kicks does not apply.
+
+    Rounding is ignored: the answer is for captions.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from nasm.planes import three_kicks
+    >>> from pipeline.cubes.proved import outside_theorem
+    >>> outside_theorem(three_kicks(0.2), np.array([1.0, 1.75]), np.array([1.0, 1.75]), 0.01)
+    array([False,  True])
+    """
+    spread = half_width * (np.abs(plane.first) + np.abs(plane.second))
+    diagonal = 2 - np.abs(plane.forcing(a, b)) - spread
+    applies = np.zeros(a.shape, bool)
+    for m in range(diagonal.shape[-1]):
+        entries = np.roll(diagonal, -m, axis=-1)[..., 1:]
+        minor, last, positive = np.ones(a.shape), np.zeros(a.shape), np.ones(a.shape, bool)
+        for entry in np.moveaxis(entries, -1, 0):
+            minor, last = entry * minor - last, minor
+            positive &= minor > 0
+        applies |= positive
+    return ~applies
+
+
 def _predict_cells(coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds: a twentieth of the limit per cell of the finest level near CB_gt."""
-    kappa1, kappa2 = np.meshgrid(coords["kappa1"], coords["kappa2"])
-    distance = proofs.cells.distance(settings["rays"], kappa1, kappa2)
-    size = 1 / settings["cells"]
-    is_tried = (distance < size) & (distance > -0.012 - size) & (kappa2 <= kappa1)
-    return 0.01 + 0.05 * settings["seconds"] * np.count_nonzero(is_tried)
+    """Predict CPU seconds: a twentieth of the limit per cell of the finest level near CB_gt.
+
+    A cell of another plane than that of two kicks takes about ten times as long, with its curve.
+    """
+    plane, size = plane_of(settings), 1 / settings["cells"]
+    a, b = np.meshgrid(*(coords[name] for name in plane.axes))
+    if not proofs.cells.in_wedge(plane, a.mean(), b.mean()):
+        return 0.01
+    distance = proofs.cells.distance(plane, settings["rays"], a, b)
+    is_tried = (distance < size) & (distance > -0.012 - size)
+    each = 0.05 if plane == two_kicks() else 0.5
+    return 0.01 + each * settings["seconds"] * np.count_nonzero(is_tried)
 
 
 def proved_triangles(
-    rays: Sequence[Sequence[float]], circles: Sequence[str], nearest: float
+    plane: Plane, rays: Sequence[Sequence[float]], circles: Sequence[str], nearest: float
 ) -> Job:
     """Return the Job of the cube `proved_triangles`: triangles of forcings with a barrier.
 
     Parameters
     ----------
-    rays : sequence of (angle, scale)
+    plane, rays
         As for `proved_map`.
     circles : sequence of str
         ω of the last circle on each ray, as a string; "" where it is unknown.
@@ -216,16 +334,33 @@ def proved_triangles(
     """
     angles, scales = map(np.array, zip(*rays, strict=True))
     triangles = proofs.triangles(angles, scales, circles, nearest / 4)
-    axes = {"triangle": coordinate("triangle", np.arange(len(triangles)), "from the axis on")}
+    axes = {"triangle": coordinate("triangle", np.arange(len(triangles)), "in order of angle")}
     long_name = "part of the way to the far side up to which a barrier is proved to exist"
     variables = {"proved_below": blank(axes, long_name, references="nasm/proofs/README.md")}
-    for name in _CORNERS:
+    for name in corner_names(plane):
         variables[name] = blank(axes, f"{name} of the triangle's corners")
-    title = "Triangles of forcings, the first corner being 0, in which a barrier is proved to exist"
+    title = (
+        "Triangles of forcings, the first corner being the plane's origin, in which a barrier is "
+        "proved to exist"
+    )
     template = xr.Dataset(variables, axes, {"title": title})
-    settings = {"triangles": triangles, "nearest": nearest}
+    settings = plane.record | {"triangles": triangles, "nearest": nearest}
     cube = Cube("proved_triangles", template, {"triangle": 1}, settings)
-    return Job(cube, _compute_triangle, lambda *_: 2 * _seconds(nearest), _load_triangles)
+    seconds = 2 * _seconds(plane, nearest)
+    return Job(cube, _compute_triangle, lambda *_: seconds, _load_triangles)
+
+
+def corner_names(plane: Plane) -> list[str]:
+    """Return the names of the coordinates of the far corners of a triangle.
+
+    Examples
+    --------
+    >>> from nasm.planes import two_kicks
+    >>> from pipeline.cubes.proved import corner_names
+    >>> corner_names(two_kicks())
+    ['kappa1_low', 'kappa2_low', 'kappa1_high', 'kappa2_high']
+    """
+    return [f"{name}_{end}" for end in ("low", "high") for name in plane.axes]
 
 
 def _load_triangles() -> None:
@@ -234,38 +369,46 @@ def _load_triangles() -> None:
     proofs.proved_below("gamma", (0.5, 0.1), 1.0, 1e-3, (0.0, 0.1))
 
 
-def _seconds(nearest: float) -> float:
+def _seconds(plane: Plane, nearest: float) -> float:
     """Estimate the CPU seconds that a triangle takes; those next to a cusp take longer."""
-    return 1 + 7 * (0.1 / nearest) ** 1.95
+    return (1 + 7 * (0.1 / nearest) ** 1.95) * (max(len(plane.origin), 2) / 2) ** 2.5
 
 
 def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
     """Prove that a barrier exists in the triangle of a tile."""
     (triangle,) = coords["triangle"]
     low, high, circles = settings["triangles"][triangle]
+    plane, nearest = plane_of(settings), settings["nearest"]
     middle, tilt = np.add(high, low) / 2, np.subtract(high, low) / 2
     proved: list[proofs.BarrierProof] = []
     scale, value = 0.0, 0.0
+    origin = plane.forcing(0.0, 0.0)
+    start = origin if origin.any() else None
     for omega in (parse(text) for text in circles if text):
-        across = [middle + t * tilt for t in np.linspace(-1, 1, 7)]
-        least = min(periodic.critical_scale(omega, kappa).value for kappa in across)
+        across = [plane.forcing(*(middle + t * tilt)) - origin for t in np.linspace(-1, 1, 7)]
+        least = min(periodic.critical_scale(omega, k, start=start).value for k in across)
         if least > value:
             circle, value = omega, least
     if value > 0:
-        distance = 0.68 * settings["nearest"]  # the last proof may end a tenth short of this
-        budget = 4 * _seconds(settings["nearest"])  # a busy machine may take twice as long
-        scale, proved = proofs.proved_below(circle, middle, value, budget, tilt, distance)
-    corners = dict(zip(_CORNERS, np.array([*low, *high])[:, None], strict=True))
+        distance = 0.68 * nearest  # the last proof may end a tenth short of this
+        budget = 4 * _seconds(plane, nearest)  # a busy machine may take twice as long
+        within = None if plane == two_kicks() else plane
+        scale, proved = proofs.proved_below(circle, middle, value, budget, tilt, distance, within)
+    corners = dict(zip(corner_names(plane), np.array([*low, *high])[:, None], strict=True))
     return corners | {"proved_below": np.array([scale])} | pack_certificates(proved)
 
 
 def uncertified_triangle(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
     """Return a message if the certificates do not reach `proved_below`; "" if they do."""
     tile, intervals = tile.load().isel(triangle=0), []
-    low, high = np.reshape([tile[name] for name in _CORNERS], (2, 2))
+    plane = plane_of(tile.attrs)
+    matrix = None if plane == two_kicks() else matrix_in_hex(plane)
+    low, high = np.reshape([tile[name] for name in corner_names(plane)], (2, 2))
     for certificate in certificates:
-        kappa, tilt, scales = (floats_of(certificate, f) for f in ("kappa", "tilt", "scales"))
-        if kappa == tuple((low + high) / 2) and tilt == tuple((high - low) / 2):
+        middle = "kappa" if matrix is None else "centre"
+        kappa, tilt, scales = (floats_of(certificate, f) for f in (middle, "tilt", "scales"))
+        is_here = kappa == tuple((low + high) / 2) and tilt == tuple((high - low) / 2)
+        if is_here and certificate.get("plane") == matrix:
             intervals.append(scales)
     if float(tile.proved_below) > proofs.covered_up_to(intervals):
         return f"triangle {int(tile.triangle)} has no certificates to where it is called proved"
@@ -344,7 +487,8 @@ def seconds_to_check(certificate: Certificate) -> float:
     degrees = certificate["moves"]["numbers"]
     functions = [function for across in degrees for each in across for function in each]
     size = max(len(part) for function in functions for part in function)
-    across, n_kicks = max(map(len, degrees)), len(certificate["kappa"])
+    rows = certificate.get("plane", {"origin": certificate.get("kappa")})
+    across, n_kicks = max(map(len, degrees)), len(rows["origin"])
     nodes = len(degrees) * (across + 1 if across > 1 else 1)
     inverses = 240 if across > 1 else 30 if "scales" in certificate else 4
     return 1e-4 * n_kicks * size * (nodes + inverses)

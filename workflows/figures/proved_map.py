@@ -1,13 +1,13 @@
 """The map of forcings for which global transport, or the existence of a barrier, is proved."""
 
-from itertools import product
-
 import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from workflows.figures.style import COLOURS, has_flag, outer_legend, panels
+from nasm.planes import plane_of
+from workflows.figures.planes import label_plane
+from workflows.figures.style import COLOURS, outer_legend, panels
 
 _LEGEND = {
     "open": "0.9",
@@ -16,57 +16,55 @@ _LEGEND = {
 }
 
 
-def draw_proved_map(cube, triangles, barrier):
-    """Draw the four quadrants of the plane, and CB_gt, computed by residues, as a line.
+def draw_proved_map(whole, triangles, barrier):
+    """Draw the plane with all images under its symmetries, and CB_gt by residues as a line.
 
-    cube : `proved_map`; its half κ2 > κ1 is filled by reflection. triangles : `proved_triangles`.
-    barrier : CB_gt from 0° to 45°.
+    whole : cells of the whole plane. triangles : `proved_triangles`. barrier : CB_gt in the part of
+    the plane whose images are the whole.
     """
-    proved = _transport(cube)
-    whole = np.block([[proved[::-1, ::-1], proved[::-1]], [proved[:, ::-1], proved]])
-    figure, (axes,) = panels(1, 1, 7.5, 7.4)
-    reach = float(cube.kappa1[-1] + cube.kappa1[0])
+    plane, figure, (axes,) = plane_of(whole.attrs), *panels(1, 1, 7.5, 7.4)
+    reach = float(whole[whole.proved.dims[0]][-1]) + 0.5 / whole.attrs["cells"]
     style = {"origin": "lower", "extent": 2 * (-reach, reach), "interpolation": "nearest"}
-    axes.imshow(whole, cmap=ListedColormap([*_LEGEND.values()][:2]), vmin=0, vmax=1, **style)
-    rays, corners = _rays(barrier), _corners(triangles)
-    line = np.concatenate([rays, rays[::-1, ::-1]])
-    for signs in product((1, -1), repeat=2):
-        for sides, one in product(([0, 1], [1, 0]), corners):
-            axes.fill(*(signs * one[:, sides]).T, color=COLOURS[0], lw=0, aa=False)
-        axes.plot(*(signs * line).T, color="black", lw=0.8)
-    axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
+    axes.imshow(whole.proved, cmap=ListedColormap([*_LEGEND.values()][:2]), vmin=0, vmax=1, **style)
+    corners, rays = _corners(triangles, plane), _rays(barrier)
+    for mirrored, turn, _ in plane.exact_symmetries:
+        for one in corners:
+            axes.fill(*_image(one, mirrored, turn).T, color=COLOURS[0], lw=0, aa=False)
+    for mirrored, turn, _ in plane.exact_symmetries:
+        axes.plot(*_image(rays, mirrored, turn).T, color="black", lw=0.8)
+    label_plane(axes, barrier)
+    axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
     patches = [Patch(color=colour, label=label) for label, colour in _LEGEND.items()]
     patches.append(Line2D([], [], color="black", lw=0.8, label=r"$\mathit{CB}_{gt}$ by residues"))
     outer_legend(figure, 2, 1, "upper", handles=patches, frameon=False, fontsize=None)
     return figure
 
 
-def _transport(cube):
-    """Return an array (κ2, κ1), True where transport is proved; half of it is a reflection."""
-    proved = np.triu(has_flag(cube.proved, "transport_is_global"))
-    return proved | proved.T
+def _image(points, mirrored, turn):
+    """Return the image of points (n, 2) under a symmetry, as `Plane.symmetries` lists it."""
+    angle = np.deg2rad(turn)
+    cos, sin = round(np.cos(angle)), round(np.sin(angle))
+    a, b = points[:, 0], -points[:, 1] if mirrored else points[:, 1]
+    return np.stack([cos * a - sin * b, sin * a + cos * b], -1)
 
 
 def _rays(barrier):
-    return np.stack([barrier.kappa1, barrier.kappa2], -1)
+    return np.stack([barrier[name] for name in plane_of(barrier.attrs).axes], -1)
 
 
-def _corners(triangles):
+def _corners(triangles, plane):
     """Return the corners (n, 3, 2) of the proved parts of the triangles."""
-    names = [[f"kappa{i}_{end}" for i in (1, 2)] for end in ("low", "high")]
-    far = np.array([[triangles[name].values for name in row] for row in names])
+    names = [f"{name}_{end}" for end in ("low", "high") for name in plane.axes]
+    far = np.reshape([triangles[name].values for name in names], (2, 2, -1))
     far = np.moveaxis(triangles.proved_below.values * far, 2, 0)
     return np.concatenate([np.zeros_like(far[:, :1]), far], axis=1)
 
 
-def proved_map_caption(cube, triangles, barrier):
+def proved_map_caption(whole, triangles, barrier):
     """Describe how close to CB_gt the proofs come on either side; arguments as for the figure."""
-    proved, rays = _transport(cube), _rays(barrier)
-    kappa1, kappa2 = np.meshgrid(cube.kappa1, cube.kappa2)
-    angle = np.rad2deg(np.arctan2(kappa2, kappa1))
-    excess = np.hypot(kappa1, kappa2) / np.interp(angle, barrier.angle, barrier.critical_scale) - 1
-
-    there = (excess > 0) & (kappa2 <= kappa1)
+    plane, rays = plane_of(whole.attrs), _rays(barrier)
+    proved, excess = whole.proved.values, whole.excess.values
+    there = excess > 0
     open_ = 100 * excess[there & ~proved]
     within = "No cell is open there."
     if open_.size:
@@ -75,16 +73,23 @@ def proved_map_caption(cube, triangles, barrier):
             f"Half of the open cells there are within {half:.3g}% of the boundary, 95% within "
             f"{most:.3g}%, all within {last:.3g}%."
         )
+    if len(plane.origin) > 2 and open_.size:
+        beyond = 100 * whole.outside_theorem.values[there & ~proved].mean()
+        within += (
+            f" To {beyond:.0f}% of them the theorem does not apply, because strong kicks follow "
+            "each other."
+        )
     share = 100 * proved[there].mean()
     # Scales at which the proved triangles end on the rays of CB_gt, relative to CB_gt.
     ends = np.zeros(len(rays))
-    for _, low, high in _corners(triangles):
-        at = np.linalg.solve(np.stack([low, high], 1) + 1e-300 * np.eye(2), rays.T)
-        ends = np.where((at >= -1e-9).all(axis=0), np.maximum(ends, 1 / at.sum(axis=0)), ends)
+    for _, low, high in _corners(triangles, plane):
+        parts = np.linalg.solve(np.stack([low, high], 1) + 1e-300 * np.eye(2), rays.T)
+        inside = (parts >= -1e-9).all(axis=0)
+        ends = np.where(inside, np.maximum(ends, 1 / parts.sum(axis=0)), ends)
     half, most, last = 100 * (1 - np.quantile(ends, [0.5, 0.05, 0]))
     return (
         f"Transport is proved to be global for every forcing in {share:.1f}% of the area shown "
-        f"outside CB_gt (line, by residues), in cells down to 1/{cube.attrs['cells']}. {within} A "
+        f"outside CB_gt (line, by residues), in cells down to 1/{whole.attrs['cells']}. {within} A "
         f"barrier is proved to exist in {triangles.sizes['triangle']} triangles with a corner at 0 "
         f"and their images: on half of the rays of CB_gt to {half:.3g}% below it, on 95% to "
         f"{most:.3g}%, on all to {last:.3g}%."
