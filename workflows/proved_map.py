@@ -5,8 +5,9 @@ boundary; barriers in triangles with a corner at the plane's origin. `nasm/proof
 theorems. In open cells neither is proved. Images under the symmetries of the plane are added.
 
 Three cubes and a figure in OUT; needs the extra `proof`. The defaults take about two CPU minutes.
-In planes of three kicks or more, cells take some ten times as long as in that of two kicks, and
-triangles grow slower with the number of kicks.
+In other planes, choose larger cells and distances: `--plane pairs:1/3 --cells 32 --cpu-seconds 0.2
+--distance 0.3` takes five CPU minutes. Under three kicks or more, transport is proved only where
+strong kicks do not follow each other too closely.
 """
 
 from workflows.shared.cli import choice, command, plane_option, preset, real, sweeps

@@ -13,6 +13,9 @@ long, and the threshold should be lowest at the delay whose weakest resonance is
 The delays τ and 1 - τ are equivalent, by time reversal; so are (K, K_α), (K_α, K) and (-K, -K_α),
 and (K, -K_α) if q is even.
 
+`proved_map --plane pairs:1/3` proves on which forcings of such a plane transport is global, or a
+barrier exists.
+
 Cubes, two tables and two figures in OUT. The defaults take about four CPU minutes.
 """
 
