@@ -9,7 +9,9 @@ import signal
 import subprocess
 import sys
 import tomllib
+from collections import defaultdict
 from contextlib import chdir, suppress
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -180,20 +182,27 @@ def shell_lines(page):
 WITH_SHELL = [page for page in DOCUMENTS if shell_lines(page)]
 
 
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Return {command: folder}; pages whose first commands are the same share what it computes."""
+    return defaultdict(partial(tmp_path_factory.mktemp, "page"))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_SHELL, ids=lambda path: path.stem)
-def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
+def test_the_shell_lines_of_a_page_run_in_order(page, folders):
     """All lines run in one folder, which contains the page's JSON as a file.
 
     The processes of the cluster run on this machine. The explorer's page is requested once, then
     the explorer is stopped with Ctrl-C. The sweep on the cluster computes only a few rays; the main
     job, which the README runs earlier, computes as many rays as a user would.
     """
+    folder = folders[shell_lines(page)[0]]
     for block in blocks("json", page.read_text(encoding="utf-8")):
-        (tmp_path / "doubled.json").write_text(block, encoding="utf-8")
+        (folder / "doubled.json").write_text(block, encoding="utf-8")
     script = []
     for line in shell_lines(page):
-        line = line.replace("/shared", str(tmp_path)).replace("--nworkers 16", "--nworkers 2")
+        line = line.replace("/shared", str(folder)).replace("--nworkers 16", "--nworkers 2")
         if "--scheduler " in line:
             line = line.partition("#")[0] + " --n-rays 9 --n-cusp-rays 0"
         if line.startswith("dask "):
@@ -203,16 +212,16 @@ def test_the_shell_lines_of_a_page_run_in_order(page, tmp_path):
         else:
             script.append(line)
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    with (tmp_path / "log").open("w") as log:
+    with (folder / "log").open("w") as log:
         shell = subprocess.Popen(
             ["bash", "-euc", "\n".join(script)],
             stdout=log,
             stderr=log,
-            cwd=tmp_path,
+            cwd=folder,
             env=os.environ | {"PATH": path, "BROWSER": "true"},  # the command `true` opens no page
             start_new_session=True,
         )
         code = shell.wait()
         with suppress(ProcessLookupError):  # end the scheduler and its workers
             os.killpg(shell.pid, signal.SIGTERM)
-    assert code == 0, (tmp_path / "log").read_text()[-3000:]
+    assert code == 0, (folder / "log").read_text()[-3000:]
