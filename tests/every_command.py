@@ -23,7 +23,7 @@ PLANE = "--first 0:1.1:8 --second 0:1.1:8 --n-max 100 --n-orbits 4"
 RAYS = "--n-rays 2 --n-cusp-rays 0"
 SMALLEST = {
     "circle_boundaries": f"{RAYS} --tol 0.1 --q-max 100 --omega gamma --omega 2gamma",
-    "claims": "--n-rays 3 --n-cusp-rays 0 --tol 0.01 --n-max 10000 --n-orbits 10",
+    "claims": "--n-rays 3 --n-cusp-rays 0 --n-image-rays 1 --tol 0.01 --n-max 10000 --n-orbits 10",
     "convergence": "--quick --n-max 1000 --n-orbits 10",
     "critical_boundary": f"{PLANE} --levels 2 --tile 2 --n-rays 3 --n-cusp-rays 0 --tol 0.1",
     "diffusion": "--quick --n-max 8192",

@@ -14,6 +14,7 @@ from workflows.shared.cli import command, real, sweeps, whole
 @command()
 @whole("--n-rays", 91, 3, 10**5, "Rays from 0 to 45 degrees.")
 @whole("--n-cusp-rays", 24, 0, 1000, "Extra rays, 5 to 0.01 degrees below the cusp at 45.")
+@whole("--n-image-rays", 6, 1, 1000, "Rays per 45 degrees up to 180, for images and for tori.")
 @real("--tol", 1e-4, 1e-5, 0.01, "Target width of the bracket of CB_gt, relative to the scale.")
 @whole("--n-max", 1_000_000, 10_000, 10**8, "Steps of direct iteration.")
 @whole("--n-orbits", 1000, 10, 10**5, "Orbits of direct iteration.")

@@ -22,7 +22,6 @@ from workflows.shared.judgement import Verdict
 from workflows.shared.rays import PAPER_CIRCLES, by_phase, with_ratio
 from workflows.shared.tables import dataset
 
-_STEP = 7.5  # degrees between the rays around the half plane, for mirror images and tori
 _OFF = {
     "printed_off": "error of the printed form",
     "corrected_off": "error of the corrected form",
@@ -32,9 +31,9 @@ _TORUS = "1705/3136,2631/3136"
 _THREE = {phase: rotating("1/3", phase) for phase in ("0", "1/24", "1/12")}
 
 
-def planned(n_rays, n_cusp_rays, tol, n_max, n_orbits):
+def planned(n_rays, n_cusp_rays, n_image_rays, tol, n_max, n_orbits):
     """Return the jobs of all sweeps, {name: job}, and the rays of the plane."""
-    around = np.arange(0, 180 + _STEP, _STEP)
+    around = np.linspace(0, 180, 4 * n_image_rays + 1)
     spread = (
         np.linspace(0, 45, n_rays),
         45 - geometric(5, 0.01, n_cusp_rays),

@@ -42,8 +42,8 @@ Decorator = Callable[[Any], Any]
 COMMON: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 # Options that are rarely needed.
 _ADVANCED = (
-    *("follow", "max_cpu_seconds", "n_cusp_rays", "picture_angle", "precision", "release"),
-    *("scheduler", "store", "tile", "tls", "yes"),
+    *("follow", "max_cpu_seconds", "n_cusp_rays", "n_image_rays", "picture_angle", "precision"),
+    *("release", "scheduler", "store", "tile", "tls", "yes"),
 )
 _ARGUMENTS, _LINE = "workflows.arguments", "workflows.line"  # keys in the `meta` of a context
 version = click.version_option(__version__, message="nasm %(version)s")
