@@ -18,6 +18,7 @@ from . import planes as planes
 from . import proofs as proofs
 from . import results as results
 from . import self_consistent as self_consistent
+from . import snapshot as snapshot
 from . import sources as sources
 from . import survivors as survivors
 from . import symmetries as symmetries

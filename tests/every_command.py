@@ -42,6 +42,7 @@ SMALLEST = {
     "ripple_spectrum": "--max-denominator 2 --frequency 1/3 --depth 0.3 --tol 0.1 --n-predicted 4",
     "rotating": "--n-rays 2 --n-cusp-rays 0 --n-max 64 --n-orbits 4",
     "self_consistent": "--coupling 0.5 --n-particles 256 --n-max 4096",
+    "snapshot_tori": "--quick",
     "stability": "--quick",
     "three_kicks": "--n-rays 2 --n-cusp-rays 0 --tol 0.1 --phase 0",
     "tolerance": "--quick --n-forcings 10 --n-climbs 2",

@@ -23,6 +23,7 @@ from nasm import (
     planes,
     proofs,
     self_consistent,
+    snapshot,
     tori,
     verdict,
 )
@@ -39,6 +40,7 @@ INNER |= {transversal.longest_period}
 
 MORE = {"length": 0.1, "angle": 30.0, "z": 1.0, "limit": 0.5, "times": 2}
 MORE |= {"above": True, "third": 0.25, "seconds": 0.1, "n_kicks": 100, "fraction": "1/3"}
+MORE |= {"strength": 0.5, "v": 0.5}
 CENTRES = [0.25, 0.75]
 SPECIAL = {
     escape.boundary: {"escape_time": np.ones((2, 2)), "kappa1": CENTRES, "kappa2": CENTRES},
@@ -49,6 +51,7 @@ SPECIAL = {
     planes.parse: {"text": "two-kicks"},
     planes.from_json: {"text": planes.two_kicks().record["plane"]},
     planes.rotating: {"frequency": "1/2", "phase": "1/3"},
+    snapshot.separations: {"u": 1.0},
     tori.graph: {"torus": tori.invariant_torus(0.618, 0.54, 0.0, 0.0)},
     tori.newton.residual: {"omega": 0.618, "u": np.zeros((16, 16))},
 }

@@ -13,8 +13,8 @@ from first_calls import __file__ as program
 from workflows.shared.cli import main_of
 from workflows.shared.run import Run
 
-WITHOUT_SWEEPS = """ask explore period_one portraits ramp reference self_consistent stability
-    status verify work_precision"""
+WITHOUT_SWEEPS = """ask explore period_one portraits ramp reference self_consistent snapshot_tori
+    stability status verify work_precision"""
 # The gallery only runs other commands.
 SWEEPING = [name for name in SMALLEST if name not in (*WITHOUT_SWEEPS.split(), "gallery")]
 
