@@ -5,7 +5,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from nasm.planes import plane_of
+from nasm.planes import plane_of, two_kicks
 from workflows.figures.planes import label_plane
 from workflows.figures.style import COLOURS, outer_legend, panels
 
@@ -75,10 +75,11 @@ def proved_map_caption(whole, triangles, barrier):
         )
     if len(plane.origin) > 2 and open_.size:
         beyond = 100 * whole.outside_theorem.values[there & ~proved].mean()
-        within += (
-            f" To {beyond:.0f}% of them the theorem does not apply, because strong kicks follow "
-            "each other."
-        )
+        if beyond >= 0.5:
+            within += (
+                f" To {beyond:.0f}% of them the theorem does not apply, because strong kicks "
+                "follow each other."
+            )
     share = 100 * proved[there].mean()
     # Scales at which the proved triangles end on the rays of CB_gt, relative to CB_gt.
     ends = np.zeros(len(rays))
@@ -87,9 +88,11 @@ def proved_map_caption(whole, triangles, barrier):
         inside = (parts >= -1e-9).all(axis=0)
         ends = np.where(inside, np.maximum(ends, 1 / parts.sum(axis=0)), ends)
     half, most, last = 100 * (1 - np.quantile(ends, [0.5, 0.05, 0]))
+    place = "" if plane == two_kicks() else f"Plane of forcings: {plane.name}. "
     return (
-        f"Transport is proved to be global for every forcing in {share:.1f}% of the area shown "
-        f"outside CB_gt (line, by residues), in cells down to 1/{whole.attrs['cells']}. {within} A "
+        f"{place}Transport is proved to be global for every forcing in {share:.1f}% of the area "
+        f"shown outside CB_gt (line, by residues), in cells down to 1/{whole.attrs['cells']}. "
+        f"{within} A "
         f"barrier is proved to exist in {triangles.sizes['triangle']} triangles with a corner at 0 "
         f"and their images: on half of the rays of CB_gt to {half:.3g}% below it, on 95% to "
         f"{most:.3g}%, on all to {last:.3g}%."
