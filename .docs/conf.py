@@ -37,7 +37,7 @@ html_extra_path = ["live"]
 html_copy_source = False
 html_show_sourcelink = False
 # Files in `generated` are included in other pages; those in `generated/api` are pages themselves.
-exclude_patterns = ["live", "reference/generated/*.md", "**/.ipynb_checkpoints"]
+exclude_patterns = ["live", "paper.md", "reference/generated/*.md", "**/.ipynb_checkpoints"]
 
 # The build runs the pages with {code-cell} blocks. It shows the two notebooks with their stored
 # outputs; the tests run them.

@@ -5,7 +5,9 @@ import json
 import re
 import shlex
 import subprocess
+import sys
 from html import unescape
+from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
@@ -16,14 +18,16 @@ from every_command import SMALLEST
 
 import nasm
 from workflows.gallery import __main__ as gallery
-from workflows.gallery import exhibits
+from workflows.gallery import release
 from workflows.gallery.exhibits import Exhibit
 from workflows.shared.cli import main_of
 from workflows.shared.judgement import Verdict
 
 
 @pytest.mark.parametrize(
-    "exhibit", gallery.EXHIBITS + exhibits.RELEASE, ids=lambda exhibit: exhibit.name
+    "exhibit",
+    gallery.EXHIBITS + release.RELEASE + release.FULL_MAP,
+    ids=lambda exhibit: exhibit.name,
 )
 def test_the_options_of_every_exhibit_are_valid(exhibit):
     main = main_of(exhibit.name)
@@ -102,21 +106,31 @@ def test_every_exhibit_has_a_recipe():
 
 
 @pytest.mark.parametrize(
-    "parts", [1, pytest.param(3, marks=pytest.mark.slow)], ids=["the boundary", "all"]
+    "parts", [1, pytest.param(99, marks=pytest.mark.slow)], ids=["the boundary", "all"]
 )
 def test_a_release_is_complete_and_intact_and_states_how_it_was_made(parts, tmp_path, monkeypatch):
-    monkeypatch.setattr(exhibits, "RELEASE", exhibits.RELEASE[:parts])
+    monkeypatch.setattr(release, "RELEASE", exhibits := release.RELEASE[:parts])
     result = CliRunner().invoke(gallery.main, ["--release", str(tmp_path), "--quick"])
     assert result.exit_code == 0, result.output
     assert float(re.search(r"release: .*, (\S+) MB", result.output)[1]) < 10
-    subprocess.run(["sha256sum", "--check", "--strict", exhibits.SUMS], cwd=tmp_path, check=True)
-    summed = [line[66:] for line in (tmp_path / exhibits.SUMS).read_text().splitlines()]
+    subprocess.run(["sha256sum", "--check", "--strict", release.SUMS], cwd=tmp_path, check=True)
+    summed = [line[66:] for line in (tmp_path / release.SUMS).read_text().splitlines()]
     there = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
-    assert {*summed} == {name for name in there if not name.endswith(".lock")} - {exhibits.SUMS}
-    if parts == 3:
-        assert any(name.startswith("proved_map/certificates/") for name in summed)
+    assert {*summed} == {name for name in there if not name.endswith(".lock")} - {release.SUMS}
+    about = json.loads((tmp_path / ".zenodo.json").read_text(encoding="utf-8"))
+    citation = Path("CITATION.cff").read_text(encoding="utf-8")
+    assert f"version: {about['version']}" in citation
+    assert f"license: {about['license']}" in citation
+    assert about["creators"][0]["name"] in citation
+    assert (tmp_path / "LICENSE").read_text() == Path("LICENSE").read_text()
+    if parts > 1:
+        certificates = sorted((tmp_path / "proved_map/certificates/proved_map").iterdir())
+        smallest = min(certificates, key=lambda path: path.stat().st_size)
+        check = [sys.executable, "-I", "certificate_checker.py", smallest]
+        claim = subprocess.run(check, cwd=tmp_path, check=True, capture_output=True, text=True)
+        assert "proved: no rotational invariant circle" in claim.stdout
     output = (tmp_path / "README.md").read_text(encoding="utf-8")
-    for exhibit in exhibits.RELEASE:
+    for exhibit in exhibits:
         folder = tmp_path / exhibit.name
         assert "damaged" not in succeed("verify", folder)
         command = re.search(rf"python -m workflows.{exhibit.name}.*", output)[0].split()

@@ -1,5 +1,6 @@
 """An independent program that checks certificates in ball arithmetic: slow but simple.
 
+    python certificate_checker.py FILE …   # prints the claims of the certificates in the files
     check(json.loads(text))   # returns the claim, which is then proved, or raises Refuted
 
 It needs only python-flint, and shares no code with the programs that make the certificates.
@@ -31,12 +32,15 @@ check would take too much time or memory.
 
 import hashlib
 import json
+import lzma
 import re
 import struct
+import sys
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from functools import reduce
 from itertools import combinations_with_replacement
+from pathlib import Path
 from typing import Any, TypeAlias
 
 from flint import acb, acb_poly, arb, arb_poly, ctx, fmpq
@@ -1081,3 +1085,22 @@ def at_points(
         for beside in [arb(2 * i + 1) / (2 * points[1]) for i in range(points[1])]:
             terms = [[f * (m * beside).cos_pi() for f in row] for m, row in rows.items()]
             yield angle, beside, [sum(column, acb_poly()) for column in zip(*terms, strict=True)]
+
+
+def main() -> None:
+    """Check the certificates in the files named on the command line, and print their claims.
+
+    A file contains one certificate or a list of them, as JSON, which may be packed by xz.
+    """
+    for path in sys.argv[1:]:
+        data = Path(path).read_bytes()
+        content = json.loads(lzma.decompress(data) if data.startswith(b"\xfd7zXZ") else data)
+        for certificate in content if isinstance(content, list) else [content]:
+            try:
+                print(f"{path}: proved: {check(certificate)}")
+            except Refuted as reason:
+                sys.exit(f"{path}: refuted: {reason}")
+
+
+if __name__ == "__main__":
+    main()

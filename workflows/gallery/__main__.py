@@ -17,7 +17,7 @@ from pathlib import Path
 import click
 
 from workflows.figures import files
-from workflows.gallery.exhibits import command_of, listed, make_release, run
+from workflows.gallery.exhibits import command_of, listed, run
 from workflows.shared.cli import (
     DIRECTORY,
     choice,
@@ -73,8 +73,9 @@ def section_of(exhibit, out, quick):
 
 _NAMES = [exhibit.name for exhibit in EXHIBITS]
 _RELEASE = (
-    "Instead, write the data set for a DOI to DIR: CB_gt, the CB_ω of the six circles, and the "
-    "proved map with cells of 1/128, with certificates and checksums; 70 MB, ten CPU minutes."
+    "Instead, write the data set for a DOI to DIR: boundaries, reference values, a proved map with "
+    "certificates, a licence, checksums, and metadata for Zenodo; about half an hour. With --full, "
+    "write only the proved map, in full; two CPU hours."
 )
 
 
@@ -92,16 +93,20 @@ def main(out, full, yes, exhibit, release, quick, quiet, workers, scheduler, tls
 
     from nasm import __version__
     from pipeline.sweep.progress import plural
+    from workflows.gallery.release import FULL_MAP, RELEASE, make_release
     from workflows.shared.page import render
     from workflows.shared.run import shared_workers
 
     if release or quick:
-        if not release or full or exhibit:
+        if not release or exhibit or (quick and full):
             raise click.UsageError(
-                "combine --release with --quick only, and --quick with --release only"
+                "combine --release with --quick or --full only, and --quick with --release only"
             )
+        if full and not (yes or scheduler):
+            raise click.UsageError("--release with --full takes two CPU hours or more; add --yes")
         with shared_workers(scheduler, workers, tls) as workers:
-            size = make_release(release, workers, quick, quiet)
+            exhibits = FULL_MAP if full else RELEASE
+            size = make_release(release, exhibits, workers, quick, quiet)
         click.echo(f"release: {release}, {size / 1e6:.1f} MB")
         return
     if full and not (yes or scheduler):
