@@ -1,5 +1,9 @@
 """Each bound in the checker is at least the bounded quantity, and less than twice as large."""
 
+import json
+import lzma
+import subprocess
+import sys
 from fractions import Fraction
 from itertools import combinations, product
 
@@ -7,6 +11,7 @@ import numpy as np
 import pytest
 from flint import acb, acb_poly, arb, arb_poly, ctx
 
+from nasm.proofs import barrier
 from nasm.proofs import certificate_checker as checker
 
 
@@ -149,3 +154,21 @@ def test_what_the_grid_of_a_patch_misses_is_bounded_in_the_best_strip():
     assert 1 <= float(missed) / (2 * np.exp(2 * np.pi * sizes).min()) < 1.01
     for k, more, less in zip((0.3, 0.5), with_missed, without, strict=True):
         assert float(more - less) == pytest.approx(k / (2 * np.pi) * float(missed))
+
+
+def test_the_checker_is_a_program_for_files_with_certificates(tmp_path):
+    certificate = barrier.prove("gamma", (0.3,)).certificate()
+    contents = {
+        "one.json": json.dumps(certificate).encode(),
+        "list.json.xz": lzma.compress(json.dumps([certificate, certificate]).encode()),
+        "wrong.json": json.dumps(certificate | {"omega": "[0;(2)]"}).encode(),
+    }
+    for name, content in contents.items():
+        (tmp_path / name).write_bytes(content)
+    command = [sys.executable, "-I", checker.__file__, *contents]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    lines = result.stdout.splitlines()
+    assert [line.split(":")[0] for line in lines] == ["one.json", "list.json.xz", "list.json.xz"]
+    assert all("proved: a rotational invariant circle of [0;(1)] exists" in line for line in lines)
+    assert result.stderr == "wrong.json: refuted: the seal is broken\n"
+    assert result.returncode == 1
