@@ -3,8 +3,8 @@
 The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
 With three kicks or more, circles may break and reappear in bands of scales, which may be
 arbitrarily narrow next to the boundary. The search resolves bands down to relative widths of about
-tol: if it meets any, error is at least tol, and upper at least value + error. On a segment that
-does not start at zero, the search is for the first breakup.
+tol, or of 10⁻³ if tol is larger: if it meets any, error is at least this width, and upper at least
+value + error. On a segment that does not start at zero, the search is for the first breakup.
 
 The search proceeds from the outside inwards.
 
@@ -82,6 +82,9 @@ class Effort:
         in relative steps of 1/100. Survivors that far above a value contradict the value.
     locating_steps : int
         Least number of steps of converse KAM to locate the last circle under one or two kicks.
+    resolution : float
+        Largest tolerance of the search of the Farey tree; a larger tol widens the bracket alone.
+        With a tolerance of 10⁻² the search missed bands of a judged forcing.
     max_questions : int
         Maximum number of scales at which the Farey tree is searched. Once this number is
         reached, the search, converse KAM and certification all end. Among the judged forcings,
@@ -129,6 +132,7 @@ class Effort:
     share_above: float = 0.2
     first_steps: int = 100
     locating_steps: int = 1000
+    resolution: float = 1e-3
     max_questions: int = 120
     step: float = 0.25
     tree_depth: int = 1000
@@ -344,22 +348,22 @@ class _Bracket:
 
 def _last_breakup(segment, tol, seconds, effort):
     """Return the CriticalScale; its omega is per period of the segment's profile."""
-    tree = _Tree(segment, seconds, effort)
+    tree, search_tol = _Tree(segment, seconds, effort), min(tol, effort.resolution)
     bracket = _search_by_survivors(tree, tol)
     if bracket is None:
         ends = _outermost(tree)
         if isinstance(ends, Status):
             return no_answer(None, ends, "Farey tree")
-        bracket = _search_by_tree(tree, tol, *ends)
+        bracket = _search_by_tree(tree, search_tol, *ends)
     upper, survivor = _eliminated_above(tree, tol, bracket)
     while not tree.is_search_over():
         if survivor is not None:
             outside = tree.lowest_excluded(upper)
             if outside == inf:
                 break
-            higher = _search_by_tree(tree, tol, upper, outside, survivor)
+            higher = _search_by_tree(tree, search_tol, upper, outside, survivor)
         elif _contradicts(tree, tol, upper, *_value(tree, tol, bracket)):  # a leap may miss a band
-            higher = _search_by_tree(tree, tol, bracket.outside, upper, leaps=False)
+            higher = _search_by_tree(tree, search_tol, bracket.outside, upper, leaps=False)
         else:
             break
         if higher.omega is None:
@@ -397,7 +401,8 @@ def _value(tree, tol, bracket):
     if bracket.breakup is not None:
         return bracket.breakup.value, bracket.breakup.error
     half = (bracket.outside - bracket.inside) / 2
-    return bracket.inside + half, max(half, tree.segment.length(bracket.outside, tol))
+    error = tree.segment.length(bracket.outside, min(tol, tree.effort.resolution))
+    return bracket.inside + half, max(half, error)
 
 
 def _outermost(tree):
