@@ -1,16 +1,16 @@
 """Periodic orbits, Greene's residue, and the breakup of a circle from its convergents.
 
-A circle of ω exists as long as the residues of its convergents p_n/q_n tend to 0, and is broken
-where they grow (Greene, J. Math. Phys. 20 (1979) 1183). At the breakup
+The circle of ω exists where the residues of the convergents p_n/q_n of ω tend to 0, and is broken
+where the residues grow (Greene, J. Math. Phys. 20 (1979) 1183). At the breakup
 
     R_n(s) = R_{n+m}(s),      where m is the period of the continued fraction of ω,
 
-whatever the common value is. These crossings converge like q^-2.04, and geometrically from one
+whatever their common value. These crossings converge like q^-2.04, and geometrically from one
 period of the tail to the next, so Aitken's extrapolation gains several digits.
 
 The orbits are those of `nasm.action`: for every p/q a *minimax* orbit, R > 0, and a *minimizing*
-orbit, R < 0. The minimax orbits become unstable at the breakup. Both families are computed
-independently.
+orbit, R < 0. The minimax orbits become unstable at the breakup. The two families are
+computed independently.
 """
 
 from dataclasses import dataclass, replace
@@ -42,18 +42,18 @@ _ORDER = 2.04
 
 @dataclass(frozen=True)
 class ResidueSettings:
-    """Which residues show a breakup, and which orbits are compared.
+    """Settings that determine which residues show a breakup, and which orbits are compared.
 
     Attributes
     ----------
     sheet_period : int
-        Period from which orbits resolve the sheets of a boundary; along the ray, residues are
-        compared for the first pair of orbits at least this long.
+        Period from which orbits resolve the sheets of a boundary. Along the ray, the residues of
+        the first pair of orbits with at least this period are compared.
     single_sheet_period : int
-        The same for forcings of one or two kicks, whose boundaries have one sheet.
+        The same period for forcings of one or two kicks, whose boundaries have one sheet.
     min_broken_residue : float
-        Smallest residue in that pair that shows a breakup; smaller ones may be due to a change of
-        the dominant line, where residues pass through 0.
+        Both residues of that pair must exceed this value to show a breakup; smaller ones may be due
+        to a change of the dominant line, where residues pass through 0.
     min_residue : float
         Residues below this value are rounding errors.
     rounding : float
@@ -142,19 +142,19 @@ def critical_scale(
     q_max : int
         Longest period used, up to 10⁶. For noble ω, 1500 yields nine digits, and 6000 eleven.
     start : array_like, shape (P,), optional
-        Start of the segment; default 0. The circle should exist there: the result is the first
-        breakup beyond it, sought in steps of a fiftieth of the twist region, |κ| < 2.
+        Start of the segment; default 0. The circle should exist at the start: the result is the
+        first breakup beyond it, sought in steps of a fiftieth of the twist region, |κ| < 2.
     between : pair of floats, optional
-        Scales known to enclose the breakup, which replace that search. The status is NOT_CONVERGED,
-        OUTSIDE or NO_BREAKUP if residues do not cross between these scales, because the orbits are
-        too short or the breakup is elsewhere.
+        Scales known to enclose the breakup; that search is then omitted. The status is
+        NOT_CONVERGED, OUTSIDE or NO_BREAKUP if residues do not cross between these scales, because
+        the orbits are too short or the breakup is elsewhere.
     settings : ResidueSettings
-        Which residues show a breakup, and which orbits are compared.
+        Determines which residues show a breakup, and which orbits are compared.
 
     Returns
     -------
     CriticalScale
-        lower and upper are NaN, because Greene's criterion shows neither bound. The status is
+        lower and upper are NaN, because Greene's criterion yields neither bound. The status is
         NEAR_CUSP if the longest orbits found do not resolve a cusp nearby.
 
     Raises
@@ -164,10 +164,10 @@ def critical_scale(
 
     Notes
     -----
-    `_limit` estimates the error. Next to a cusp, the error is doubled unless periods reach four
-    times the one from which orbits resolve the cusp. If two families of orbits are used, it is at
-    least the difference of their values. Residues of long orbits decrease with q just below the
-    value, and increase just above it.
+    `_limit` estimates the error. Next to a cusp, the error is doubled unless the longest
+    period is at least four times that from which orbits resolve the cusp. If two families of orbits
+    are used, the error is at least the difference of their values. Residues of long orbits decrease
+    with q just below the value, and increase just above it.
 
     Examples
     --------
@@ -202,7 +202,7 @@ def crossings(
     Returns
     -------
     q, scales : ndarrays, shape (n,)
-        The longer of the two periods, and the scale of the crossing. Both are empty if there is no
+        The longer of the two periods of each crossing, and its scale. Both are empty if there is no
         result; the status of `critical_scale` then states the reason.
 
     Examples
@@ -277,8 +277,8 @@ def _residue(orbits, n, scale):
 def _residues_decay(orbits, shorter, longer, scale):
     """Return True if the longer of two minimax orbits has the smaller residue.
 
-    Return False if an orbit is lost far beyond the breakup, and None if an orbit is lost that
-    should have been found.
+    Return False otherwise, and also if an orbit is lost far beyond the breakup. Return None if an
+    orbit is lost that should have been found.
     """
     try:
         residues = [_residue(orbits, n, scale) for n in (shorter, longer)]
@@ -314,7 +314,7 @@ def _first_breakup(orbits, shorter, longer, settings):
 
 
 def _estimate(crossings, profile, settings):
-    """Return the CriticalScale that follows from the result of `_crossings`, without ω."""
+    """Return the CriticalScale, without its ω, that follows from the result of `_crossings`."""
     (periods, scales), status, tail, cusp = crossings
     if status is not Status.OK:
         return no_answer(None, status)
@@ -341,7 +341,7 @@ def _crossings(orbits, omega, kind, near, limits, settings):
     is_trusted = abs(ratio) < settings.max_trusted_ratio
     n_needed = max(2 * period, 3) if is_trusted else 2 * period + 2
     crossings, status, longest, cusp = [], Status.NOT_CONVERGED, 0, 0.0
-    n_disordered = 0  # pairs with lost orbits; longer orbits, joined from them, are lost too
+    n_disordered = 0  # pairs with a lost orbit; longer orbits joined from it are lost too
     first = next((n for n, chain in enumerate(chains) if chain.q >= 3), len(chains))
     for n in range(first, len(chains) - period):
         pair, scales = (n, n + period), [scale for _, scale in crossings]
@@ -349,7 +349,7 @@ def _crossings(orbits, omega, kind, near, limits, settings):
         if isinstance(scale, Status):
             if len(crossings) >= n_needed:
                 break  # longer orbits are out of reach, but there are enough crossings
-            # Near a cusp the shortest orbits do not converge to the limit yet: start again.
+            # Near a cusp, crossings of the shortest orbits do not converge yet: start again.
             crossings, status = [], scale
             n_disordered += scale is Status.DISORDERED
             if n_disordered > period + 1:
@@ -362,7 +362,7 @@ def _crossings(orbits, omega, kind, near, limits, settings):
     if longest < cusp and (chains[-1].q < cusp or len(crossings) < n_needed):
         status = Status.NEAR_CUSP
     elif len(crossings) >= n_needed:
-        # Other numbers share the convergents of ω up to the end of the prefix and one tail.
+        # Other numbers have the same convergents up to the end of the prefix and of the first tail.
         is_complete = crossings[-1][0] >= fractions[len(omega.prefix) - 1 + period].denominator
         status = Status.OK if is_complete else Status.NOT_CONVERGED
     crossings = np.array(crossings).T if status is Status.OK else np.empty((2, 0))
@@ -402,7 +402,7 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
         bracket = _bracket(excess, near, width, *limits)
         if isinstance(bracket, Status):
             return bracket
-        # Eight steps suffice for a smooth excess; no number suffices for one that jumps.
+        # Eight steps suffice for a smooth excess; no number of steps suffices for one that jumps.
         scale = root(excess, *bracket, precision, max_steps=16)
         # A secant step with refined residues continues where rounding ended the search.
         near = 1e6 * precision
@@ -414,13 +414,13 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
             return Status.DISORDERED
         slope = steps[0][1] / steps[0][0]
         residues = [orbits.at(n, scale, kind).refined_residue() for n in pair]
-        if np.abs(residues).min() < 10 * settings.min_residue:  # an artefact of the -100 above
+        if np.abs(residues).min() < 10 * settings.min_residue:  # the root is due to the -100 above
             return Status.NOT_CONVERGED
         remainder = _logarithm(*residues)
         if abs(remainder) > settings.max_log_ratio:
             return Status.DISORDERED
         step = -remainder / slope
-        if abs(step) > 1e-3 * near:  # for the longest orbits rounding affects the slope too
+        if abs(step) > 1e-3 * near:  # for the longest orbits, rounding also affects the slope
             residues = [orbits.at(n, scale + step, kind).refined_residue() for n in pair]
             step *= remainder / (remainder - _logarithm(*residues))
         return scale + step
@@ -429,14 +429,17 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
 
 
 def _logarithm(shorter, longer):
-    """Return ln of the ratio of two residues; raise LostError if signs differ, as near a cusp."""
+    """Return ln of the ratio of two residues.
+
+    Raise LostError if the residues differ in sign, as they may near a cusp.
+    """
     if not shorter * longer > 0:
         raise LostError(f"residues {shorter} and {longer} have different signs")
     return log(longer / shorter)
 
 
 def _bracket(excess, near, width, lower_limit, upper_limit):
-    """Return scales between which the excess changes sign, or a Status; start at near - width."""
+    """Return scales between which the excess changes sign, or a Status; start from near ± width."""
     left, right = max(near - width, lower_limit), min(near + width, upper_limit)
     while excess(left) > 0:
         if left == lower_limit:
@@ -452,11 +455,11 @@ def _bracket(excess, near, width, lower_limit, upper_limit):
 def torus_scale(
     omega: Fraction | str, frequency: Fraction | str, mean: float, amplitude: float
 ) -> CriticalScale:
-    """Compute where a torus of the rotating map breaks, from the residue of one long orbit.
+    """Compute where a torus of the rotating map breaks, from the residues of long orbits.
 
-    The orbit has the rotation vector (p/q, Ω): it advances by p/q turns per kick under
-    κ_n = s·(κ̄ + Δκ cos 2πnΩ). If both fractions are close to an incommensurate pair, it
-    approximates the two-dimensional torus of that pair, and its residue changes from tiny to huge
+    Two symmetric orbits have the rotation vector (p/q, Ω): they advance by p/q turns per kick under
+    κ_n = s·(κ̄ + Δκ cos 2πnΩ). If the two fractions are close to an incommensurate pair, the orbits
+    approximate the two-dimensional torus of that pair, and their residues change from tiny to huge
     where the torus breaks.
 
     Parameters
@@ -522,8 +525,8 @@ def torus_scale(
 def cusp_period(kappa: ArrayLike) -> float:
     """Compute the period from which orbits distinguish a forcing next to a cusp from the cusp.
 
-    It is 5·d^-0.6 with the least d of `distances_to_shorter` (see `CUSP_EXPONENT`), and inf at a
-    cusp.
+    The period is 5·d^-0.6, where d is the least of `distances_to_shorter` (see `CUSP_EXPONENT`). It
+    is inf at a cusp.
 
     Examples
     --------
@@ -542,7 +545,7 @@ def _limit(scales, period, ratio):
     |ratio|^(3/2) per period. The error is the largest of the last `period` + 1 differences between
     consecutive values, each scaled by how much it should have shrunk by now. If there are fewer
     differences, the error also covers the difference from the limit that follows from the last step
-    and `ratio`. If Aitken's ratio is unknown or not near `ratio`, the latter limit is the value,
+    and `ratio`. If Aitken's ratio is unknown or not near `ratio`, the value is this second limit,
     and the error is at least as large as the last two steps.
     """
     ends = range(len(scales), 2 * period, -1)[: period + 2]

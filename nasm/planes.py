@@ -34,7 +34,7 @@ __all__ = ["Plane", "from_json", "pairs", "parse", "rotating", "three_kicks", "t
 
 _AXIS = re.compile(r"kappa\w*(?<!_bounds)", re.ASCII)  # no other name in a cube matches it
 _MAX_NAME_LENGTH = 60  # the name is part of file names
-_ROUNDING = 1e-14  # of cosines, relative to the largest strength
+_ROUNDING = 1e-14  # error of the cosines, relative to the largest strength
 
 TWO_KICKS_AXES = {
     "kappa1": "strength of the first kick",
@@ -61,7 +61,7 @@ class Plane:
     name : str
         At most 60 characters.
     axes : dict of str to str
-        Name and description of the coordinates a and b; the names begin with "kappa".
+        Names and descriptions of the coordinates a and b; the names begin with "kappa".
     origin, first, second : sequence of float, shape (P,)
         P is from 2 to 64; first and second are linearly independent.
 
@@ -118,12 +118,12 @@ class Plane:
 
     @property
     def record(self) -> dict[str, str]:
-        """Attributes of results: `plane`, all fields as JSON; `plane_hash`, from their SHA-256."""
+        """Attributes for results: `plane`, its fields as JSON; `plane_hash`, from their SHA-256."""
         fields = asdict(self)
         return {"plane": json.dumps(fields), "plane_hash": with_sha256(fields)["sha256"][:12]}
 
     def forcing(self, a: ArrayLike, b: ArrayLike) -> FloatArray:
-        """Compute κ(a, b), shape (*shape, P) for a and b that broadcast to `shape`.
+        """Compute κ(a, b), of shape (*shape, P) if a and b broadcast to `shape`.
 
         Examples
         --------
@@ -173,8 +173,9 @@ class Plane:
         """Symmetries of the square that map each forcing of the plane to an equivalent one.
 
         Each is a tuple (mirrored, turn, omega_shift). The ray at `angle` is equivalent to the ray
-        at turn + angle degrees, or at turn - angle if mirrored. Its circle of ω corresponds to the
-        circle of ω + omega_shift on that ray, up to the sign of ω and multiples of P.
+        at turn + angle degrees, or at turn - angle if mirrored. The circle of ω on the first ray
+        corresponds to the circle of ω + omega_shift on the second, up to the sign of ω and
+        multiples of P.
         """
         return self._symmetries(_ROUNDING)
 
@@ -247,7 +248,7 @@ class Plane:
         return np.round(images, 9) % 360
 
     def fold(self, angle: ArrayLike) -> tuple[FloatArray, IntArray]:
-        """Choose one ray among all that share their last barrier with the one at `angle`.
+        """Choose one of the rays that share their last barrier with the one at `angle`.
 
         Parameters
         ----------
@@ -257,7 +258,7 @@ class Plane:
         Returns
         -------
         folded : ndarray, shape of angle
-            The least angle of `unfold`, in degrees; for two kicks in [0, 45].
+            The least angle of `unfold`, in degrees; it is in [0, 45] for two kicks.
         omega_shift : ndarray of int, shape of angle
             The circle of ω on the ray at `angle` breaks at the same scale as that of
             ω + omega_shift on the folded ray. For two kicks the mirrors κ1 → -κ1 and κ2 → -κ2 add
@@ -313,7 +314,7 @@ def rotating(frequency: Fraction | str, phase: Fraction | str | int = 0) -> Plan
 
     Notes
     -----
-    Cosines that should be equal, opposite, 0 or 1 are exactly so, to the last bit. Symmetric
+    Cosines that should be equal, opposite, 0 or 1 are so to the last bit. Symmetric
     forcings, and those of a shorter period, are therefore recognized.
 
     Examples
@@ -341,7 +342,7 @@ def _cosine(turn: Fraction) -> float:
 
 
 def three_kicks(third: float) -> Plane:
-    """Return the plane of (κ1, κ2, third), three kicks of which the last one is fixed.
+    """Return the plane of (κ1, κ2, third), three kicks the last of which is fixed.
 
     Examples
     --------
@@ -389,7 +390,7 @@ def pairs(delay: Fraction | str) -> Plane:
 
 @lru_cache
 def from_json(text: str) -> Plane:
-    """Parse the plane of a JSON object with the keys name, axes, origin, first and second.
+    """Parse a plane from a JSON object with the keys name, axes, origin, first and second.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""Bad arguments: each is refused with a message that states its value and the remedy.
+"""Test that bad arguments are refused with messages that state the value and the remedy.
 
 The tables below are grouped by argument. A row names the functions that take the argument, bad
 values of it, and a part of the message, where {name} and {value} stand for the argument's
-name and value, and … for any text. To add a case, add a value to a row, or add a row to its
+name and value, and … for any text. To add a case, add a value to a row, or add a row for its
 argument; `arguments.py` supplies valid values of all other arguments.
 """
 

@@ -1,4 +1,4 @@
-"""The explorer's page in a real browser, compared with values computed directly."""
+"""Test the explorer's page in a real browser against values computed directly."""
 
 import re
 import subprocess
@@ -28,7 +28,7 @@ SLOW = "plane|boundary|circle"  # computations that may go on in the background
 
 
 def asked(tab):
-    """Return the parameters of a page's permalink, {name: text}."""
+    """Return the parameters of a page's permalink as {name: text}."""
     return {name: texts[0] for name, texts in parse_qs(urlparse(tab.url).query).items()}
 
 
@@ -39,7 +39,7 @@ def type_in(tab, label, text):
 
 
 def until(tab, **parts):
-    """Wait until parameters of the permalink have these values."""
+    """Wait until the given parameters of the permalink have the given values."""
     for name, value in parts.items():
         wait(tab, f"new URLSearchParams(location.search).get('{name}') == '{value}'")
 
@@ -70,9 +70,9 @@ def opened(chromium, served):
 
 
 def is_smaller(side):
-    """Return JavaScript that is true if both sides of the portrait are below `side`.
+    """Return JavaScript code that is true if both sides of the portrait are shorter than `side`.
 
-    The sides change one after the other.
+    Both are tested, because they change one after the other.
     """
     data = "Bokeh.documents[0].get_model_by_name('orbits').data"
     return f"Math.max({data}.w[0], {data}.h[0]) < {side}"
@@ -92,7 +92,7 @@ def pixels(tab):
 
 
 def seen_at(image, box, x, y):
-    """Return the values of a picture at those points that lie in it."""
+    """Return the values of a picture at those of the points that are inside it."""
     left, bottom, width, height = box
     rows, columns = image.shape
     row = ((y - bottom) % 1 / height * rows).astype(int)
@@ -118,7 +118,7 @@ def test_orbits_are_coloured_by_rotation_number_and_circles_certified(opened):
     order = np.argsort(lift % 1)
     on_circle = np.interp(x[there], lift[order] % 1, height[order] % 1, period=1)
     assert there.sum() > 2000
-    assert abs((y[there] - on_circle + 0.5) % 1 - 0.5).max() < 1e-3  # linear interpolation
+    assert abs((y[there] - on_circle + 0.5) % 1 - 0.5).max() < 1e-3  # error of the interpolation
     assert f"ω = {expected.boundary.omega} =" in words
     assert "certified on a finer grid" in words
     assert re.search(r"This took \d\.\d\d s", words)
@@ -193,7 +193,7 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     assert x.size == 2 * sum(f.denominator for f in shown)
     image_x, image_y = maps.step(KAPPA, x, y)
     apart = abs(x[:, None] - image_x + 0.5) % 1 - 0.5, (y[:, None] - image_y + 0.5) % 1 - 0.5
-    assert np.hypot(*apart).min(axis=0).max() < 1e-9  # each point is mapped to one of them
+    assert np.hypot(*apart).min(axis=0).max() < 1e-9  # each point is mapped to one of these points
     lines = columns(tab, "symmetry")
     assert {0.0, 0.5} <= set(np.round(lines["x"], 12))  # the lines before the first kick
     type_in(tab, "Orbits of a fraction", "3/8")
@@ -241,7 +241,7 @@ _FOCUS = """() => {
 def test_keys_reach_all_controls_in_order_and_going_back_undoes_a_move(opened):
     tab, focused = opened[0], []
     at(tab)
-    message_with(tab, "BARRIER at")  # so that the button to the boundary is enabled
+    message_with(tab, "BARRIER at")  # so that the button "to the boundary" is enabled
     tab.locator("h1").click()  # so that Tab begins at the top
     while not focused or focused[-1] != "Help":
         tab.keyboard.press("Tab")
@@ -257,7 +257,7 @@ def test_keys_reach_all_controls_in_order_and_going_back_undoes_a_move(opened):
     tab.get_by_role("application", name="plane of forcings").focus()
     for key in ("ArrowRight", "Shift+ArrowUp"):
         tab.keyboard.press(key)
-    wait(tab, "location.search.includes('k2=0.4023')")  # 1% of 2.3; with Shift, a tenth of that
+    wait(tab, "location.search.includes('k2=0.4023')")  # steps: 1% of 2.3, or 0.1% with Shift
     assert float(asked(tab)["k1"]) == pytest.approx(0.523)
     assert tab.get_by_label("κ₁").input_value() == "0.523"
     tab.go_back()
@@ -276,7 +276,7 @@ def test_pictures_and_fields_follow_the_system_s_dark_mode(opened):
         below = tab.evaluate("getComputedStyle(document.body).backgroundColor")
         for colour in (field, below):
             assert (max(map(int, re.findall(r"\d+", colour)[:3])) < 60) == dark, colour
-        # The page notices the change when the next frame is drawn, which may be later.
+        # The page notices the change only when it draws the next frame, which may take a while.
         wait(tab, painted, "#16181a,#ddd" if dark else "#222,#fff")
 
 
@@ -323,7 +323,7 @@ def test_a_click_beyond_the_boundary_shows_the_longest_lived_start(opened):
         shown.press("Enter")
         assert float(shown.input_value()) == pytest.approx(value, rel=1e-9)
     message_with(tab, "UNDECIDED at")
-    assert [float(asked(tab)[name]) for name in ("k1", "k2")] == there  # all digits are kept
+    assert [float(asked(tab)[name]) for name in ("k1", "k2")] == there  # all digits are preserved
 
 
 def test_a_click_adds_an_orbit_and_a_zoom_iterates_the_orbits_in_the_box(opened):
@@ -360,7 +360,7 @@ def test_play_moves_the_forcing_along_the_ray_and_draws_curves(opened):
     message_with(tab, re.compile("breaks? at"))
     tab.get_by_role("button", name="play", exact=True).click()
     wait(tab, f"Bokeh.documents[0].get_model_by_name('point').data.a[0] != {KAPPA[0]}")
-    tab.get_by_role("button", name="stop").click()  # it plays for 9 s or more
+    tab.get_by_role("button", name="stop").click()  # playing takes at least 9 s
     wait(tab, "Bokeh.documents[0].get_model_by_name('residues')?.data.residue.length == 3")
     tab.get_by_role("button", name="play", exact=True).wait_for()
     wait(tab, "!location.search.includes('k1={}&k2={}')".format(*KAPPA))
@@ -453,7 +453,7 @@ def test_a_link_in_another_tab_shows_the_same_page(opened, chromium, served):
     until(tab, omega="[0;2,(1)]")
     ready(tab, "boundary|circle")
     with pages(chromium, served[0]) as page:
-        again = page("?" + urlparse(tab.url).query, 900)  # two tabs at once
+        again = page("?" + urlparse(tab.url).query, 900)  # a second tab, open at the same time
         wait(again, "Bokeh.documents[0].get_model_by_name('times').data.values[0].length > 1")
         ready(again, "boundary|circle")
         assert asked(again) == asked(tab)
@@ -499,7 +499,7 @@ def test_on_a_phone_panels_are_stacked_and_a_zoom_shows_escape_times(opened):
     wait(tab, "document.documentElement.scrollWidth <= 390")
     _, top, width, height = picture(tab, PLANE)
     assert width > 250
-    for label in ("κ₁", "κ₂", "N, steps"):  # above the picture that they control
+    for label in ("κ₁", "κ₂", "N, steps"):  # these fields are above the picture
         field = tab.get_by_label(label).bounding_box()
         assert 0 < top - field["y"] < 250
     portrait = tab.locator(f'section[aria-label="{PORTRAIT}"]').bounding_box()

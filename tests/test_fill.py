@@ -1,4 +1,4 @@
-"""Cubes from Python: `pipeline.fill` computes what is missing, on any workers."""
+"""Test filling cubes from Python: `pipeline.fill` computes what is missing, on any workers."""
 
 import asyncio
 import os
@@ -51,7 +51,7 @@ def test_a_client_is_checked_before_anything_is_written(here, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_failed_tiles_raise_an_exception_and_the_others_are_kept(here, tmp_path):
+def test_failed_tiles_raise_an_exception_and_the_others_are_stored(here, tmp_path):
     job = toy.job(raises=[0.0, -1.0])
     with pytest.raises(
         pipeline.TilesFailed, match=r"1 tile of toy failed: \(0, 0\), Arithm"
@@ -67,7 +67,7 @@ def test_filling_a_cube_with_different_settings_raises_an_exception(here, tmp_pa
         pipeline.fill(toy.job(depth=2), tmp_path, here(), progress=False)
 
 
-# Threads share warning filters: when one restores them, another may lose one that it still needs.
+# Threads share warning filters: when one thread restores them, another may lose a filter it needs.
 @pytest.mark.filterwarnings("ignore:Consolidated metadata")
 def test_fill_runs_in_a_thread_and_under_a_running_event_loop(here, tmp_path):
     """Fill two directories at once, as from a notebook cell and from a program's thread."""

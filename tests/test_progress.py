@@ -63,7 +63,7 @@ def test_after_a_tenth_of_the_work_remaining_time_is_within_a_factor_1_5(slownes
 
 
 def test_other_programs_slow_the_driver_down_but_workers_do_not():
-    """Two workers and another program on two processors get two thirds of a processor each."""
+    """Two workers and another program share two processors: each gets two thirds of a processor."""
     clock = Clock()
     line = Progress("run", None, {"one": 10.0}, after=10.0, clock=clock)
     line.begin_sweep("one", "one")
@@ -102,7 +102,7 @@ def test_before_the_first_tile_progress_shows_no_remaining_time():
     clock.now = 13.0
     assert line.line() == "sweep 1 of 1, one: 0%, elapsed 0:13"
     clock.now = 15.0
-    line.advance(2.0, used=2.0, wall=3.0)  # so the other worker has probably used one second
+    line.advance(2.0, used=2.0, wall=3.0)  # the other worker has probably used one second
     clock.now = 16.0
     assert line.line() == "sweep 1 of 1, one: 20%, elapsed 0:16, remaining about 0:07"
 

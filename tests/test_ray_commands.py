@@ -51,7 +51,7 @@ def test_rotating_maps_are_compared_with_the_standard_map(tmp_path, workers):
     cell = xr.open_zarr(out / "rotating_tori.zarr").sel(angle=90).isel(frequency=2)
     expected = periodic.torus_scale(*VECTORS[2].split(","), 0.0, 1.0)
     assert float(cell.critical_scale) == float(cell.kappa_amplitude) == expected.value
-    # κ̄ alone is the standard map; Δκ alone with Ω = 1/2 is (κ, -κ).
+    # With κ̄ alone, the map is the standard map; with Δκ alone and Ω = 1/2, the forcing is (κ, -κ).
     direct = escape.critical_scale((1.0, 1.0), 1000, 64).upper
     assert float(xr.open_zarr(out / "transport.zarr").upper.sel(angle=0)) == direct
     # At 45° the second kick is 0, and CB_gt is reached at 2·κ1 = κ_G, as in the standard map.
@@ -69,7 +69,7 @@ def test_three_kicks_are_compared_with_the_standard_map(tmp_path, workers):
     expected = barriers.critical_scale(rotating("1/3", "1/24").second, 1e-2)
     there = xr.open_zarr(out / "barrier_rotating_1_3_1_24.zarr").sel(angle=90)
     assert (float(there.lower), float(there.upper)) == (expected.lower, expected.upper)
-    # κ̄ alone is the standard map, for any phase and number of kicks.
+    # With κ̄ alone, the map is the standard map for any phase and number of kicks.
     for r in table(out / "three_kicks.csv", angle="180"):
         assert abs(float(r["ratio"]) - 1) < float(r["error"]) / float(r["critical_scale"])
 

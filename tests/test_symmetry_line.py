@@ -1,4 +1,4 @@
-"""Compare converse KAM on symmetry lines with residues; test_transversal tests its criterion."""
+"""Compare converse KAM on symmetry lines with residues; test_transversal tests the criterion."""
 
 from itertools import product
 
@@ -14,7 +14,7 @@ from nasm.converse_kam.symmetry_line import critical_scale, elimination_time, lo
 from nasm.results import Status
 from nasm.symmetries import ray
 
-# Each is several per cent beyond the breakup of its last circle; tests rescale them.
+# Each forcing is several per cent beyond the breakup of its last circle; tests rescale it.
 FORCINGS = [(1.03,), (0.71, 0.46), (-0.43, 0.72), (0.15, -0.57)]
 Y = (np.arange(300) + 0.5) / 600
 
@@ -35,7 +35,8 @@ def _one_by_one(c, x0, w0, y0, n_max):
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize("n_starts", [1, 63, 300])
 def test_lockstep_blocks_and_packing_do_not_change_a_lifetime(kappa, n_starts):
-    # Compare with the same kick on floats, one start at a time. The last block may be incomplete.
+    # Compare with the same kicks of single floats, one start at a time. The last block may be
+    # incomplete.
     line = symmetry_line._line_coefficients(
         0.9 * critical_scale(kappa, 100).value * np.array(kappa)
     )
@@ -92,8 +93,9 @@ def test_all_starts_are_eliminated_above_upper_but_not_slightly_below_it():
 
 
 @pytest.mark.parametrize("degrees", thirds([14, 30, 44.4, 44.99]))
-def test_a_dense_scan_finds_no_longer_lifetime(degrees):
-    # With the lifetime T, the search ends at cells of width 0.01/T² ≈ 5e-8; the scan has 2.4e-7.
+def test_a_dense_scan_does_not_find_a_longer_lifetime(degrees):
+    # If T is the lifetime, the cells of the search shrink to a width of 0.01/T² ≈ 5e-8; those of
+    # the scan are 2.4e-7 wide.
     kappa = 1.003 * critical_scale(ray(degrees), 5000).value * ray(degrees)
     _, time = longest_lived(kappa, 10**6)
     dense = elimination_time(kappa, (np.arange(2**21) + 0.3) / 2**22, 10**6).max()

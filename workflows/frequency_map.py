@@ -5,7 +5,7 @@ halves (arXiv:1606.04824, Eq. (23)). The number of digits that these averages sh
 regular orbits, on circles and in islands, from chaotic ones; islands appear as areas of constant ω.
 `nasm.orbits.rotation_number_of` does the same for a time series of your own.
 
-KAPPA ... is one period of the forcing, first kick first: 0.3 0.2, or a text file of such strengths.
+KAPPA ... is one period of the forcing, first kick first, like 0.3 0.2, or a text file of strengths.
 The cube `frequency_map` and a figure in OUT, in a few CPU seconds.
 """
 

@@ -59,7 +59,7 @@ def newton_step(omega: OmegaLike, kappa: ArrayLike, u: FloatArray) -> tuple[Floa
     e = np.stack(step(kappa, x, y)) - fourier.rotate(periodic, turn)
     e[0] -= theta + rotation
 
-    # 2) M(θ) and M(θ + ω); S; M⁻¹(θ + ω) e, by det M = 1.
+    # 2) M(θ) and M(θ + ω), S, and M⁻¹(θ + ω) e; M⁻¹ follows from det M = 1.
     tangent = fourier.derivative(periodic)
     tangent[0] += 1
     frame = symplectic_frame(tangent)
@@ -68,7 +68,7 @@ def newton_step(omega: OmegaLike, kappa: ArrayLike, u: FloatArray) -> tuple[Floa
     e_1 = frame_after[1, 1] * e[0] - frame_after[0, 1] * e[1]
     e_2 = frame_after[0, 0] * e[1] - frame_after[1, 0] * e[0]
 
-    # 4), 5), 6) W_2 up to its average; the average; then W_1: Eqs. (47), (48).
+    # 4), 5), 6) Solve for W_2 up to its average, for the average, then for W_1: Eqs. (47), (48).
     w_2 = fourier.solve_cohomology(e_2, turn, kept)
     w_2 -= np.mean(e_1 + s * w_2) / np.mean(s)
     w_1 = fourier.solve_cohomology(e_1 + s * w_2, turn, kept)

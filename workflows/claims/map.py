@@ -1,7 +1,7 @@
-"""Claims about the map (Sec. II) and its symmetries (Sec. III), on random forcings and points.
+"""Claims about the map (Sec. II) and its symmetries (Sec. III).
 
-The equations are tested in the form of the paper, for period two, with |κ_i| ≤ 2 and |x|, |y| ≤ 1.
-These tests prove nothing.
+The equations are tested in the form of the paper, for period two, on random forcings and points
+with |κ_i| ≤ 2 and |x|, |y| ≤ 1. These tests prove nothing.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ def largest(difference, n_points=100):
 
 
 def apart(left, right, n_points=100):
-    """Find the largest difference of two functions of (kappa, x, y), as `largest` does."""
+    """Find the largest difference between two functions of (kappa, x, y), as `largest` does."""
     return largest(lambda *z: np.subtract(left(*z), right(*z)), n_points)
 
 
@@ -47,7 +47,7 @@ def iterated(kappa, x, y):
 
 
 def map_claims():
-    """Judge the claims of Sec. II; like all `…_claims`, return {name: (value, verdict)}."""
+    """Judge the claims of Sec. II; return {name: (value, verdict)}, as all `…_claims` do."""
     composition = apart(
         lambda kappa, x, y: np.array([x + 2 * y, y]) + closed_form(kappa, x, y), both_kicks
     )
@@ -62,7 +62,7 @@ def map_claims():
         angle = TWO_PI * (x + y + kappa[0] / TWO_PI * np.sin(TWO_PI * x))
         return 2 + kappa[1] * np.cos(angle)
 
-    even = orbit((0.35, 0.5), 0.0, 0.55, 10_000)  # of Fig. 1(d)
+    even = orbit((0.35, 0.5), 0.0, 0.55, 10_000)  # the orbit of Fig. 1(d)
     odd, _ = kick(0.35, *even)
     away = [np.abs(x - np.rint(x)).max() for x in (even[0], odd - 0.5)]
     alternation = dict(zip(("even", "odd"), away, strict=True))
@@ -84,7 +84,7 @@ def map_claims():
 
 
 def path_integral(kappa, x, y):
-    """Integrate y' dx' - y dx on the segment from the origin to (x, y) by Gaussian quadrature."""
+    """Integrate y' dx' - y dx along the segment from 0 to (x, y) by Gaussian quadrature."""
     nodes, weights = np.polynomial.legendre.leggauss(60)
     t = (nodes[:, None] + 1) / 2
     tangent = step_tangent(kappa, t * x, t * y)
@@ -104,7 +104,7 @@ def generating_function(kappa, x, y):
     return change
 
 
-# Image (κ', x', y') of (κ, x, y); and its orbit after n steps, from that of (κ, x, y).
+# The image (κ', x', y') of (κ, x, y); and its orbit after n steps, in terms of that of (κ, x, y).
 _SYMMETRIES = {
     "refl": (lambda kappa, x, y: (kappa, -x, -y), lambda n, x, y: (-x, -y)),
     "trans": (lambda kappa, x, y: (kappa, x + 2, y - 1), lambda n, x, y: (x + 2 - 2 * n, y - 1)),
@@ -116,14 +116,14 @@ _SYMMETRIES = {
         lambda n, x, y: (x + 0.5 + n, y + 0.5),
     ),
 }
-# The symmetry, and the ω of the image.
+# The name of the symmetry, and the ω of the image as a function of ω.
 _ROTATIONS = {
     "ome1": ("shift3", lambda omega: omega),
     "ome2": ("shift2", lambda omega: omega + 1),
     "ome3": ("shift1", lambda omega: omega + 1),
     "ome4": ("int", lambda omega: 2 - omega),
 }
-# The sign of F_i at the image, relative to F_i; and the image.
+# The sign of F_i at the image relative to that of F_i at (κ, x, y); and the image.
 _F_SYMMETRIES = {
     "sym_1": (-1, _SYMMETRIES["refl"][0]),
     "sym_2": (1, lambda kappa, x, y: (kappa, x + 2, y - 3)),
@@ -132,7 +132,7 @@ _F_SYMMETRIES = {
     "sym_5": (1, _SYMMETRIES["shift1"][0]),
 }
 ROBUST = np.array([0.3, 0.2]), 0.1, np.array([0.31, 0.19])
-"""A forcing and two starts on circles; 10 000 steps determine the rotation numbers."""
+"""A forcing and two starts on circles; 10 000 steps suffice to determine their rotation numbers."""
 
 
 def omega(kappa, x, y):
@@ -167,7 +167,7 @@ def _deviation(function, image, expected):
 
 
 def ome5_deviations():
-    """Measure how far ω at S_κ2(z₀) and at S_κ2⁻¹(z₀), under swapped kicks, is from ω at z₀."""
+    """Measure how far ω at S_κ2(z₀) and at S_κ2⁻¹(z₀), with the kicks swapped, is from ω at z₀."""
     kappa, x, y = ROBUST
     moved = [omega(kappa[::-1], *image(kappa[1], x, y)) for image in (kick, unkick)]
     return [float(np.abs(after - omega(*ROBUST)).max()) for after in moved]

@@ -1,8 +1,8 @@
-"""Claims about the boundaries CB_ω of circles (Sec. VI.D), and those of the discussion (Sec. VII).
+"""Claims about the boundaries CB_ω of circles (Sec. VI.D), and claims of the discussion (Sec. VII).
 
 circles : the cube `breakdown_residue` of the paper's six ω. barrier : CB_gt on the same rays.
-tori : the cube `rotating_tori`. three : the cubes of three kicks, joined along `phase`. These
-two contain `ratio`, the ratio of their scales to those of two kicks. three also contains
+tori : the cube `rotating_tori`. three : the cubes of three kicks, joined along `phase`. tori and
+three contain `ratio`, the ratio of their scales to those of two kicks. three also contains
 `ratio_lower`, the ratio of its lower bounds to the upper bounds of two kicks.
 """
 
@@ -82,7 +82,7 @@ def _blow_up():
 
 
 def _bounds():
-    """Bound breakups by direct iteration from above, by continuation from below."""
+    """Bound breakups from above by direct iteration, and from below by continuation."""
     excess, deficit = [], []
     for profile in ray([15.0, 30.0]):
         for omega in map(parse, ("[0;1,3,(1)]", "gamma")):
@@ -95,7 +95,7 @@ def _bounds():
 
 
 def _mirror(circles, name, other):
-    """Return |CB_name(φ)/CB_other(180° - φ) - 1| and its error, where both are known."""
+    """Return |CB_name(φ)/CB_other(180° - φ) - 1| and its error, on rays where both are known."""
     angles = circles.angle.values
     mirrored = angles[np.isin((180 - angles).round(9), angles.round(9))]
     original = circles.sel(circle=str(parse(name)), angle=mirrored)

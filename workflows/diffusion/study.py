@@ -1,4 +1,4 @@
-"""Diffusion beyond the boundary: its law from the flux, and the findings."""
+"""The law of diffusion beyond the boundary, predicted from the flux, and the findings."""
 
 import numpy as np
 import xarray as xr
@@ -13,9 +13,9 @@ _NEAR = 0.13  # distance up to which the exponent of D is fitted
 def law(barrier, fluxes, measured):
     """Compare D with the flux: return `measured`, dims (angle, excess), with further variables.
 
-    one_cantorus is ΔW divided by the number of last circles per unit of y: ω and 2 - ω, and on the
-    axes the circles degenerate with them. ratio is D divided by one_cantorus; prefactor is
-    one_cantorus divided by excess^3.01172, close to the breakup.
+    one_cantorus is ΔW divided by the number of last circles per unit of y: the circles of ω and
+    2 - ω and, on the axes, the circles degenerate with these. ratio is D divided by one_cantorus;
+    prefactor is one_cantorus divided by excess^3.01172, close to the breakup.
     """
     of_flux = fluxes.flux / xr.where(barrier.tied.sel(angle=fluxes.angle) != "", 4, 2)
     prefactor = of_flux.sel(excess=NEAREST, drop=True) / NEAREST**ETA
@@ -55,7 +55,10 @@ def findings(law):
 
 
 def _exponent(near):
-    """Fit one slope of log D to rays, each with its own prefactor; return slope, error, rays."""
+    """Fit one slope of log D to all rays, each with its own prefactor.
+
+    Return the slope, its error and the number of rays.
+    """
     known = near.diffusion.where(near.diffusion.notnull().sum("excess") > 1)
     x, y = np.log(near.excess).where(known.notnull()), np.log(known)
     x = x - x.mean("excess")

@@ -12,10 +12,10 @@ _RAY = "the ray"
 
 
 def panel(state, work):
-    """Return the controls, and below them the residues along the path.
+    """Return the controls, with a plot of the residues along the path below them.
 
-    The residues are those of convergents of the last circle at the point selected when playing
-    begins.
+    The residues are those of the convergents of the last circle at the point that is selected when
+    playing begins.
     """
     options = [_RAY, *symbols(state.plane.axes, plain=True)]
     along = Select(title="Play along", options=options, value=_RAY, width=110)
@@ -57,7 +57,7 @@ def panel(state, work):
             start, end = (state.plane.forcing(*point) for point in (first, last))
             lane.submit(residues, start, end - start, omega, done=show)
         state.take(plays=True)
-        repeated.append(work.document.add_periodic_callback(step, 150))  # ms, at least
+        repeated.append(work.document.add_periodic_callback(step, 150))  # at least 150 ms apart
 
     def stop():
         work.document.remove_periodic_callback(repeated.pop())
@@ -65,7 +65,7 @@ def panel(state, work):
         state.take(plays=False)
 
     def step():
-        if state.drawn == state.point:  # otherwise the portrait is not finished
+        if state.drawn == state.point:  # otherwise the portrait is still being drawn
             position.location, point = path.pop(0)
             if not path:
                 stop()

@@ -1,4 +1,4 @@
-"""Figures of up to three panels on where each method fails, and their captions."""
+"""Figures, of up to three panels, that show where each method fails; and their captions."""
 
 import numpy as np
 from matplotlib.ticker import NullFormatter
@@ -9,7 +9,7 @@ _OK = 1  # value of `status`, see `pipeline.cubes.cube`
 
 
 def draw_stability(name, studies):
-    """Draw the figure of that name in FIGURES, a panel for each of its studies, {name: Dataset}."""
+    """Draw the figure `name` of FIGURES, with a panel for each of its studies, {name: Dataset}."""
     parts = FIGURES[name]
     figure, drawn_on = panels(1, len(parts), 5 * max(len(parts), 1.5), 5.4)
     for axes, (part, (draw, _)) in zip(drawn_on, parts.items(), strict=True):
@@ -27,7 +27,7 @@ def stability_caption(name, studies):
 
 
 def _draw_near_cusp(axes, study):
-    """Draw the errors, the claimed ones dashed, and crosses where there is no answer."""
+    """Draw the true errors, the claimed errors (dashed), and crosses where there is no answer."""
     for i, name in enumerate(study.approach.values):
         part, colour = study.isel(approach=i), COLOURS[i]
         off = np.maximum(part.off, 1e-14)
@@ -52,19 +52,19 @@ def _near_cusp(study):
 
 
 def _nearest(study, holds):
-    """Return the least distance at which `holds` is true, inf if it never is."""
+    """Return the least distance at which `holds` is true, or inf if it never is."""
     return study.delta.values[holds.values].min(initial=np.inf)
 
 
 def _mark_silent(axes, x, colour):
-    """Mark by × on the lower axis where a method has no answer."""
+    """Mark with × on the lower axis where a method has no answer."""
     below = {"transform": axes.get_xaxis_transform(), "clip_on": False, "zorder": 4}
     if len(x):  # an unclipped line without points would appear in the corner of the figure
         axes.plot(x, np.zeros(len(x)), "x", color=colour, ms=5, **below)
 
 
 def _draw_past_boundary(axes, study):
-    """Mark where each method makes its claim, around the breakup; draw dots elsewhere."""
+    """Mark where each method makes its claim around the breakup, and draw dots elsewhere."""
     excess = study.excess.values
     claims = (
         ("circle\ncertified", study.certified == 1, "o"),
@@ -208,7 +208,7 @@ def _draw_disorder(axes, study):
         "refused": "another orbit, refused",
         "accepted": "another orbit, accepted",
     }
-    lines = "o-", "s--"  # of the smaller and the larger noise
+    lines = "o-", "s--"  # for the smaller and the larger noise
     for i, (name, label) in enumerate(labels.items()):
         for j, line in enumerate(lines):
             y = study[name].isel(noise=j)
@@ -233,7 +233,7 @@ def _disorder(study):
 
 
 def _draw_tori(axes, study):
-    """Draw brackets against the distance from a resonance; crosses if no torus is certified."""
+    """Draw brackets against the distance from a resonance, and crosses if no torus is certified."""
     for i, name in enumerate(study.pair.values):
         part, colour, place = study.isel(pair=i), COLOURS[i], study.delta * 1.15**i
         style = {"color": colour, "ms": 5}

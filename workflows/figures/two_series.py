@@ -1,4 +1,4 @@
-"""Thresholds of two series of kicks against their delay, and their boundaries in the plane."""
+"""Figures of two series of kicks: thresholds against the delay, and CB_gt in (K, K_α) planes."""
 
 from fractions import Fraction
 from math import ceil
@@ -12,9 +12,10 @@ _MARKERS = {1.0: ("o", "K"), 0.5: ("^", "K/2"), -1.0: ("s", "-K")}  # K_α/K: ma
 
 
 def draw_thresholds(table):
-    """Draw K_c against τ and against the weakest resonance; τ of small q are named above the axes.
+    """Draw K_c against τ and against the weakest resonance.
 
-    Bars are brackets; an arrow points away from the only known end of a bracket.
+    Fractions τ with small q are named above the axes. Bars are brackets; an arrow points away from
+    the only known end of a bracket.
     """
     figure, against_delay, against_strength = _canvas()
     for i, (ratio, (marker, name)) in enumerate(_MARKERS.items()):
@@ -41,7 +42,10 @@ def draw_thresholds(table):
 
 
 def _canvas():
-    """Return a figure and two axes: the first twice as wide, or, in a column, above the second."""
+    """Return a figure and two axes.
+
+    The first axes are twice as wide as the second or, in a column, above the second.
+    """
     if style.in_column():
         figure = style.canvas(0, 0, 1.5)
         return figure, *figure.subplots(2)
@@ -50,7 +54,7 @@ def _canvas():
 
 
 def _name_fractions(axes, table):
-    """Name fractions above the axes, smallest q first, but none too close to one already named."""
+    """Name fractions above the axes, smallest q first, except those too close to a named one."""
     gap, named = 0.04 if style.in_column() else 0.017, {}
     for exact in sorted(table.delay.values, key=lambda exact: Fraction(exact).denominator):
         tau = float(Fraction(exact))
@@ -67,7 +71,7 @@ def draw_planes(*curves):
     """Draw CB_gt in the (K, K_α) plane of each delay, in the colours of the last circles."""
     wide = 1 if style.in_column() else min(3, len(curves))
     rows = ceil(len(curves) / wide)
-    height = 2.3 * rows if style.in_column() else 2.6 * rows + 0.9  # with the legend
+    height = 2.3 * rows if style.in_column() else 2.6 * rows + 0.9  # includes the legend
     figure, panels = style.panels(rows, wide, 4.2 * wide, height)
     classes = [_classes(curve) for curve in curves]
     styles = style.circle_styles(np.concatenate(classes))
@@ -91,7 +95,7 @@ def _delay(curve):
 
 
 def _classes(curve):
-    """Return for each ray the larger of ω and its image, where the plane has one."""
+    """Return, for each ray, the larger of ω and its image; if the plane has no images, ω."""
     whole = planes.whole_of(curve)
     return np.array([style.circle_class(text, whole) for text in curve.circle.values])
 

@@ -2,11 +2,12 @@
 
 While circles exist, the barriers are families of invariant graphs, one before each kick. Converse
 KAM for aperiodic forcing (`nasm.converse_kam.aperiodic`) excludes them: in a ramp κ_n = κ_G + r·n
-through the breakup, and under forcings of decreasing smoothness, down to random ones. It does not
-exclude curves that fold; an orbit that crosses excludes those too. In slow ramps the exponent is
-below the predicted one, since the area under the golden circle decreases by 0.0073 per unit of κ;
-with phases that follow the circle, graphs were excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates
-from 10⁻² to 10⁻⁷).
+through the breakup, and under forcings of decreasing smoothness, down to random ones. Converse KAM
+does not exclude curves that fold; an orbit that crosses all circles excludes these, too. In a ramp,
+graphs are predicted to be excluded after ~ r^-0.497 kicks. In slow ramps the exponent is below
+0.497, since the area under the golden circle decreases by 0.0073 per unit of κ; with phases that
+follow the circle, graphs were excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates from 10⁻² to
+10⁻⁷).
 
 Two cubes and a figure in OUT. The defaults take about a CPU minute, --quick ten seconds.
 """

@@ -12,7 +12,7 @@ _RIPPLES = {2: (1e-2, 1e-3), 3: (3e-2, 1e-2), 4: (1e-2, 3e-3), 7: (3e-2, 1e-2)} 
 
 
 def ripple(period, shape="cosine"):
-    """Return f of a period and shape, with mean 0 and rms 1."""
+    """Return the ripple f of a period and shape, with mean 0 and rms 1."""
     n = np.arange(period)
     wave = np.cos(2 * np.pi * n / period)
     f = {"cosine": wave, "one kick": n == 0, "square": 2 * n < period}[shape]
@@ -23,8 +23,8 @@ def ripple(period, shape="cosine"):
 def ripples(quick):
     """List the ripples as (shape, d, profile).
 
-    Cosines have d down to 10⁻⁵ for P = 2 and to 0.003 for other P, fewer if `quick`. Other shapes
-    have d = 0.1 and 0.01, and P = 4, 6 and 8.
+    Cosines have d down to 10⁻⁵ for P = 2 and down to 0.003 for other P; if `quick`, there are fewer
+    ripples. Other shapes have d = 0.1 and 0.01, and P = 4, 6 and 8.
     """
     sizes = np.array([1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5])
     sizes, periods = (sizes[:5:2], (2, 3)) if quick else (sizes, PERIODS)
@@ -52,9 +52,10 @@ def laws(cube):
     predicted : from δ^h, by which the loss grows in the h renormalisations of each mode of the
     cycle, and from the growth of the ripple, measured by the responses; its error is the change
     when longer orbits are used. measured : from the losses of the last circle under a ripple of the
-    cube, and of the `finer` one; its error is that of the losses plus the larger of two terms: the
-    change from a larger ripple, and 2.5 times the first loss. orbits : the shortest period at which
-    orbits resolve the ripple to which a ripple of 1% is renormalised.
+    cube, and of the `finer` circle under the renormalised ripple; its error is that of the losses
+    plus the larger of two terms: the change from a larger ripple, and 2.5 times the first loss.
+    orbits : the shortest period at which orbits resolve the ripple to which a ripple of 1% is
+    renormalised.
 
     Corrections are large. For P = 4 the law extrapolates from a ripple of 0.3% to a loss of
     0.00173, where residues of the finer circle, with periods up to 46 000, give 0.00301, and that

@@ -22,10 +22,10 @@ def verify_proofs(path, place, longest, repair):
     """Compare the cubes with their certificates, and check the certificates.
 
     Return the number of wrong tiles, and how many of them `repair` can delete. A cube with changed
-    metadata is skipped, because its tiles might seem wrong.
+    metadata is skipped, because its correct tiles might seem wrong.
 
     path : prefix of the names of the cubes.
-    longest : seconds; certificates that would take longer are skipped, and counted.
+    longest : seconds; certificates that would take longer to check are skipped, and counted.
     repair : True to delete wrong tiles, if the metadata are known to be right.
     """
     n_bad = n_repairable = 0
@@ -35,7 +35,7 @@ def verify_proofs(path, place, longest, repair):
         tiles, bad, is_known = {}, {}, store.has_digests(place, name)
         try:
             committed = list(store.tiles_of(place, name))
-        except store.Refused:  # reported by `verify` already
+        except store.Refused:  # `verify` has already reported the reason
             continue
         for index, tile in committed:
             try:
@@ -62,7 +62,7 @@ def verify_proofs(path, place, longest, repair):
                 for certificate, seconds in zip(certificates, of_tile, strict=True):
                     if seconds <= longest:
                         try:
-                            check(certificate, max_kicks=inf)  # `longest` limits the time
+                            check(certificate, max_kicks=inf)  # `longest` limits the time instead
                         except Refuted as reason:
                             bad[index] = f"a certificate is refuted: {reason}"
                 predicted = sum(seconds for seconds in of_tile if seconds <= longest)

@@ -1,4 +1,4 @@
-"""Measure CPU times and errors of all methods, and find the fastest one for an accuracy."""
+"""Measure CPU times and errors of all methods, and find the fastest one for each accuracy."""
 
 from math import nan
 from statistics import median
@@ -87,9 +87,9 @@ def order(data, method):
 def seconds_for(data, accuracy):
     """Find the CPU seconds that each method needs for an accuracy of the last breakup on every ray.
 
-    On each ray the time is that of the first level of effort from which all errors stay within
-    the accuracy; the slowest ray counts. NaN if the accuracy is not reached on a ray. Rays on
-    which a method has no answer are skipped.
+    On each ray, the time is that of the first level of effort from which on all errors are within
+    the accuracy; the slowest ray counts. The result is NaN if the accuracy is not reached on a ray.
+    Rays on which a method has no answer are skipped.
     """
     failed = (data.error > accuracy) | data.error.isnull() & data.effort.notnull()
     from_here = ~failed.values[..., ::-1].cumsum(axis=-1)[..., ::-1].astype(bool)
@@ -119,7 +119,7 @@ def fastest(data):
 
 
 def table(data):
-    """Write a Markdown table: CPU time of each method for each accuracy, and of its first run."""
+    """Return a Markdown table of CPU times of each method: by accuracy, and of its first run."""
     columns = [seconds_for(data, accuracy) for accuracy in ACCURACIES]
     columns.append(data.warm_up_seconds.values)
     heads = [f"{accuracy:.0e}".replace("e-0", "e-") for accuracy in ACCURACIES]
