@@ -43,7 +43,9 @@ PROOFS = HERE.parent / "nasm" / "proofs"
 PROVING = {
     "certificate_checker": None,
     "barrier": "_omega_ball _divisors _russmann Grid residual norm slope_modes "
-    "bounds_of_the_residual bound_of_the_inverse both_sides inequalities verified balls",
+    "bounds_of_the_residual bound_of_the_inverse both_sides inequalities verified balls "
+    "largest_sine Majorant bounds_of_the_step _all_divisors bound_of_the_slope modes_of_the_sine "
+    "inequalities_after_a_step verified_by_a_step _largest_sizes",
     "patches": "covered_up_to _vectors _Patch _chebyshev",
     "transport": "_closed is_twist _is_positive _covered _followed _tiles _arithmetic_is_ieee "
     "_follow _start _along _replay _accurate horner _next _kick",
@@ -56,10 +58,11 @@ TESTS = {
     "certificate_checker": (
         "certificate_checker",
         "certificates",
+        "proof_step",
         "proof_patches",
         "proof_barrier",
     ),
-    "barrier": ("proof_barrier", "proof_patches", "certificates"),
+    "barrier": ("proof_step", "proof_barrier", "proof_patches", "certificates"),
     "patches": ("proof_patches", "certificates"),
     "transport": ("proof_transport", "certificates", "proof_cells"),
     "transport_cells": ("proof_cells", "proof_planes", "certificates"),

@@ -21,9 +21,10 @@ def test_a_seed_always_draws_the_same_changes_and_each_affects_one_line():
 
 
 def test_at_least_thirty_six_of_forty_unsound_changes_are_noticed():
-    first = [row for row in table() if row["number"] < 100]  # later ones were added for planes
+    first = [row for row in table() if row["number"] < 100]  # others were drawn later
     assert len([row for row in first if "noticed" in row]) >= 36
     assert len([row for row in first if "harmless" not in row]) == 40
+    assert all("noticed" in row for row in table() if row["number"] >= 200)
 
 
 @pytest.mark.slow

@@ -10,6 +10,9 @@ bounds
 
     n_j ≥ ‖g_j'‖,    p_j ≥ ‖1/g_j'‖,    k_j ≥ ‖e^{2πig_j}‖,    ε ≥ Σ_j n_j ‖E_j‖,    C ≥ C_R + δ.
 
+Where these bounds do not suffice, the first step of the theorem's proof is computed: bounds on the
+modes of E_j, h_j' and 1/h_j' bound the step v_j = h_j'w_j, and the theorem is applied to h + v.
+
 A proof relies on the balls of FLINT (python-flint, the extra `proof`), and on the functions from
 `_omega_ball` to `balls`. In these functions, every number that enters a bound is a ball or an exact
 dyadic number; floats only choose ρ, ρ̂, the mode at which sums are cut off, and the polynomial that
@@ -25,7 +28,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache, reduce
-from itertools import islice
+from itertools import accumulate, islice, zip_longest
 from math import ceil, inf, isnan, log, nan, pi, sqrt
 from typing import Any, Self, TypeAlias
 
@@ -51,6 +54,7 @@ try:
 except ImportError:  # the extra `proof` is not installed
     arb = None  # type: ignore[assignment, misc]
 
+_STEP_WIDTH = 0.7  # ρ of a computed step, relative to ρ without one: the best of 6 on 9 patches
 MODES_PER_POINT = 0.38  # modes of u per point of the grid
 _MAX_NEWTON_STEPS = 6  # in ball arithmetic, 0 to 3 are needed
 _MAX_POINTS = 2**22  # largest number of points of a grid
@@ -103,6 +107,8 @@ class BarrierProof(Result):
     plane : Plane, optional
         For a patch of a plane; kappa and tilt are then coordinates, and s is counted from the
         plane's origin.
+    stepped : bool
+        True if the proof computes the first step, and so is by another theorem.
 
     Examples
     --------
@@ -125,6 +131,7 @@ class BarrierProof(Result):
     unit: int = 0
     coefficients: list[Any] = field(default_factory=list)
     plane: Plane | None = None
+    stepped: bool = False
 
     def __repr__(self) -> str:
         proved = f"exists under {self._forcings()}; proved on {self.n} points"
@@ -172,13 +179,14 @@ class BarrierProof(Result):
             "rho": self.rho.hex(),
             "moves": {"unit": self.unit, "numbers": self.coefficients},
         }
-        theorem = "A barrier exists"
+        theorem = "A barrier exists" + (" by an explicit step" if self.stepped else "")
         if self.scales:
+            step = " by explicit steps" if self.stepped else ""
             fields |= {"tilt": in_hex(self.tilt), "scales": in_hex(self.scales)}
-            theorem = "A barrier exists in a fan"
+            theorem = f"A barrier exists in a fan{step}"
         if self.plane:
             fields |= {"plane": matrix_in_hex(self.plane), "centre": in_hex(self.kappa)}
-            theorem = "A barrier exists in a patch of a plane"
+            theorem = f"A barrier exists in a patch of a plane{step}"
         else:
             original = {"omega": str(self.omega), "kappa": in_hex(self.kappa)}
             fields |= {"kappa": in_hex(self.short_kappa), "shortened_from": original}
@@ -535,10 +543,15 @@ def bounds_of_the_residual(
     aliases *= 2 * (-two_pi * n * rho_hat).exp() / less
     rest = 2 * (two_pi * cut * (rho - rho_hat)).exp() / (1 - q)
     for a, e, kappa in zip(u, E, grid.kappa, strict=True):
-        polynomial = arb_poly(a)
-        M = (two_pi * (rho_hat + polynomial(r_hat) - polynomial(1 / r_hat))).cosh()
-        bounds.append(norm(e[:cut], rho) + abs(kappa) / two_pi * M * (aliases + rest))
+        sine = abs(kappa) / two_pi * largest_sine(a, rho_hat)
+        bounds.append(norm(e[:cut], rho) + sine * (aliases + rest))
     return bounds
+
+
+def largest_sine(u: list[Ball], rho_hat: Ball) -> Ball:
+    """Return M ≥ |sin 2πg_j| for |Im φ| ≤ ρ̂, given bounds on the absolute values of the modes."""
+    polynomial, r_hat = arb_poly(u), (2 * arb.pi() * rho_hat).exp()
+    return (2 * arb.pi() * (rho_hat + polynomial(r_hat) - polynomial(1 / r_hat))).cosh()
 
 
 def bound_of_the_inverse(
@@ -620,6 +633,7 @@ def verified(
     apart: list[Ball],
     kappa: list[Ball],
     between: Callable[[Ball, Ball, list[Ball], int], Ball],
+    largest: Ball,
     part: float = 1,
 ) -> dict[str, Any]:
     """Try to verify the theorem for all forcings of a patch.
@@ -637,6 +651,8 @@ def verified(
     between : callable
         Maps (error, rho, norms of the C_jml, j) to a bound on ‖E_j‖ on the whole patch, where
         `error` is the bound at the points.
+    largest
+        Bound on Σ|ℓ_i|, ℓ_i being the polynomials that interpolate between the points.
     part : float
         As for `inequalities`.
 
@@ -676,13 +692,213 @@ def verified(
         everywhere.append(between(error, rho, [row[j] for row in norms], j))
     eps = sum(a * b for a, b in zip(n, everywhere, strict=True))
     failed, left = inequalities(grid.omega, kappa, rho, eps, n, p, k, part)
-    worst = {"error": everywhere, "n": n, "p": p, "k": k}
-    left |= {key: reduce(arb.max, of_sites) for key, of_sites in worst.items()}
+    outcome = _outcome(failed, left, rho, {"error": everywhere, "n": n, "p": p, "k": k})
+    if failed:
+        after = verified_by_a_step(
+            grids, u, bounds, sizes, apart, kappa, between, largest, part, inverses, chosen
+        )
+        outcome = after if after["proved"] else outcome
+    return outcome | {"estimated_ratio": chosen["estimated_ratio"]}
+
+
+def _outcome(
+    failed: list[str], left: dict[str, Ball], rho: Ball, of_sites: dict[str, list[Ball]]
+) -> dict[str, Any]:
+    """Return fields of a `BarrierProof`, given the constants of the theorem and of the sites."""
+    left = left | {key: reduce(arb.max, values) for key, values in of_sites.items()}
     # Round up: the float nearest to the upper end of a ball may be below it.
     constants = {key: float(np.nextafter(float(x.upper()), inf)) for key, x in left.items()}
     reason = f"not proved: inequalities of the theorem fail: {', '.join(failed)}" if failed else ""
-    outcome = {"proved": not failed, "reason": reason, "rho": float(rho), "constants": constants}
-    return outcome | {"estimated_ratio": chosen["estimated_ratio"]}
+    return {"proved": not failed, "reason": reason, "rho": float(rho), "constants": constants}
+
+
+# --- a first step that is computed ----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Majorant:
+    """Functions f = f₁ + f₂ with |modes of f₁| ≤ sizes and ‖f₂‖ ≤ rest, in the norm of some strip.
+
+    Entry k of sizes bounds the modes k and -k. The strip of `rest` is the caller's business: it is
+    given to each function that depends on it. In a narrower strip the same bounds hold.
+    """
+
+    sizes: list[Ball]
+    rest: Ball
+
+    def norm(self, rho: Ball) -> Ball:
+        """Bound ‖f‖_ρ, in the strip of `rest` or a narrower one."""
+        return norm(self.sizes, rho) + self.rest
+
+    def __add__(self, other: Self) -> "Majorant":
+        both = zip_longest(self.sizes, other.sizes, fillvalue=arb(0))
+        return Majorant([a + b for a, b in both], self.rest + other.rest)
+
+    def times(self, other: "Majorant", rho: Ball) -> "Majorant":
+        """Bound the product in the strip ρ, which is not wider than those of the rests."""
+        product = both_sides(self.sizes, True) * both_sides(other.sizes, True)
+        middle = len(self.sizes) + len(other.sizes) - 2
+        rest = norm(self.sizes, rho) * other.rest + self.rest * other.norm(rho)
+        return Majorant([product[middle + k] for k in range(middle + 1)], rest)
+
+    def divided(self, divisors: list[Ball], sigma: Ball) -> "Majorant":
+        """Bound Rf, without its mean, in a strip that is narrower by δ, given sigma ≥ σ(δ)."""
+        pairs = zip(self.sizes[1:], divisors[: len(self.sizes) - 1], strict=True)
+        return Majorant([arb(0), *(x / divisor for x, divisor in pairs)], self.rest * sigma)
+
+
+def bounds_of_the_step(
+    omega: RotationNumber,
+    slopes: list[Majorant],
+    E: list[Majorant],
+    inverses: list[Majorant],
+    outer: Ball,
+    rho: Ball,
+) -> list[Ball]:
+    """Bound ‖w_j‖_ρ in the step v_j = g_j'w_j, given majorants of g_j', E_j, 1/g_j' in `outer`.
+
+    Without phases, which do not matter to bounds, the step is as in README.md, "The step".
+    """
+    delta = (outer - rho) / 2
+    middle, sigma = outer - delta, _russmann(omega, delta) / delta
+    sums = [*accumulate(a.times(b, outer) for a, b in zip(slopes, E, strict=True))]
+    over = [a.times(b, middle) for a, b in zip(inverses, inverses[1:] + inverses[:1], strict=True)]
+    divisors = _all_divisors(omega, len(sums[-1].sizes) + max(len(f.sizes) for f in over))
+    turned = sums[-1].divided(divisors, sigma)
+    fluxes = [turned + f for f in sums]
+    mean = reduce(arb.max, [f.norm(arb(0)) for f in fluxes])  # of all c_j∇w_j
+    fluxes = [f + Majorant([mean], arb(0)) for f in fluxes]
+    steps = [f.times(g, middle) for f, g in zip(fluxes, over, strict=True)]
+    first = reduce(Majorant.__add__, steps).divided(divisors, sigma)
+    return [w.norm(rho) for w in accumulate([first, *steps[:-1]])]
+
+
+def modes_of_the_sine(n: int, rho: Ball, rho_hat: Ball, cut: int) -> Majorant:
+    """Bound what the modes |k| < cut of E_j, computed on n points, lack: their aliases, and others.
+
+    For |sin 2πg_j| ≤ 1 in |Im φ| ≤ ρ̂, and |κ_j| = 2π. The rest, in the strip ρ, is that of |k| ≥ n.
+    """
+    if not (0 < cut <= n // 2 and 0 < rho < rho_hat):
+        raise ValueError(f"cut={cut}, rho={rho}, rho_hat={rho_hat} are out of range")
+    r_hat, q = (2 * arb.pi() * rho_hat).exp(), (2 * arb.pi() * (rho - rho_hat)).exp()
+    around = r_hat**-n / (1 - r_hat**-n)
+    aliases = [(r_hat**k + r_hat**-k) * around for k in range(cut)]
+    return Majorant([*aliases, *(r_hat**-k for k in range(cut, n))], 2 * q**n / (1 - q))
+
+
+def _all_divisors(omega: RotationNumber, size: int) -> list[Ball]:
+    """Return |e^{2πikω} - 1| for k = 1, …, size."""
+    ball = _omega_ball(omega, ctx.prec + 40)
+    return [2 * abs((ball * k).sin_pi()) for k in range(1, size + 1)]
+
+
+def bound_of_the_slope(f: Majorant, outer: Ball, rho: Ball) -> Ball:
+    """Bound ‖f'‖_ρ, given a majorant of f in the strip `outer`."""
+    two_pi = 2 * arb.pi()
+    slopes = norm([two_pi * i * x for i, x in enumerate(f.sizes)], rho)
+    return slopes + f.rest / (arb(1).exp() * (outer - rho))
+
+
+def inequalities_after_a_step(
+    omega: RotationNumber,
+    kappa: list[Ball],
+    rho: Ball,
+    n: list[Ball],
+    p: list[Ball],
+    k: list[Ball],
+    w: list[Ball],
+    slopes_of_E: list[Ball],
+    part: float = 1,
+) -> tuple[list[str], dict[str, Ball]]:
+    """Return what `inequalities` returns, for g_j + v_j in the strip 0.98ρ.
+
+    The constants n, p and k are those of g_j in the strip ρ; w and slopes_of_E are bounds on
+    ‖w_j‖_ρ and ‖E_j'‖_ρ.
+    """
+    two_pi, narrow = 2 * arb.pi(), rho * 98 / 100
+    after: dict[str, list[Ball]] = {"n": [], "p": [], "k": [], "error": []}
+    for a, b, c, size, slope, strength in zip(n, p, k, w, slopes_of_E, kappa, strict=True):
+        y = two_pi * a * size  # 2π‖v_j‖
+        moved = a * size / (arb(1).exp() * (rho - narrow))  # ‖v_j'‖
+        after["n"].append(a + moved)
+        after["p"].append(b / (1 - b * moved) if b * moved < 1 else arb.pos_inf())
+        after["k"].append(c * y.exp())
+        taylor = c * (arb(0.5) + y / 6) * y.exp() * y**2
+        after["error"].append(slope * size + abs(strength) / two_pi * taylor)
+    eps = sum(a * b for a, b in zip(after["n"], after["error"], strict=True))
+    return inequalities(omega, kappa, narrow, eps, after["n"], after["p"], after["k"], part)
+
+
+def verified_by_a_step(
+    grids: list[Grid],
+    u: list[list[list[Ball]]],
+    bounds: list[list[list[list[Ball]]]],
+    sizes: list[list[list[Ball]]],
+    apart: list[Ball],
+    kappa: list[Ball],
+    between: Callable[[Ball, Ball, list[Ball], int], Ball],
+    largest: Ball,
+    part: float,
+    inverses: list[ComplexArray],
+    chosen: dict[str, Any],
+) -> dict[str, Any]:
+    """Try to verify the theorem with a first step that is computed, for all forcings of a patch.
+
+    The arguments are those of `verified`, the absolute values of the modes of u and E at the
+    points, modes near those of 1/g_j' there, and what `best_widths` chose.
+    """
+    (grid, *_), two_pi = grids, 2 * arb.pi()
+    rho, rho_hat = arb(_STEP_WIDTH * chosen["rho"]), arb(chosen["rho_hat"])
+    outer, cut = 2 * rho, chosen["cut"]
+    if max(len(row) for rows in bounds[0] for row in rows) > cut:
+        raise ValueError(f"cut={cut} is below the highest mode of u")
+    n, p, k, errors, slopes_of_E, majorants = [], [], [], [], [], []
+    with ctx.workprec(64):
+        for j in range(grid.sites):
+            total = sum((arb_poly(row[j]) for row in sizes), arb_poly())
+            weighted = [[i * x for i, x in enumerate(row[j])] for row in sizes]
+            slope = Majorant(
+                [arb(1), *(two_pi * i * total[i] for i in range(1, len(total)))], arb(0)
+            )
+            moved = two_pi * sum(a * norm(x, outer) for a, x in zip(apart, weighted, strict=True))
+            near, missed = [], []
+            for modes, of_inverse in zip(u, inverses, strict=True):
+                d = of_inverse[j, : chosen["modes"]]
+                bound = bound_of_the_inverse(
+                    slope_modes(modes[j], grid.odd), d, outer, grid.odd, chosen["kept"], moved=moved
+                )
+                near.append([abs(arb(x.real) if grid.odd else acb(x.real, x.imag)) for x in d])
+                missed.append(bound - norm(near[-1], outer))
+            inverse = Majorant(_largest_sizes(near), reduce(arb.max, missed))
+            known = Majorant(_largest_sizes([row[j][:cut] for row in bounds[1]]), arb(0))
+            sines = [
+                abs(at.kappa[j]) / two_pi * largest_sine(row[j], rho_hat)
+                for at, row in zip(grids, bounds[0], strict=True)
+            ]
+            unknown = modes_of_the_sine(grid.n, outer, rho_hat, cut)
+            points = known + unknown.times(Majorant([reduce(arb.max, sines)], arb(0)), outer)
+            rest = between(points.rest, outer, [norm(row[j], outer) for row in sizes], j)
+            error = Majorant([largest * x for x in points.sizes], rest)
+            majorants.append((slope, error, inverse))
+            n.append(slope.norm(rho))
+            p.append(inverse.norm(rho))
+            k.append(
+                (two_pi * (rho + norm([total[i] for i in range(max(1, len(total)))], rho))).exp()
+            )
+            errors.append(error.norm(rho))
+            slopes_of_E.append(bound_of_the_slope(error, outer, rho))
+        of_slopes, of_E, of_inverses = ([row[i] for row in majorants] for i in range(3))
+        w = bounds_of_the_step(grid.omega, of_slopes, of_E, of_inverses, outer, rho)
+        failed, left = inequalities_after_a_step(
+            grid.omega, kappa, rho, n, p, k, w, slopes_of_E, part
+        )
+    of_sites = {"error": errors, "n": n, "p": p, "k": k, "w": w}
+    return _outcome(failed, left, rho, of_sites) | {"stepped": True}
+
+
+def _largest_sizes(rows: list[list[Ball]]) -> list[Ball]:
+    """Return the largest of the bounds on each mode."""
+    return [reduce(arb.max, sizes) for sizes in zip(*rows, strict=True)]
 
 
 def balls(coefficients: list[list[list[int]]], unit: int, size: int, odd: bool) -> list[list[Ball]]:
@@ -771,7 +987,9 @@ def refined(grid: Grid, start: FloatArray) -> dict[str, Any]:
         coefficients = [integers(row, unit) for row in modes]
         modes = balls(coefficients, unit, K + 1, grid.odd)
         E, sizes = residual(grid, modes), [[[x.abs_upper() for x in row] for row in modes]]
-        outcome = verified([grid], [modes], [E], sizes, [0], grid.kappa, lambda error, *_: error)
+        outcome = verified(
+            [grid], [modes], [E], sizes, [0], grid.kappa, lambda error, *_: error, arb(1)
+        )
         outcome |= {"unit": unit, "coefficients": [[coefficients]]}
         size = _largest_mode(E, K + 1)
         if outcome["proved"] or not size < 0.5 * last:

@@ -4,7 +4,7 @@
     check(json.loads(text))   # returns the claim, which is then proved, or raises Refuted
 
 It needs only python-flint, and shares no code with the programs that make the certificates.
-nasm/proofs/README.md, "Certificates", describes the fields and states the seven theorems.
+nasm/proofs/README.md, "Certificates", describes the fields and states the ten theorems.
 
 *Transport.* Given a forcing, or a cell of forcings, and boxes with their lifetimes N, the program
 verifies that the boxes cover the initial conditions on a curve, and that for each box there is a
@@ -101,7 +101,20 @@ THEOREMS = {
         "a10d1d000a629702e0ec991e8936f7aac412e70231025aac75e281e0c8ea1814",
         _BARRIER | {"plane", "centre", "tilt", "scales"},
     ),
+    "A barrier exists by an explicit step": (
+        "4cf90fcef4573221fb8c5fc56576fd35bf4e5d82598861eae43448cb9fe27c0c",
+        _BARRIER | {"kappa", "shortened_from"},
+    ),
+    "A barrier exists in a fan by explicit steps": (
+        "5fe9f8e0250ebd8163f6ca70ae73a5b70e8142f5f7c8b192d1d0f0288c7408f9",
+        _BARRIER | {"kappa", "shortened_from", "tilt", "scales"},
+    ),
+    "A barrier exists in a patch of a plane by explicit steps": (
+        "28efc222370a12e53dd8b81408034b1e7cbe8ae800b56e3b2d52823ab3f0dbd3",
+        _BARRIER | {"plane", "centre", "tilt", "scales"},
+    ),
 }
+STEPPED = {name for name in THEOREMS if name.endswith(("explicit step", "explicit steps"))}
 
 
 class Refuted(Exception):
@@ -261,7 +274,7 @@ def within_limits_of_moves(data: Certificate) -> None:
                 demand(type(part) is list, message)
                 demand(all(is_whole(x) and x.bit_length() <= MAX_UNIT for x in part), message)
                 longest = max(longest, len(part))
-    points = (len(numbers) + 1) * (max(map(len, numbers)) + 1)
+    points = (len(numbers) + 3) * (max(map(len, numbers)) + 3)
     demand(longest * points * n_kicks(data) <= MAX_MODES, "too many modes for their points")
 
 
@@ -941,19 +954,26 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
 
     bounds = {m: [sizes(f) for f in row] for m, row in moves.items()}
     totals = [sum(column, arb_poly()) for column in zip(*bounds.values(), strict=True)]
-    r, two_pi = (2 * arb.pi() * rho).exp(), 2 * arb.pi()
+    stepped = data.get("theorem", {}).get("name") in STEPPED
+    wide, more = (2 * rho, 3) if stepped else (rho, 1)
+    r, two_pi = (2 * arb.pi() * wide).exp(), 2 * arb.pi()
     slopes = {m: [2 * two_pi * r * f.derivative()(r) for f in row] for m, row in bounds.items()}
     n = [1 + sum(column) for column in zip(*slopes.values(), strict=True)]
     k = [(two_pi * (rho + real_norm(f, r))).exp() for f in totals]
-    p, errors, grid = [arb(0)] * len(n), [arb(0)] * len(n), Grid(rho, totals)
-    # One more point than degrees in s and in t; a single point in a variable that does not occur.
-    points = len(numbers) + 1 if long else 1, widest + 1 if fanned else 1
+    p, errors = [arb(0)] * len(n), [arb(0)] * len(n)
+    grid = Grid(wide, totals, 2 if stepped else 1.5)
+    largest_E, near, apart = [[arb(0)]] * len(n), [[arb(0)]] * len(n), [arb(0)] * len(n)
+    # More points than degrees in s and in t; a single point in a variable that does not occur.
+    points = len(numbers) + more if long else 1, widest + more if fanned else 1
     for angle, beside, u in at_points(moves, points):
         there = strengths(middle + half * angle.cos_pi(), beside.cos_pi())
         found = grid.residuals(there, u, omega / len(kappa))
+        demand(all(error < 1 for error in found), "a residual is not below 1")
+        if stepped:
+            modes, found = grid.modes, grid.rests
+            largest_E = [larger(old, new) for old, new in zip(largest_E, modes, strict=True)]
         errors = [old.max(new) for old, new in zip(errors, found, strict=True)]
     # An angle differs from the nearest of f points by at most π/2f, and T_m by 2 sin(mπ/4f).
-    demand(all(error < 1 for error in errors), "a residual is not below 1")
     nodes = 12 if long else 1, 8 if fanned else 1
     step = [
         [2 * (arb(min(m, 2 * f)) / (4 * f)).sin_pi() for m in range(sum(points))] for f in nodes
@@ -965,6 +985,12 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
             with ctx.workprec(64):
                 d, defect = inverse(slope(f), r, 2 * max(map(len, totals)))
                 p[j] = p[j].max(neumann(norm(d, r), defect + moved * norm(d, r)))
+                if stepped:
+                    missing = neumann(norm(d, r), moved * norm(d, r) + defect) - norm(d, r)
+                    apart[j] = apart[j].max(missing)
+                    middle_of_d, d = len(d) // 2, [abs(x) for x in d]
+                    both = larger(d[middle_of_d:], d[middle_of_d::-1])  # modes k and -k
+                    near[j] = larger(near[j], both)
     constants = [lebesgue(N) for N in points]
     largest = [abs(a) + abs(b) for a, b in zip(kappa, tilt, strict=True)]
     for j in range(len(n)):
@@ -977,11 +1003,21 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
             )
             for axis in (0, 1):
                 grown = ((m[axis] * far).cosh() * 2 * row[j](r) for m, row in bounds.items())
-                B = reach[axis] / two_pi * (two_pi * (rho + sum(grown))).exp()
+                B = reach[axis] / two_pi * (two_pi * (wide + sum(grown))).exp()
                 tail = 4 * B * (-points[axis] * far).exp() / (1 - (-far).exp())
                 missed[axis] = tail if tail < missed[axis] else missed[axis]
         errors[j] = missed[0] + constants[0] * (missed[1] + constants[1] * errors[j])
     strongest = [abs(o) + high * x for o, x in zip(origin, largest, strict=True)]
+    if stepped:
+        growth = constants[0] * constants[1]
+        known = [[growth * x for x in row] for row in largest_E]
+        residuals, inverses = (
+            list(zip(*pair, strict=True)) for pair in ((known, errors), (near, apart))
+        )
+        with ctx.workprec(64):
+            return after_a_step(
+                strongest, rho, omega, divisors, period, totals, residuals, inverses
+            )
     return conclusion(strongest, rho, divisors, period, errors, n, p, k)
 
 
@@ -996,6 +1032,100 @@ def fan(data: Certificate) -> tuple[list[Fraction], list[Fraction], list[Fractio
         [a * f + b * g for f, g in zip(first, second, strict=True)] for a, b in (middle, tilt)
     )
     return origin, kappa, beside
+
+
+def larger(a: list[Ball], b: list[Ball]) -> list[Ball]:
+    """Return the larger of two bounds for each mode."""
+    longest = max(len(a), len(b))
+    a, b = ([*row, *[arb(0)] * (longest - len(row))] for row in (a, b))
+    return [x.max(y) for x, y in zip(a, b, strict=True)]
+
+
+def after_a_step(
+    kappa: list[Ball],
+    rho: Ball,
+    omega: Ball,
+    divisors: list[tuple[int, Ball]],
+    period: int,
+    totals: list[arb_poly],
+    residuals: list[tuple[list[Ball], Ball]],
+    inverses: list[tuple[list[Ball], Ball]],
+) -> tuple[bool, dict[str, float]]:
+    """Return whether the theorem with an explicit first step applies, with its constants.
+
+    Each function is bounded by a pair: f = f₁ + f₂, where the pair contains bounds on the modes
+    k ≥ 0 of f₁, which are those of -k too, and on ‖f₂‖ in the strip 2ρ. For the step
+    v_j = g_j'w_j this strip is narrowed to 3ρ/2 by the first small divisors, and to ρ by the second
+    ones. totals : polynomials whose coefficients are bounds on the modes of u_j.
+    """
+    P, e, two_pi, zero = len(kappa), arb(1).exp(), 2 * arb.pi(), arb(0)
+    wide, middle, r = ((two_pi * x).exp() for x in (2 * rho, 3 * rho / 2, rho))
+    sigma = russmann(divisors, period, rho / 2) / (rho / 2)
+    slopes = [([arb(1), *[two_pi * i * x for i, x in enumerate(f)][1:]], zero) for f in totals]
+
+    def product(f, g, at):
+        modes = arb_poly(mirrored(f[0])) * arb_poly(mirrored(g[0]))
+        first, size_f, size_g = len(f[0]) + len(g[0]) - 2, even_norm(f[0], at), even_norm(g[0], at)
+        half = [modes[first + i] for i in range(first + 1)]
+        return half, size_f * g[1] + size_g * f[1] + f[1] * g[1]
+
+    def total(*pairs):
+        length = max(len(modes) for modes, _ in pairs)
+        padded = [[*modes, *[zero] * (length - len(modes))] for modes, _ in pairs]
+        return [sum(column) for column in zip(*padded, strict=True)], sum(rest for _, rest in pairs)
+
+    def solved(f):
+        small = [2 * abs((omega * i).sin_pi()) for i in range(1, len(f[0]))]
+        return [zero] + [x / y for x, y in zip(f[0][1:], small, strict=True)], sigma * f[1]
+
+    forces = [product(slopes[j], residuals[j], wide) for j in range(P)]
+    sums = [total(*forces[: j + 1]) for j in range(P)]
+    around = solved(sums[-1])
+    fluxes = [total(around, f) for f in sums]
+    mean = reduce(arb.max, [even_norm(f, arb(1)) + rest for f, rest in fluxes])
+    steps = []
+    for j in range(P):
+        inverse = product(inverses[j], inverses[(j + 1) % P], middle)
+        steps.append(product(total(fluxes[j], ([mean], zero)), inverse, middle))
+    first = solved(total(*steps))
+    w = [total(first, *steps[:j]) for j in range(P)]
+    n, p, k, errors, moved, waves = [], [], [], [], [], []
+    for j in range(P):
+        n_j, p_j = even_norm(slopes[j][0], r), even_norm(inverses[j][0], r) + inverses[j][1]
+        k_j = (two_pi * (rho + real_norm(totals[j], r))).exp()
+        w_j = even_norm(w[j][0], r) + w[j][1]
+        slope_of_E = even_norm([two_pi * i * x for i, x in enumerate(residuals[j][0])], r)
+        slope_of_E += residuals[j][1] / (e * rho)
+        y = two_pi * n_j * w_j
+        second = k_j * (arb("0.5") + y / 6) * y.exp() * y**2
+        errors.append(slope_of_E * w_j + abs(kappa[j]) / two_pi * second)
+        slope_of_v = n_j * w_j / (e * rho / 50)
+        n.append(n_j + slope_of_v)
+        p.append(neumann(p_j, p_j * slope_of_v))
+        k.append(k_j * y.exp())
+        moved.append(w_j)
+        waves.append(k_j)
+    narrow = rho * 49 / 50
+    holds, constants = conclusion(kappa, narrow, divisors, period, errors, n, p, k)
+    before = {
+        "error": [even_norm(modes, r) + rest for modes, rest in residuals],
+        "n": [even_norm(modes, r) for modes, _ in slopes],
+        "p": [even_norm(modes, r) + rest for modes, rest in inverses],
+        "k": waves,
+        "w": moved,
+    }
+    largest = {name: float(reduce(arb.max, sites).upper()) for name, sites in before.items()}
+    return holds, constants | largest
+
+
+def mirrored(modes: list[Ball]) -> list[Ball]:
+    """Return the modes -K, …, K, given those with k ≥ 0."""
+    return modes[:0:-1] + modes
+
+
+def even_norm(modes: list[Ball], r: Ball) -> Ball:
+    """Return Σ_k a_|k| r^|k|."""
+    return real_norm(arb_poly(modes), r)
 
 
 def lebesgue(n: int) -> Ball:
@@ -1032,9 +1162,9 @@ class Grid:
     sizes : for each j a polynomial whose coefficients bound |û_k|, k ≥ 0.
     """
 
-    def __init__(self, rho: Ball, sizes: list[Any]) -> None:
+    def __init__(self, rho: Ball, sizes: list[Any], wide: float = 1.5) -> None:
         two_pi = 2 * arb.pi()
-        self.half = 1 << (3 * max(map(len, sizes)) // 2).bit_length()
+        self.half = 1 << int(wide * max(map(len, sizes))).bit_length()
         self.r, self.missed = (two_pi * rho).exp(), []
         for f in sizes:
             tries = [rho * (1 + arb(i) / 4) for i in range(1, 60)]
@@ -1047,7 +1177,8 @@ class Grid:
 
     def residuals(self, kappa: list[Ball], u: list[Any], alpha: Ball) -> list[Ball]:
         """Bound ‖E_j‖; u contains, for each j, the polynomial of the modes û_k, k ≥ 0."""
-        half, two_pi, errors = self.half, 2 * arb.pi(), []
+        half, two_pi = self.half, 2 * arb.pi()
+        self.modes, self.rests = [], []
         u = [[*f.coeffs(), *[acb(0)] * (half - len(f))] for f in u]
         turns = [acb(2 * k * alpha).exp_pi_i() for k in range(half)]
         for j, strength in enumerate(kappa):
@@ -1059,9 +1190,10 @@ class Grid:
                 turn * after + turn.conjugate() * before - 2 * x - strength / two_pi * sine
                 for after, before, x, sine, turn in zip(*rows, strict=True)
             ]
-            missed = abs(strength) / two_pi * self.missed[j]
-            errors.append(real_norm(sizes(E), self.r) + missed)
-        return errors
+            self.modes.append([abs(x) for x in E])
+            self.rests.append(abs(strength) / two_pi * self.missed[j])
+        known = [even_norm(row, self.r) for row in self.modes]
+        return [norm + missed for norm, missed in zip(known, self.rests, strict=True)]
 
 
 def half_modes(re: list[int], im: list[int], unit: Ball) -> acb_poly:

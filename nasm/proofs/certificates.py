@@ -30,6 +30,15 @@ _STATEMENTS = {
     "A barrier exists in a patch of a plane": (
         "a10d1d000a629702e0ec991e8936f7aac412e70231025aac75e281e0c8ea1814"
     ),
+    "A barrier exists by an explicit step": (
+        "4cf90fcef4573221fb8c5fc56576fd35bf4e5d82598861eae43448cb9fe27c0c"
+    ),
+    "A barrier exists in a fan by explicit steps": (
+        "5fe9f8e0250ebd8163f6ca70ae73a5b70e8142f5f7c8b192d1d0f0288c7408f9"
+    ),
+    "A barrier exists in a patch of a plane by explicit steps": (
+        "28efc222370a12e53dd8b81408034b1e7cbe8ae800b56e3b2d52823ab3f0dbd3"
+    ),
 }
 
 

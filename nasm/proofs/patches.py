@@ -14,6 +14,10 @@ points. The residual obeys
 
     ‖E_j‖ ≤ Λ_Q Λ_R max ‖E_j‖ at the points + interpolation error,    Λ_Q = 1 + (2/π) log Q.
 
+If the theorem fails with these bounds, the first step is bounded through modes, as README.md, "A
+first step that is computed", describes; only the last term, which is small as E_j is computed at
+more points than there are degrees, then counts without knowledge of its modes.
+
 Adjoining patches from s = 0 upwards therefore show that the circle exists for all weaker kicks too:
 it does not break and reappear on the way. See proofs/README.md, "A patch". A proof relies on
 `_Patch` and the functions of `nasm.proofs.barrier` that it calls; C may come from any source.
@@ -65,9 +69,11 @@ except ImportError:  # the extra `proof`
 # Distance from the breakup at the end of a patch, relative to that at its beginning.
 _MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
 # The ε that suffices 1% below the breakup; ε is proportional to this power of the distance.
-_RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 3e-19, 6.3
-_LONG_DOUBLE_RESIDUAL = 1e-15  # ε down to which circles in long doubles are accurate enough
-_GRID_FACTOR = 1.1  # number of grid points, relative to that for a single forcing
+# Measured on rays and triangles; patches of another ω that fail are tried again, shorter.
+_RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 1e-14, 4.6
+_MORE_POINTS = 2  # at which E is computed, than there are degrees: less is left to interpolate
+_LONG_DOUBLE_RESIDUAL = 2e-13  # ε down to which circles in long doubles are accurate enough
+_GRID_FACTOR = 0.75  # number of grid points, relative to that for a single forcing
 _MIN_NODES, MAX_NODES = 8, 64  # Chebyshev points in s, and in t
 _TRIAL_NODES = 24  # points in t at the far end of a patch, from which R is chosen
 _STRIP_RATIO = 0.1  # ρ relative to the estimated half width of the strip of analyticity
@@ -218,7 +224,7 @@ def _proved_between(low: float, high: float, value: float, about: dict[str, Any]
         return BarrierProof(False, f"not proved: a circle was not found: {lost[0]}", **about)
     n = fast_size(int(_GRID_FACTOR * max(grid_size(one.u) for one in far)))
     R, starts = _points_across(far, n, epsilon / 10) if any(about["tilt"]) else 1, []
-    if max(Q, R) > MAX_NODES:
+    if max(_more(Q, R)) > MAX_NODES:
         return BarrierProof(False, "not proved: the patch is too wide", **about)
     for sigma in _points(Q).tolist():  # the points closest to the breakup come first
         for t in _points(R).tolist():
@@ -237,7 +243,8 @@ def _proved_between(low: float, high: float, value: float, about: dict[str, Any]
         coefficients = patch.coefficients(modes, unit)
         if R > 1:
             coefficients = _above_rounding(coefficients, Q, R)
-        outcome = patch.verified(coefficients, unit)
+        finer = _Patch(omega, *exact[1:], low, high, n, *_more(Q, R), exact[0])
+        outcome = finer.verified(_with_zeros(coefficients, Q, R), unit)
     coefficients = [coefficients[first : first + R] for first in range(0, Q * R, R)]
     return BarrierProof(**about, n=n, unit=unit, coefficients=coefficients, **outcome)
 
@@ -310,6 +317,19 @@ def _above_rounding(coefficients: list[Any], Q: int, R: int) -> list[Any]:
     return [C if x > 2 * rounding else nothing for C, x in zip(coefficients, norms, strict=True)]
 
 
+def _more(Q: int, R: int) -> tuple[int, int]:
+    """Return the numbers of points at which the residuals of Q·R degrees are computed."""
+    return Q + _MORE_POINTS, R + _MORE_POINTS if R > 1 else 1
+
+
+def _with_zeros(coefficients: list[Any], Q: int, R: int) -> list[Any]:
+    """Add coefficients that are 0, so that there are as many as points."""
+    more, across = _more(Q, R)
+    zero: list[Any] = [[[], []]] * len(coefficients[0])
+    rows = [coefficients[first : first + R] + [zero] * (across - R) for first in range(0, Q * R, R)]
+    return [C for row in rows for C in row] + [zero] * (across * (more - Q))
+
+
 class _Patch:
     """The forcings of a patch at Q·R Chebyshev points, in ball arithmetic.
 
@@ -341,6 +361,7 @@ class _Patch:
         self.shape = Q, R
         self.middle, self.half, self.high = (arb(low) + high) / 2, (arb(high) - low) / 2, arb(high)
         self.T = [_chebyshev(Q), _chebyshev(R)]
+        self.lebesgue = [1 + 2 / arb.pi() * arb(n).log() for n in (Q, R)]
         grid = Grid(omega, profile, n)
         self.grids = []
         for row, across in product(*self.T):
@@ -401,7 +422,10 @@ class _Patch:
         steps = [[2 * (arb(m) / (4 * n)).sin_pi() for m in range(n)] for n in self.shape]
         apart = [a + b for a, b in product(*steps)]
         kappa = [self._largest(j, self.high) for j in range(len(self.profile))]
-        outcome = verified(self.grids, u, E, sizes, apart, kappa, self._between, _BOUND_FRACTION)
+        largest = self.lebesgue[0] * self.lebesgue[1]
+        outcome = verified(
+            self.grids, u, E, sizes, apart, kappa, self._between, largest, _BOUND_FRACTION
+        )
         return {key: outcome[key] for key in outcome if key != "estimated_ratio"}
 
     def _largest(self, j: int, s: Ball, t: Ball | int = 1) -> Ball:
@@ -429,10 +453,7 @@ class _Patch:
                 bound = 4 * B * r**-count / (1 - 1 / r)
                 least = bound if bound < least else least
             misses.append(least)
-        (along, beside), (Lambda, across) = (
-            misses,
-            (1 + 2 / arb.pi() * arb(n).log() for n in (Q, R)),
-        )
+        (along, beside), (Lambda, across) = misses, self.lebesgue
         return Lambda * (across * error + beside) + along
 
 
