@@ -291,7 +291,7 @@ WRONG = {  # a changed line: the case in which a bound becomes too small
     ("inverse = Majorant(_largest_sizes(near), reduce(arb.max, missed))",
      "inverse = Majorant(_largest_sizes(near), arb(0))"): "steep between points",
     ("total = sum((arb_poly(row[j]) for row in sizes), arb_poly())",
-     "total = sum((arb_poly(row[j]) / 2 for row in sizes), arb_poly())"): "steep",
+     "total = sum((arb_poly([x / 2 for x in row[j]]) for row in sizes), arb_poly())"): "steep",
     ("rest = between(points.rest, outer", "rest = 0 * between(points.rest, outer"): "between",
     ("known = Majorant(_largest_sizes([row[j][:cut] for row in bounds[1]])",
      "known = Majorant(bounds[1][-1][j][:cut]"): "kicks",
