@@ -3,8 +3,8 @@
     y_{n+1} = y_n + (κ_n/2π) sin 2πx_n,     x_{n+1} = x_n + y_{n+1},     n = 0, …, N - 1
 
 Before kick 0 the strength is constant, and K(θ) is an invariant curve of that map. Its image before
-kick n is a snapshot torus (Jánosi & Tél, Chaos 29 (2019) 121105). It remains a closed curve that no
-orbit crosses, whatever n; but it may fold, and neighbouring points may separate. Pairs of points at
+kick n is a snapshot torus (Jánosi & Tél, Chaos 29 (2019) 121105). For every n it is a closed curve
+that no orbit crosses; but it may fold, and neighbouring points may separate. Pairs of points at
 parameters θ and θ + r_0 have the ensemble-averaged pairwise distance (EAPD)
 
     ρ_n = ⟨ln r_n⟩ - ln r_0  →  ⟨ln |(ξ_n, η_n)|⟩,     (ξ_n, η_n) = DT^n K'(θ),     r_0 → 0,
@@ -12,8 +12,8 @@ parameters θ and θ + r_0 have the ensemble-averaged pairwise distance (EAPD)
 where DT^n is the derivative of the first n kicks and ⟨·⟩ the average over θ, with the invariant
 measure of the initial map. Jánosi & Tél call the slope of ρ_n an instantaneous Lyapunov exponent.
 The finite-time Lyapunov exponent of one orbit is λ_n = (ln σ_n)/n, where σ_n is the largest
-singular value of DT^n (Grime & Morrison, arXiv:2505.04750, who compute it in an extended phase
-space, doubt that averages tell what single orbits do). On a torus, shear makes σ_n grow like n.
+singular value of DT^n. (Grime & Morrison, arXiv:2505.04750, compute it in an extended phase space,
+and doubt that averages describe single orbits.) On a torus, shear makes σ_n grow like n.
 
 *A graph bounds the EAPD.* Let a curve that winds once around the cylinder be a graph before the
 kicks n - 1, n and n + 1. Then ξ > 0 and ⟨ξ_n⟩ = 1. As η_n = ξ_n - ξ_{n-1} and
@@ -46,18 +46,20 @@ _MAX_POINTS = 10**6
 
 @dataclass(frozen=True, eq=False)
 class Separations(Result):
-    """How neighbouring points on a snapshot torus separate. Numbers of kicks are inf if never.
+    """How neighbouring points on a snapshot torus separate.
+
+    Numbers of kicks are inf if the event never occurs.
 
     Attributes
     ----------
     distance : ndarray, shape (N,)
         EAPD ρ_n before kick n.
     folded : ndarray, shape of x
-        First n with ξ_n ≤ 0; the torus is no graph before kick `folded.min()`.
+        First n with ξ_n ≤ 0; just before kick `folded.min()` the torus is not a graph.
     separated : ndarray, shape of x
-        Number of kicks from which |(ξ_n, η_n)| of the orbit remains above e^ρ of `graph_bound`.
+        First n from which on |(ξ_n, η_n)| of the orbit stays above exp(`graph_bound`).
     stretched : ndarray, shape of x
-        Number of kicks from which σ_n of the orbit remains above n², the square of a shear.
+        First n from which on σ_n of the orbit stays above n²; shear makes it grow only like n.
     exponents : ndarray, shape (samples, *x.shape)
         λ_n of each orbit for n = 0, every, 2·every, … < N; NaN for n = 0.
     """
@@ -75,8 +77,8 @@ def torus(
     """Compute n points of the invariant curve through (1/2, y), and tangent vectors K' there.
 
     The points are the orbit of (1/2, y). The map is reversed by (x, y) → (-x, y + (κ/2π) sin 2πx),
-    which fixes (1/2, y), so a curve that the reversal maps to itself has there the tangent
-    (1, κ/2). DT carries it along the orbit.
+    which fixes (1/2, y), so a curve that the reversal maps to itself has the tangent
+    (1, κ/2) there. DT carries it along the orbit.
 
     Parameters
     ----------
@@ -115,7 +117,7 @@ def torus(
 
 
 def graph_bound(kappa: ArrayLike) -> FloatArray:
-    """Compute the largest EAPD of a graph before a kick of each strength; see the module.
+    """Compute, for each kick, the bound on the EAPD of a graph before it; see the module docstring.
 
     Parameters
     ----------
@@ -143,7 +145,7 @@ def separations(
     x, y : array_like
         Points before the first kick, at least one. Their shapes broadcast.
     u, v : array_like
-        Tangent vectors there, not zero, of the same shape as the points or to be broadcast to it.
+        Tangent vectors there, not zero, of the same shape as the points or broadcastable to it.
     every : int
         Kicks from one sample of the finite-time exponents to the next.
 
@@ -158,7 +160,7 @@ def separations(
 
     Examples
     --------
-    A shear leaves distances along the curve y = 0.25 as they are, and those across it grow.
+    A shear preserves distances along the curve y = 0.25, while those across it grow.
 
     >>> from nasm.snapshot import separations
     >>> along = separations([0.0] * 4, 0.0, 0.25, 1.0, 0.0)

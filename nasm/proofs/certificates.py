@@ -81,7 +81,7 @@ def certificate(
     scales : tuple of float
         For a patch: the forcings are s·(kappa + t·half_width), scales[0] ≤ s ≤ scales[1], |t| ≤ 1.
     plane : Plane, optional
-        The plane of which all these are coordinates.
+        The plane to which the coordinates above refer.
 
     Raises
     ------

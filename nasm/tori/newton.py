@@ -17,8 +17,8 @@ correction as h_θ w, and f⁺ and f⁻ for f(θ ± ω, φ ± Ω). Up to terms o
 This equation is solved by two divisions in Fourier space, by e^{2πi(k₁ω + k₂Ω)} - 1, for the modes
 in an ellipse whose semi-axes are 36% of the number of points along each axis. A rotation vector is
 refused as resonant if a mode in use has a divisor below 10⁻⁶. Resonant modes near the rim of
-the ellipse are left out, more of them closer to the rim: the modes that they drive are missing
-there, and Newton's method would diverge if they were used. The estimated size of the modes left out
+the ellipse are left out, and more of them the closer they are to the rim: as the modes that they
+drive are missing there, Newton's method would diverge if resonant modes were used. The estimated size of the modes left out
 counts as unresolved. The two axes are refined separately.
 
 With too few modes Newton's method converges to "tori" beyond the breakup. Therefore a torus is
@@ -220,10 +220,10 @@ def invariant_torus(
 
     Notes
     -----
-    With too few modes, an existing torus may be missed. A certified torus exists to within
-    floating-point precision and the resolution of 4 m·n points. Resonances beyond the modes of that
+    With too few modes, an existing torus may be missed. The existence of a certified torus
+    is established only up to floating-point errors and the resolution of 4 m·n points. Resonances beyond the modes of that
     grid are not detected: if Ω is a fraction with a large denominator, the certificate refers
-    to the circles of all phases together.
+    to the family of circles for all phases as a whole.
 
     Examples
     --------
@@ -538,8 +538,8 @@ def _constants(omega, frequency, m, n, settings):
     """Return e^{2πi(k₂Ω + k₁ω)} of all modes, their kinds, and the smallest divisor in use.
 
     The kind is 0 for the mean and for modes beyond the ellipse, 1 for an inner mode, 2 or 3 for an
-    outer mode on the side of the θ or φ axis, and 4 or 5 for a hole on that side: a resonant mode
-    near the rim that is left out.
+    outer mode nearer to the θ or to the φ axis, and 4 or 5 likewise for a hole, which is a resonant
+    mode near the rim that is left out.
     """
     k2, k1 = _wave_numbers(m)[:, None], np.arange(n // 2 + 1)
     turn = _turns(frequency, k2) * _turns(omega, k1)
@@ -659,7 +659,7 @@ def _fields(turn, kind, modes, mass, edge):
     """Return the modes of u, u⁺ - 2u + u⁻, h_θ and h_θ⁺; modes not in use are 0.
 
     Also adds the squared second derivatives along θ and φ to `mass`, and the contributions of the
-    outer modes on the side of each axis to `edge`.
+    outer modes nearer to each axis to `edge`.
     """
     m, n = modes.shape[0], 2 * (modes.shape[1] - 1)
     fields = np.zeros((4, m, n // 2 + 1), np.complex128)

@@ -60,7 +60,7 @@ def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barri
     """
     is_short = len(plane.origin) <= 2  # if not, some rays have forcings of period 1 or 2
     warm_up = partial(load_search, sum(plane.ray(30.0))) if is_short else load_searches
-    seconds = 0.1 + 1.8e-5 / tol if is_short else 0.6 + 3e-4 / tol  # for P = 3 if not is_short
+    seconds = 0.1 + 1.8e-5 / tol if is_short else 0.6 + 3e-4 / tol  # the latter is for P = 3
     seconds *= (min(max(len(plane.origin), 3), 16) / 3) ** 2
     return job_of_barriers(name, plane, angles, seconds, {"tol": tol}, _compute, warm_up)
 
@@ -163,7 +163,7 @@ def boundary(angles: ArrayLike, tol: float = 1e-4, plane: Plane | None = None) -
 
 
 def unfolded(barrier: xr.Dataset, angles: ArrayLike) -> xr.Dataset:
-    """Return the cube `barrier` unfolded, on rays whose images under the symmetries it contains.
+    """Unfold the cube `barrier` onto rays whose images under the symmetries are in the cube.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def unfolded(barrier: xr.Dataset, angles: ArrayLike) -> xr.Dataset:
     -------
     xr.Dataset, dim (angle)
         The coordinate `circle` is the exact ω of the last circle, in [0, P/2], as a string; ""
-        where it is unknown (NaN once it is read from a store). The circle of P - ω is its mirror
+        where it is unknown (NaN in a cube read from a store). The circle of P - ω is its mirror
         image. `tied` is the ω of a circle that breaks at the same scale by symmetry, as on the axes
         of the plane of two kicks; "" elsewhere.
     """

@@ -41,8 +41,8 @@ Certificate: TypeAlias = dict[str, Any]
 
 _MAX_RATIO = 100  # maximum ratio of unpacked to packed size; at most 27 for certificates
 _MAX_WINDOW = 2**26  # bytes of memory for unpacking; files of `pack_certificates` need 2**19
-_BLOCKS = 36  # tiles along an axis of a map, at least
-_MARGIN, _STEP = 1.15, 8  # of a map beyond CB_gt, as a factor; its reach is a multiple of 1/_STEP
+_BLOCKS = 36  # minimum number of tiles along an axis of a map
+_MARGIN, _STEP = 1.15, 8  # factor by which a map exceeds CB_gt; its reach is a multiple of 1/_STEP
 _SWAP = True, 90  # the symmetry that exchanges the coordinates of a plane
 _STATES = {
     NOT_COMPUTED: "not_computed",
@@ -102,7 +102,7 @@ def _compute_rays(coords: Coords, settings: Settings) -> Arrays:
 
 
 def uncertified_rays(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
-    """Return a message about a bound on a ray that lacks a certificate; "" if no bound does."""
+    """Return a message about a bound on a ray that lacks a certificate; "" if all have one."""
     claims: set[tuple[str | None, tuple[float, ...]]] = set()
     rays: dict[tuple[float, ...], list[tuple[float, ...]]] = {}
     for certificate in certificates:
@@ -126,8 +126,8 @@ def uncertified_rays(tile: xr.Dataset, certificates: Iterable[Certificate]) -> s
 def proved_map(plane: Plane, rays: Sequence[Sequence[float]], cells: int, seconds: float) -> Job:
     """Return the Job of the cube `proved_map`: cells of forcings with global transport.
 
-    Tiles outside the plane's `wedge` are not computed: they are images of the others, for two kicks
-    those with κ2 > κ1 (arXiv:1606.04824, Sec. III). `everywhere` adds the images.
+    Tiles outside the plane's `wedge` (for two kicks, those with κ2 > κ1) are not computed, because
+    they are images of the others (arXiv:1606.04824, Sec. III). `everywhere` adds the images.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def _compute_cells(coords: Coords, settings: Settings) -> Arrays:
     proved, cell_proofs = proofs.proved_cells(
         plane, (a, b), n * size, depth, settings["rays"], settings["seconds"]
     )
-    if a == b and _swaps(plane):  # cells on one side of the diagonal have images here
+    if a == b and _swaps(plane):  # the mirror image of each cell is in this tile
         proved = np.maximum(proved, proved.T)  # TRANSPORT is larger than OPEN
     return {"proved": proved} | pack_certificates(cell_proofs)
 
@@ -280,7 +280,7 @@ def outside_theorem(
 ) -> NDArray[np.bool_]:
     """Find the cells to which the theorem on transport under several kicks does not apply.
 
-    Rounding is ignored: the answer is for captions.
+    Rounding is ignored, as the result is used only in captions.
 
     Examples
     --------
@@ -306,7 +306,8 @@ def outside_theorem(
 def _predict_cells(coords: Coords, settings: Settings) -> float:
     """Predict CPU seconds: a twentieth of the limit per cell of the finest level near CB_gt.
 
-    A cell of another plane than that of two kicks takes about ten times as long, with its curve.
+    In planes other than that of two kicks, a cell takes about ten times as long, as its proof needs
+    a curve.
     """
     plane, size = plane_of(settings), 1 / settings["cells"]
     a, b = np.meshgrid(*(coords[name] for name in plane.axes))
@@ -370,7 +371,7 @@ def _load_triangles() -> None:
 
 
 def _seconds(plane: Plane, nearest: float) -> float:
-    """Estimate the CPU seconds that a triangle takes; those next to a cusp take longer."""
+    """Estimate the CPU seconds that a triangle takes; triangles next to a cusp take longer."""
     return (1 + 7 * (0.1 / nearest) ** 1.95) * (max(len(plane.origin), 2) / 2) ** 2.5
 
 
@@ -390,7 +391,7 @@ def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
         if least > value:
             circle, value = omega, least
     if value > 0:
-        distance = 0.68 * nearest  # the last proof may end a tenth short of this
+        distance = 0.68 * nearest  # the last proof may stop at a distance a tenth larger
         budget = 4 * _seconds(plane, nearest)  # a busy machine may take twice as long
         within = None if plane == two_kicks() else plane
         scale, proved = proofs.proved_below(circle, middle, value, budget, tilt, distance, within)
@@ -419,7 +420,7 @@ def pack_certificates(proofs: Iterable[Any]) -> dict[str, bytes]:
     """Return what a tile stores besides its arrays: the certificates of its proofs, compressed.
 
     Failed proofs and None are omitted; the result is {} if no proof remains. Certificates are
-    written to the compressed file one by one, because those of cells take much memory.
+    written to the compressed file one by one, because those of cells take a lot of memory.
     """
     proved, data = [proof for proof in proofs if proof and proof.proved], BytesIO()
     if not proved:
