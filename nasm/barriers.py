@@ -90,8 +90,9 @@ class Effort:
         reached, the search, converse KAM and certification all end. Among the judged forcings,
         regular ones need 10 to 20 scales, and those with bands up to 60.
     step : float
-        Relative distance over which orbits of period q exclude circles, multiplied by q; the search
-        lowers the scale in steps of this length, or of share_above·tol if that is longer.
+        Relative length of a step to lower scales, multiplied by the longest period q used: orbits
+        of that period exclude circles over about four times this distance. Steps are not shorter
+        than share_above·tol.
     tree_depth : int
         Period of Farey neighbours at which the search of the tree ends.
     tree : TreeSettings
@@ -393,7 +394,8 @@ def _last_breakup(segment, tol, seconds, effort):
 
 def _contradicts(tree, tol, upper, value, error):
     """Return True if survivors show that a circle may exist far above the value."""
-    return upper > value + max(error, tol * value, value / tree.effort.first_steps)
+    relative = max(tol, 1 / tree.effort.first_steps)
+    return upper > value + max(error, tree.segment.length(value, relative))
 
 
 def _value(tree, tol, bracket):
@@ -493,6 +495,7 @@ def _with_rivals(tree, tol, breakup, inside, outside, nobles):
     segment, longest = tree.segment, tree.effort.tree.longest_ratio * LONGEST_PERIOD
     for omega in nobles:
         just_above = breakup.value + segment.length(outside, tree.effort.step / longest)
+        just_above = min(just_above, outside)
         if omega != breakup.omega and tree.shows(omega, just_above):
             later = _breakup(tree, tol, omega, inside, outside)
             if later is None or later.value < breakup.value:  # the rival breaks in between

@@ -260,10 +260,10 @@ def longest_lived(
     -----
     The beam search begins with two unrelated grids, of 2048 and 1597 starts. Each of the
     longest-lived starts gets 8 children, 0.15 cells apart, and this is repeated until the cells are
-    so small that neighbouring starts have nearly the same lifetime. The search may miss the longest lifetime, and with it a survivor. Of 992 searches,
-    2% to 0.002% beyond the breakup and a third of them within a degree of the diagonals, none
-    missed the longest lifetime by more than 1%. With a width of 16 none did so either, but 4% did
-    with 8, 20% with 4, and 77% with 1. Dense scans of 2²⁴ starts did not find longer lifetimes.
+    so small that neighbouring starts have nearly the same lifetime. The search may miss the longest
+    lifetime, and with it a survivor. Of 992 searches, 2% to 0.002% beyond the breakup and a third
+    of them within a degree of the diagonals, none missed the longest lifetime by more than 1%. With
+    a width of 16 none did so either, but 4% did with 8, 20% with 4, and 77% with 1. Dense scans of 2²⁴ starts did not find longer lifetimes.
 
     Examples
     --------

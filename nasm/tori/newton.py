@@ -18,8 +18,8 @@ This equation is solved by two divisions in Fourier space, by e^{2πi(k₁ω + k
 in an ellipse whose semi-axes are 36% of the number of points along each axis. A rotation vector is
 refused as resonant if a mode in use has a divisor below 10⁻⁶. Resonant modes near the rim of
 the ellipse are left out, and more of them the closer they are to the rim: as the modes that they
-drive are missing there, Newton's method would diverge if resonant modes were used. The estimated size of the modes left out
-counts as unresolved. The two axes are refined separately.
+drive are missing there, Newton's method would diverge if resonant modes were used. The estimated
+size of the modes left out counts as unresolved. The two axes are refined separately.
 
 With too few modes Newton's method converges to "tori" beyond the breakup. Therefore a torus is
 certified only if the method converges again, with h_θ > 0, on a grid twice as fine along both axes.
@@ -221,9 +221,9 @@ def invariant_torus(
     Notes
     -----
     With too few modes, an existing torus may be missed. The existence of a certified torus
-    is established only up to floating-point errors and the resolution of 4 m·n points. Resonances beyond the modes of that
-    grid are not detected: if Ω is a fraction with a large denominator, the certificate refers
-    to the family of circles for all phases as a whole.
+    is established only up to floating-point errors and the resolution of 4 m·n points. Resonances
+    beyond the modes of that grid are not detected: if Ω is a fraction with a large denominator, the
+    certificate refers to the family of circles for all phases as a whole.
 
     Examples
     --------
