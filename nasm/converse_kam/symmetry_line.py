@@ -263,7 +263,8 @@ def longest_lived(
     so small that neighbouring starts have nearly the same lifetime. The search may miss the longest
     lifetime, and with it a survivor. Of 992 searches, 2% to 0.002% beyond the breakup and a third
     of them within a degree of the diagonals, none missed the longest lifetime by more than 1%. With
-    a width of 16 none did so either, but 4% did with 8, 20% with 4, and 77% with 1. Dense scans of 2²⁴ starts did not find longer lifetimes.
+    a width of 16 none did so either, but 4% did with 8, 20% with 4, and 77% with 1. Dense scans of
+    2²⁴ starts did not find longer lifetimes.
 
     Examples
     --------
