@@ -57,9 +57,9 @@ class Separations(Result):
     folded : ndarray, shape of x
         First n with ξ_n ≤ 0; just before kick `folded.min()` the torus is not a graph.
     separated : ndarray, shape of x
-        First n from which on |(ξ_n, η_n)| of the orbit stays above exp(`graph_bound`).
+        First n from which |(ξ_n, η_n)| of the orbit stays above exp(`graph_bound`).
     stretched : ndarray, shape of x
-        First n from which on σ_n of the orbit stays above n²; shear makes it grow only like n.
+        First n from which σ_n of the orbit stays above n²; shear makes it grow only like n.
     exponents : ndarray, shape (samples, *x.shape)
         λ_n of each orbit for n = 0, every, 2·every, … < N; NaN for n = 0.
     """
@@ -117,7 +117,7 @@ def torus(
 
 
 def graph_bound(kappa: ArrayLike) -> FloatArray:
-    """Compute, for each kick, the bound on the EAPD of a graph before it; see the module docstring.
+    """Compute the bound on the EAPD of a graph before each kick; see the module docstring.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ Certificate: TypeAlias = dict[str, Any]
 
 _MAX_RATIO = 100  # maximum ratio of unpacked to packed size; at most 27 for certificates
 _MAX_WINDOW = 2**26  # bytes of memory for unpacking; files of `pack_certificates` need 2**19
-_BLOCKS = 36  # minimum number of tiles along an axis of a map
+_BLOCKS = 36  # number of tiles along an axis of a map; fewer if cells are coarse
 _MARGIN, _STEP = 1.15, 8  # factor by which a map exceeds CB_gt; its reach is a multiple of 1/_STEP
 _SWAP = True, 90  # the symmetry that exchanges the coordinates of a plane
 _STATES = {
