@@ -324,6 +324,7 @@ def functions_of(argument):
 WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, no_answer}
 _barrier = proofs.barrier
 WITH_OMEGA -= {_barrier.inequalities, _barrier.turns}  # their callers check omega
+WITH_OMEGA -= {_barrier.bounds_of_the_step, _barrier.inequalities_after_a_step}
 WITH_OMEGA = {f for f in WITH_OMEGA if f.__module__ != "nasm.tori.newton"}
 
 
