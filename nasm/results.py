@@ -137,7 +137,7 @@ class CriticalScale(Result):
     omega : RotationNumber or None
         Rotation number of the circle per period; None if the method does not identify the circle.
     status : Status
-        OK, or the reason and a remedy.
+        OK, or a member whose text states the reason and a remedy.
     method : str
         Method on which the value is based, like "Greene's residue"; if there is no value, the
         method on which the status or the bracket is based.

@@ -46,7 +46,7 @@ def mutant(module, *changes):
     return other
 
 
-ULP, COS_ERROR = 2.0**-53, 2.03e-14  # error bounds of rounding and, as tests prove, of cos 2πx
+ULP, COS_ERROR = 2.0**-53, 2.03e-14  # bounds on errors of rounding and of cos 2πx (tested)
 LONGEST = 1e11  # maximum lifetime of a box, in kicks
 
 
@@ -151,9 +151,9 @@ def used(value, bound):
 def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     """Check in multiprecision arithmetic that the state after one kick satisfies all bounds.
 
-    strengths : k, and in cells also f, g and the largest difference `blur`. Returns, by name, the
-    share of each bound that is used; it exceeds 1 if the bound is too small. For a bad box, these
-    shares are not computed.
+    strengths : k, and in cells also f, g and `blur`, the largest deviation of the strength from
+    k + σ_α f + σ_β g. Returns, by name, the share of each bound that is used; it exceeds 1 if the
+    bound is too small. For a bad box, these shares are not computed.
 
     1. Any orbit of the box satisfies the chain up to a defect; A and B grow by its components.
     2. `rest` grows by all that may increase Q beyond the sums; the payments cover sums and `rest`.

@@ -8,7 +8,7 @@ A search is a function of (profile, tol, start=None) that returns a CriticalScal
 the script prints
 
     cases, answered  number of rows searched, and of those with a value (status OK or WIDE);
-    value            false values: farther from the table's value than the sum of both errors;
+    value            false values, which differ from the table's by more than the sum of errors;
     lower            false lower ends: above a scale beyond which no circle exists;
     upper            false upper ends: below a scale at which a circle exists;
     width            (upper - lower)/value, median and largest;
@@ -86,7 +86,7 @@ def summary(name, scores):
 
 
 def report(scores):
-    """Return the lines of a report: table by class, total, and all that is wrong or missing."""
+    """Return the lines of a report: the table by class, the total, and false or missing results."""
     heads = ("cases", "answered", "value", "lower", "upper")
     lines = [f"{'class':28}" + "".join(f"{head:>9}" for head in heads) + "    width: median, worst"]
     lines[0] += "; CPU s"

@@ -36,7 +36,7 @@ def contents(folder):
 
 
 @pytest.mark.parametrize("writer", WRITERS)
-def test_a_command_killed_while_writing_a_file_keeps_the_old_file(tmp_path, monkeypatch, writer):
+def test_a_command_killed_while_writing_preserves_the_old_file(tmp_path, monkeypatch, writer):
     WRITERS[writer](tmp_path)
     for path in contents(tmp_path):
         path.write_bytes(b"of an earlier run")
@@ -64,8 +64,8 @@ def test_on_a_full_disk_only_the_earlier_file_remains(tmp_path):
     assert contents(tmp_path) == {tmp_path / "table.csv": b"an earlier run"}
 
 
-# Other modules that write: two write certificates or pictures to memory, two write the keys of a
-# cluster to a new folder that only this user can read.
+# Other modules that write. Two write certificates or pictures to memory, and two write the keys of
+# a cluster to a new folder that only this user can read.
 OTHERS = {"pipeline/cubes/proved.py", "workflows/figures/style.py"}
 OTHERS |= {"pipeline/sweep/cluster.py", "workflows/examples/job_queue.py"}
 WRITE = {"write_text", "write_bytes", "to_csv", "savefig", "to_netcdf", "open", "touch"}

@@ -1,4 +1,4 @@
-"""Check the table of judged forcings and its judges, and that no search contradicts the table."""
+"""Test the table of judged forcings and its judges; no search may contradict the table."""
 
 from collections import Counter
 from dataclasses import replace
@@ -50,7 +50,7 @@ def test_an_image_of_a_forcing_is_equivalent_to_it(operations):
     assert any(np.array_equal(form, profile) for form in equivalent)
 
 
-def test_a_repeated_forcing_is_shortened_back_and_pauses_rescale_y():
+def test_shortening_undoes_repetition_and_pauses_rescale_y():
     row = replace(next(iter(ROWS.values())), profile=(0.3, 0.1), start=None)
     repeated, _, factor, _ = image(row, "repeat 3")
     (short,), _ = symmetries.shorten([repeated], numbers.parse("gamma"))

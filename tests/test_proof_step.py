@@ -1,4 +1,4 @@
-"""The first step of a proof that a circle exists, bounded through modes: v_j = g_j'w_j."""
+"""Test the bounds, by modes, on the first step v_j = g_j'w_j of a proof that a circle exists."""
 
 import json
 from functools import cache
@@ -23,7 +23,7 @@ RHO = 0.004
 
 
 def near_breakup(omega, profile, value, n, distance=0.05):
-    """Return the proof of a circle on so few points that the first step must be computed."""
+    """Return a proof that a circle exists, on so few points that it must compute the first step."""
     omega, profile = parse(omega), np.array(profile)
     scale, u = continuation.certified_circle(omega, profile, value, distance)
     return barrier.prove(omega, scale * profile, start=u, n=n)
@@ -57,7 +57,7 @@ def test_the_checker_confirms_a_computed_step_with_nearly_the_same_constants(nam
     assert holds
     for key, slack in {"kappa": 1, "delta": 1, "C": 1, "n": 1.001, "k": 1.001, "p": 1.1}.items():
         assert 1 / slack - 1e-5 <= constants[key] / proof.constants[key] <= slack + 1e-5, key
-    assert 1e-2 < constants["w"] / proof.constants["w"] < 1.5  # its grid is twice as fine
+    assert 1e-2 < constants["w"] / proof.constants["w"] < 1.5  # the checker's grid is twice as fine
 
 
 def functions(rng, sites, modes, rest):
@@ -106,7 +106,7 @@ def constants_of_both(module, seed, sites, rest, omega="gamma"):
 
 
 def true_step(omega, kappa, u, E):
-    """Return the modes of w_j on a grid of N points, in floats; all functions are those of φ."""
+    """Return the modes of w_j on a grid of N points, in floats; all functions depend on φ."""
     P, k = len(kappa), np.fft.fftfreq(N, 1 / N)
     turn = np.exp(2j * np.pi * k * float(omega) / P)
     shift = turn ** np.arange(P)[:, None]  # from φ to θ
@@ -208,11 +208,11 @@ def test_a_changed_line_of_the_step_is_noticed(change):
         audit(changed)
 
 
-# --- what is put in: bounds on the modes of g_j', E_j and 1/g_j' for all forcings of a patch ---
+# --- the input: bounds on the modes of g_j', E_j and 1/g_j' for all forcings of a patch ---
 
 
 def pairs_of(case, module=barrier):
-    """Return the strip of a case of test_proof_patches.py, its pairs, and what is claimed of w."""
+    """Return the strip of a case of test_proof_patches.py, its pairs, and the bounds on w."""
     profile, tilt, high, shape, moves = made_case(case)
     seen = []
 
@@ -233,7 +233,7 @@ def pairs_of(case, module=barrier):
 
 
 def lacking(case, module=barrier):
-    """List what exceeds its bounds under some of many forcings: g', E, 1/g' or w."""
+    """Return which of g', E, 1/g' and w exceed their bounds under at least one of many forcings."""
     outer, pairs, w = pairs_of(case, module)
     profile, tilt, high, (Q, R), moves = made_case(case)
     P, k = len(profile), np.fft.fftfreq(N, 1 / N)

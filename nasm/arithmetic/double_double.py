@@ -3,8 +3,9 @@
     x = x_hi + x_lo,   |x_lo| ≤ ulp(x_hi)/2
 
 Sums and products are built from error-free transformations: a + b = s + e and a·b = p + e exactly,
-with s and p the rounded results (Knuth; Dekker; here with fma). If a long computation in floats has
-lost digits to rounding, repeating its last steps in this arithmetic restores them.
+where s and p are the rounded results (Knuth; Dekker; here with fma for the product). If a long
+computation in floats has lost digits to rounding, repeating its last steps in this arithmetic
+restores them.
 
 `add`, `multiply` and `sincos_2pi` take and return pairs (hi, lo); they are meant to be called from
 functions compiled with `numba.njit`.
@@ -89,7 +90,7 @@ def divided(a, b):
 
 @njit
 def _polynomial(coefficients, square):
-    """Evaluate a Taylor polynomial to 1e-23, with floats alone for its terms below 1e-7."""
+    """Evaluate a Taylor polynomial to 1e-23, using plain floats for its terms below 1e-7."""
     low = coefficients[len(coefficients) - 1][0]
     for k in range(len(coefficients) - 2, _FIRST_FLOAT - 1, -1):
         low = low * square[0] + coefficients[k][0]

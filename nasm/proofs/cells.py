@@ -24,10 +24,10 @@ OPEN = 1
 TRANSPORT = 2
 """State of a cell for which transport is proved to be global."""
 
-# Minimum relative distance from the boundary for which a proof is tried if it may take 1 s; of 128
-# closer cells only 2 were proved.
+# Minimum relative distance from the boundary at which a proof limited to 1 s is tried; of 128
+# closer cells, only 2 were proved.
 _MIN_DISTANCE = 0.003
-_ANGLE_ERROR = 1e-9  # degrees, by which rays at the ends of a wedge may miss it
+_ANGLE_ERROR = 1e-9  # degrees; rays at the ends of a wedge may be outside it by this angle
 
 
 def distance(
@@ -150,8 +150,8 @@ def proved_cells(
     3. Once a proof has failed, skip squares that are no smaller and no farther from the boundary.
 
     Squares outside the plane's `wedge` are skipped, as they are images of others. In planes other
-    than that of two kicks, the proofs need a curve; the one on which a square was proved, or was
-    tried, is used for its quarters.
+    than that of two kicks, the proofs need a curve; the curve used for a square, whether or not
+    its proof succeeded, is tried first for its quarters.
 
     Parameters
     ----------
@@ -229,7 +229,8 @@ def _proved_square(
 ) -> tuple[CellProof | PlaneCellProof, Curve | None]:
     """Try to prove transport in a square; also return the curve to try in its parts.
 
-    The finest squares are also tried on a curve of their own.
+    If the proof on `curve` fails in one of the finest squares, a curve found for that square is
+    tried.
     """
     if plane == two_kicks():
         return transport_cells.prove_cell(centre, half_width, budget), None

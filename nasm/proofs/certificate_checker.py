@@ -213,7 +213,7 @@ def within_limits(data: Certificate, max_kicks: float) -> None:
 
 
 def within_limits_of_plane(plane: Any) -> None:
-    """Refute unless a plane consists of three rows of as many numbers."""
+    """Refute unless a plane consists of three rows of equally many numbers."""
     demand(type(plane) is dict and plane.keys() == {*_PLANE}, "the plane is not three rows")
     message = f"the plane is not three rows of equally many numbers, 1 to {MAX_PERIOD}"
     demand(all(is_row(row, MAX_PERIOD) for row in plane.values()), message)
@@ -463,8 +463,8 @@ def curve(
 ) -> tuple[list[tuple[Fraction, ...]], list[tuple[Fraction, ...]], int]:
     """Return the corners of a curve, its boxes, and its site.
 
-    Refute unless kicks that are no stronger than `largest` leave a twist map without some site, and
-    the images of the curve continue it.
+    Refute unless, with some site left out, kicks no stronger than `largest` yield a twist map, and
+    unless the images of the curve continue the curve.
     """
     is_twist = any(is_positive(largest[m + 1 :] + largest[:m]) for m in range(len(largest)))
     demand(is_twist, "the theorem does not apply")
@@ -559,10 +559,11 @@ def halves(start: Any, split: Fraction) -> tuple[tuple[tuple[Any, Any], ...], ..
     """Return η, x, v and t of both halves of Q, each at the site before the first and at the first.
 
     One half begins at the site of the curve; the other, with x_{c-n} → -x_{c-n}, begins at the site
-    before it. In the former half, η at the site before the curve's is taken as 1 - split, which is
-    also η at the first site of the latter half.
+    before it. In the half that begins at the site of the curve, η at the site before is taken as
+    1 - split, which is also η at the first site of the other half.
     """
-    # Any slope for which v and t are not parallel is valid: split, or split + 1 if they nearly are.
+    # Any slope for which v and t are not parallel is valid. Take split, or split + 1 if they would
+    # be nearly parallel with split.
     (x, y), (x_width, y_width) = start
     near = abs(y_width - split * x_width) < (abs(x_width) + abs(y_width)) / 10_000
     slope = split + near
@@ -629,7 +630,7 @@ def on_a_line(a: Fraction, box: Sequence[Fraction]) -> tuple[Any, tuple[Any, ...
     """Return the arguments of `orbits`, and of `summed`, for a box as in `second_variation`."""
     y, delta, *strengths = (ball(number) for number in box[:6])
     k, widths = strengths[::2], strengths[1::2]
-    # Each strength is a parameter of its own.
+    # Each strength depends on a separate parameter.
     kicks = [(x, [w if i == j else arb(0) for j, w in enumerate(widths)]) for i, x in enumerate(k)]
     shears = [ball(number) for number in box[6:8]] or [arb(0)] * len(k)
     moves = [delta, *(shear * width for shear, width in zip(shears, widths, strict=True))]
@@ -870,7 +871,7 @@ def russmann(divisors: list[tuple[int, Ball]], period: int, delta: Ball) -> Ball
         peak = 1 / (2 * arb.pi() * q)
         at = delta if peak > delta and n < len(divisors) - period else peak
         term = at * (-2 * arb.pi() * q * at).exp() / divisor
-        if n >= len(divisors) - period:  # the last terms repeat forever, to a relative 10^-9
+        if n >= len(divisors) - period:  # the last terms recur forever, up to a relative 10^-9
             term = term * (1 + arb(10) ** -9)
         worst = worst.max(term)
     return worst
@@ -963,7 +964,7 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
     p, errors = [arb(0)] * len(n), [arb(0)] * len(n)
     grid = Grid(wide, totals, 2 if stepped else 1.5)
     largest_E, near, apart = [[arb(0)]] * len(n), [[arb(0)]] * len(n), [arb(0)] * len(n)
-    # More points than degrees in s and in t; a single point in a variable that does not occur.
+    # There are more points than degrees in s and in t, but only one in a variable that is absent.
     points = len(numbers) + more if long else 1, widest + more if fanned else 1
     for angle, beside, u in at_points(moves, points):
         there = strengths(middle + half * angle.cos_pi(), beside.cos_pi())
@@ -1051,10 +1052,10 @@ def after_a_step(
     residuals: list[tuple[list[Ball], Ball]],
     inverses: list[tuple[list[Ball], Ball]],
 ) -> tuple[bool, dict[str, float]]:
-    """Return whether the theorem with an explicit first step applies, with its constants.
+    """Return whether the theorem with an explicit first step applies, and its constants.
 
     Each function is bounded by a pair: f = f₁ + f₂, where the pair contains bounds on the modes
-    k ≥ 0 of f₁, which are those of -k too, and on ‖f₂‖ in the strip 2ρ. For the step
+    k ≥ 0 of f₁, which also hold for -k, and a bound on ‖f₂‖ in the strip 2ρ. For the step
     v_j = g_j'w_j this strip is narrowed to 3ρ/2 by the first small divisors, and to ρ by the second
     ones. totals : polynomials whose coefficients are bounds on the modes of u_j.
     """

@@ -26,7 +26,8 @@ CANCEL = "scancel"
 INTERFACE = "ib0"  # the network that all nodes share; the scheduler listens there
 SHARED = Path.home()  # a directory that all nodes see
 # Workers end before the queue kills them, and not all at once. The tile that a worker is computing
-# when it ends is computed again elsewhere, so a tile should take much less time than this.
+# when it ends is computed again elsewhere, so a tile should take much less time than a
+# worker's lifetime.
 WORKER = "--nworkers 16 --nthreads 1 --memory-limit 0 --lifetime 110m --lifetime-stagger 5m"
 JOB = """#!/bin/bash
 here=$(mktemp -d)  # on the node's disk: kernels, compiled once per job, and dask's files
@@ -36,7 +37,7 @@ export NUMBA_CACHE_DIR=$here
     --preload "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()"
 """
 
-# %% Start a scheduler, which requires TLS because its clients can execute any code; then the jobs.
+# %% Start a scheduler, then the jobs. TLS is required because clients can execute any code.
 if len(sys.argv) < 2:
     sys.exit(__doc__)
 workflow, *options = sys.argv[1:]

@@ -1,4 +1,4 @@
-"""Bracketed boundaries of rotating standard maps for several phases, compared with that of T."""
+"""Bracketed boundaries of rotating standard maps for several phases, and the boundary of T."""
 
 import numpy as np
 
@@ -7,9 +7,9 @@ from workflows.figures.rotating import where_above
 
 
 def draw_three_kicks(three, two):
-    """Draw the boundaries in the (κ̄, Δκ) plane, and, by angle, their brackets relative to T.
+    """Draw the boundaries in the (κ̄, Δκ) plane, and their brackets relative to T by angle.
 
-    Colours are those of the last circles.
+    Colours show the last circles.
     """
     exact = three.phase.values
     heights = [1.4, 0.3 + 0.4 * len(exact)]  # heights of the plane and of the strips in a column

@@ -1,4 +1,4 @@
-"""Second methods for diffusion and escape, which do not follow the spread of orbits.
+"""Alternative methods for diffusion and escape, which do not follow the spread of orbits.
 
 The Green-Kubo formula derives D from the correlations of the changes d_t = y_{t+1} - y_t, averaged
 over the unit cell with uniform density,
@@ -26,7 +26,8 @@ from nasm.orbits import orbit
 def green_kubo(kappa, n_starts, n_steps, n_lags):
     """Return D from correlations over up to n_lags steps, and its error.
 
-    The error is three times that of the mean over starts, plus the change from half as many lags.
+    The error is three times that of the mean over starts, plus the change of D when the number of
+    lags is halved.
     n_starts : a multiple of 256.
     """
     lags = np.arange(n_lags + 1)
@@ -55,7 +56,7 @@ def escapes(kappa, window, height, cells_per_turn):
     n_x, n_y = cells_per_turn, round((upper - lower) * cells_per_turn)
     samples = (np.arange(16) + 0.5) / 16  # sample points along each side of a cell
     rows, columns = [], []
-    for j in range(n_y):  # the cells of a row
+    for j in range(n_y):  # one row of cells at a time
         x = ((np.arange(n_x)[:, None] + samples) / n_x).ravel()
         x, y = np.meshgrid(x, lower + (j + samples) / n_y * (upper - lower))
         start = np.floor(x * n_x).astype(int) + j * n_x

@@ -20,10 +20,10 @@ _SEGMENT = 1024  # kicks of a segment; spectra of segments are averaged
 _SLOWEST = 1 / 64  # turns per kick; slower changes count as drift
 _LONGEST_PERIOD = 34  # largest period of the fitted forcing
 _SHOWN = 4096  # number of particles stored
-_ORBIT = 2000  # number of points stored of an orbit
+_ORBIT = 2000  # number of points of an orbit that are stored
 _BEST, _EFFORT = 3, 8  # the best lines are searched again with a larger effort
 
-# The asymptotic circle: κ_n = limit + excess·e^(-n/time), and the circle of the limit.
+# Settings of the asymptotic circle under the forcing κ_n = limit + excess·e^(-n/time).
 LIMIT, EXCESS, TIME, POINTS, ASKED = 0.9, 0.5, 5, 8192, 5
 
 _VERDICTS = {
@@ -143,7 +143,7 @@ def settling():
 
     The three curves x, y, with dims (curve, point), are the pulled-back circle before the first
     kick, the pulled-back circle before kick `asked`, and the golden circle itself. excluded (point)
-    is 1 if converse KAM, applied at the first kick, excludes the point.
+    is 1 if converse KAM, applied at the first kick, excludes the point of the first curve.
     """
     kappa = LIMIT + EXCESS * np.exp(-np.arange(40 * TIME) / TIME)
     angle = np.arange(POINTS) / POINTS

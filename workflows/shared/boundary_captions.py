@@ -11,7 +11,9 @@ from workflows.shared.rays import circle_text
 
 
 def describe_boundary(barrier: xr.Dataset) -> str:
-    """Describe CB_gt: its position on the axes and diagonals of two kicks, last circles, brackets.
+    """Describe CB_gt: its position, its last circles and its brackets.
+
+    The position is described only for two kicks, on the axes and on the diagonals.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ def timed(run, *arguments):
 
 
 def measure(rays, names, quick, show):
-    """Measure CPU times and errors on rays: dims (ray, method, level).
+    """Return a Dataset of CPU times and errors on rays, with dims (ray, method, level).
 
     show : function called with a text that describes the current measurement.
     """
@@ -85,11 +85,11 @@ def order(data, method):
 
 
 def seconds_for(data, accuracy):
-    """Find the CPU seconds that each method needs for an accuracy of the last breakup on every ray.
+    """Return the CPU seconds that each method needs to reach an accuracy on every ray.
 
-    On each ray, the time is that of the first level of effort from which on all errors are within
-    the accuracy; the slowest ray counts. The result is NaN if the accuracy is not reached on a ray.
-    Rays on which a method has no answer are skipped.
+    The accuracy is that of the last breakup. On each ray, the time is that of the first level of
+    effort from which on all errors are within the accuracy; the slowest ray counts. The result is
+    NaN if the accuracy is not reached on some ray. Rays without an answer of a method are skipped.
     """
     failed = (data.error > accuracy) | data.error.isnull() & data.effort.notnull()
     from_here = ~failed.values[..., ::-1].cumsum(axis=-1)[..., ::-1].astype(bool)
@@ -119,7 +119,7 @@ def fastest(data):
 
 
 def table(data):
-    """Return a Markdown table of CPU times of each method: by accuracy, and of its first run."""
+    """Return a Markdown table of each method's CPU times, by accuracy and for its first run."""
     columns = [seconds_for(data, accuracy) for accuracy in ACCURACIES]
     columns.append(data.warm_up_seconds.values)
     heads = [f"{accuracy:.0e}".replace("e-0", "e-") for accuracy in ACCURACIES]
