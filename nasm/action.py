@@ -29,7 +29,7 @@ Steps of x_0 by +G/|S| lead to the minimizing orbit, and steps by -G/|S| to the 
    highest maximum of a is the minimax orbit, which may lie on any symmetry line, or on none.
 3. *Descend.* The scan can fail if the action is steep with several minima, or if no single site
    shows the maximum. Orbits of periods up to 100 are then found by the argument that shows their
-   existence: orbits whose sites move along the forces on them never cross each other. Such
+   existence: orbits whose sites move along the forces on them never cross each other. These
    orbits descend to minima, and the pass between two minima is on the boundary of their basins of
    attraction.
 4. *Follow.* Orbits are then continued along the segment of forcings by Newton's method, and are
@@ -73,7 +73,7 @@ __all__ = [
 ]
 
 Minimizers: TypeAlias = dict[float, tuple[FloatArray, int, dict[tuple[int, int], FloatArray]]]
-"""For each scale: the forcing from one site on, that site, and constrained minimizers by (p, q)."""
+"""For each scale: the forcing that begins at a site, this site, and minimizers keyed by (p, q)."""
 
 SURE_PERIOD = 100
 """Longest period of orbits that are found by descent if the scan misses them."""
@@ -129,8 +129,8 @@ class LostError(Exception):
     """The ordered orbits of a fraction were not found, or were lost while they were followed.
 
     The message states the reason. These orbits exist under any forcing. Long ones are lost far
-    beyond the breakup of the circles near p/q; short ones should always be found, so losing them
-    says nothing about circles.
+    beyond the breakup of the circles near p/q; short ones should always be found, so their loss
+    makes no statement about circles.
 
     Parameters
     ----------
@@ -238,7 +238,9 @@ class ConvergentOrbits:
         return orbits[kind]
 
     def scan(self, n: int, scale: float) -> dict[int, Orbit]:
-        """Find both orbits of fraction n by steps 1 to 3 of the module, using this scale alone.
+        """Find both orbits of fraction n by steps 1 to 3, using this scale alone.
+
+        The steps are those listed in the module docstring.
 
         Returns
         -------
@@ -278,8 +280,8 @@ class ConvergentOrbits:
     def _begin(self, n, scale):
         """Return (site, u) of the orbit of fraction n from which a scan starts.
 
-        This orbit is the `constrained_minimizer`. If that is lost, far beyond the breakup, the
-        scan starts from the minimizing orbit next to the cantorus, joined from shorter orbits.
+        This orbit is the `constrained_minimizer`. If it is lost, as happens far beyond the breakup,
+        the scan starts from the minimizing orbit next to the cantorus, joined from shorter orbits.
         """
         try:
             return self.constrained_minimizer(n, scale)
@@ -297,7 +299,7 @@ class ConvergentOrbits:
         site : int
             The site of the largest |κ|.
         u : ndarray, shape (N,)
-            Deviations, from that site on.
+            Deviations of the sites, beginning at `site`.
 
         Raises
         ------
@@ -488,7 +490,7 @@ class Chain:
 
     @cached_property
     def frame(self) -> tuple[FloatArray, int, FloatArray]:
-        """Arguments of kernels: the rotation's angles, `hop` as in `is_ordered`, a workspace."""
+        """Arguments of kernels: angles of the rotation, `hop` (see `is_ordered`), a workspace."""
         hop = self.period * (pow(self.p, -1, self.q) if self.q > 1 else 0)
         return self.numerators / self.n_sites, hop, np.empty((4, self.n_sites))
 
@@ -549,7 +551,7 @@ def ordered_orbits(
     Returns
     -------
     minimizing, minimax : Orbit
-        Both begin at the same site, the one with the widest gap. If R vanishes to rounding, both
+        Both begin at the site with the widest gap. If R vanishes to rounding, both
         returned orbits are the same one.
 
     Raises

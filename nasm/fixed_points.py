@@ -12,7 +12,7 @@ the solutions of
     κ1 sin z + κ2 sin(z - (κ1/2) sin z) = 0,     2y = (κ1/2π) sin z.              (38)
 
 The cubic expansion in z gives z² = (6κ1 + 6κ2 - 3κ1κ2) / (κ1 - κ1κ2/2 + κ2(1 - κ1/2)³). The paper's
-Eq. (39) has +3κ1κ2 instead, with which z would not vanish at the pitchfork.
+Eq. (39) has +3κ1κ2 instead, so that z would not vanish at the pitchfork.
 """
 
 from itertools import pairwise
@@ -70,7 +70,7 @@ def residue(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> FloatArray:
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     x, y : array_like
-        Fixed points of T, mod 1, in turns; it is not checked that T leaves them fixed.
+        Fixed points of T, mod 1, in turns; the function does not check that T leaves them fixed.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def secondary(
     n_samples = count("n_samples", n_samples, 2, 10**6)
     grid = np.linspace(0.0, np.pi, n_samples + 1)
     left, right, sign = np.full((3, *kappa1.shape), np.nan)
-    # Both ends are solutions too, at primary points; the slope at an end gives the sign nearby.
+    # Both ends are also solutions, at primary points; the slope at each end gives the sign nearby.
     before = kappa1 + kappa2 * (1 - kappa1 / 2)
     for low, high in pairwise(grid):
         if high < np.pi:

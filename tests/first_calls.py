@@ -1,8 +1,8 @@
 """List the kernels that tiles load after the warm-up of a job: `first_calls.py FILE`.
 
 FILE contains a pickled Job. The script prints, as a JSON list, the kernels that some tiles of the
-job still have to load or compile. It needs its own process: a process that has planned the job may
-have loaded some of the kernels already.
+job still have to load or compile. The script must run in a process of its own, because the process
+that planned the job may already have loaded some of the kernels.
 """
 
 import gc

@@ -28,7 +28,7 @@ def page(heading):
 def run(here, tmp_path, monkeypatch):
     """Return a function that runs an example as a script and returns the printed output.
 
-    The script runs in a folder of its own, on existing workers.
+    The script runs in its own folder, on existing workers.
     """
     fill = pipeline.fill
     monkeypatch.setattr(pipeline, "fill", lambda job, out, workers: fill(job, out, here()))
@@ -98,7 +98,7 @@ def test_the_example_that_reads_a_cube_selects_by_status(run, tmp_path, monkeypa
     assert history == f"{xr.open_zarr(path).attrs['created']} {call}"
     monkeypatch.chdir(tmp_path)
     code = zarr.open_array(path / "status", mode="r+")
-    code[1] = 11  # undecided; each chunk of this cube is one tile
+    code[1] = 11  # 11 means undecided; each chunk of this cube is one tile
     names = {}
     with redirect_stdout(StringIO()) as output:
         exec(page("Reading a cube"), names)

@@ -156,7 +156,10 @@ def circles_at_points(profile, tilt, high, shape):
 
 
 def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.0)):
-    """Return a case: strength·sin 2πφ times polynomials in σ, t with given values at the points."""
+    """Return a case: strength·sin 2πφ times a polynomial in σ and t.
+
+    At the points the polynomial has the values x·y, with x from `values` and y from `others`.
+    """
     shape = len(values), len(others)
     result = patch(profile, tilt, 0.0, 1.0, shape)
     with ctx.workprec(128):
@@ -194,7 +197,7 @@ CASES = {
     "complex": lambda: complex_modes((0.0, 0.0, 0.0), (3, 1)),
     "complex in t": lambda: complex_modes((0.05, 0.1, 0.1), (3, 2)),
 }
-ORIGIN = {"kicks in a plane": (0.4, -0.3)}  # of the planes in which profile and tilt lie
+ORIGIN = {"kicks in a plane": (0.4, -0.3)}  # origin of the plane of profile and tilt
 UNIT = {"complex": -29, "complex in t": -31}
 made_case = cache(lambda case: CASES[case]())
 
@@ -286,7 +289,7 @@ def test_constants_bound_those_of_all_forcings_of_a_patch(program, case):
 def test_both_programs_allow_the_same_error_of_interpolation(case):
     """Both programs use one more point than there are degrees.
 
-    The checker always does; the other program does here, because zeros are added to its modes.
+    The checker always does so; `patches` does so here, because zeros are added to its modes.
     """
     profile, tilt, high, (Q, R), moves = made_case(case)
     across, nothing = R + (R > 1), [[[[], []]] * len(profile)]

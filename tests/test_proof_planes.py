@@ -24,12 +24,12 @@ GAMMA = number("gamma")
 AXES = {"kappa1": "first", "kappa2": "second"}
 # Two kicks, made twice in a period of four.
 TWICE = Plane("twice", AXES, (0, 0, 0, 0), (1, 0, 1, 0), (0, 1, 0, 1))
-# Where the last circle breaks on a ray, in a third decimal; a test compares them.
+# Scales at which the last circle breaks on a ray, to three decimals; a test checks them.
 BREAKUPS = {("pairs:1/3", 20.0): 1.115, ("three-kicks:0.2", 20.0): 0.440}
 
 
 def cell_beyond(name, angle, excess, size):
-    """Return the grid cell of width `size` at a distance beyond breakup on a ray."""
+    """Return the grid cell of width `size` on a ray, a fraction `excess` beyond the breakup."""
     turn = np.deg2rad(angle)
     place = BREAKUPS[name, angle] * (1 + excess) * np.array([np.cos(turn), np.sin(turn)])
     return np.floor(place / size) * size + size / 2, size / 2
@@ -58,7 +58,7 @@ def cell():
 
 @pytest.fixture(scope="module")
 def patch():
-    """Return the certificate of a patch of three kicks, from the plane's origin on."""
+    """Return the certificate of a patch of three kicks that begins at the origin of the plane."""
     below, (proof, *_) = proofs.proved_below(
         GAMMA, (0.125, 0.0625), 1.0, 0.2, (0.015625, -0.03125), 0.4, three_kicks(0.05)
     )
@@ -113,12 +113,13 @@ def test_transport_is_not_proved_in_cells_that_reach_below_the_breakup(place):
 
 
 def test_boxes_that_a_circle_crosses_are_not_eliminated():
-    """Each box has a point of a circle under one forcing of its cell, wherever its middle is.
+    """Each box contains a point of a circle that exists under one forcing of the box's cell.
 
-    The same boxes with much stronger kicks show that they could be eliminated.
+    This point is not the middle of the box, nor is this forcing the middle of the cell.
+    Most of these boxes are eliminated under much stronger kicks, so the test could fail.
     """
     rng, n_beyond = np.random.default_rng(7), 0
-    omega, plane = number("[1;2,(1)]"), three_kicks(0.2)  # it breaks last at 20°, at 0.440
+    omega, plane = number("[1;2,(1)]"), three_kicks(0.2)  # the last circle at 20°, up to 0.440
     forcings = np.ascontiguousarray(np.transpose([plane.origin, plane.first, plane.second]))
     turn = np.deg2rad(20)
     place = 0.43 * np.array([np.cos(turn), np.sin(turn)])
@@ -143,7 +144,7 @@ def test_boxes_that_a_circle_crosses_are_not_eliminated():
 
 
 def followed(forcings, points, s, delta, centre, widths):
-    """Follow a box and its parts for a while; return whether all are eliminated."""
+    """Follow a box and its parts for a limited time; return True if all are eliminated."""
     module = transport_cells
     waiting, ways = np.zeros((module._MAX_WAITING, module._COLUMNS)), np.zeros(16, np.int64)
     waiting[0, :6] = s, delta, centre[0], widths[0], centre[1], widths[1]
@@ -245,7 +246,7 @@ def along_a_ray(shift, program):
 
 
 @pytest.mark.parametrize("program", [patches, checker])
-def test_a_patch_has_the_same_constants_from_whatever_origin_on_its_ray(program):
+def test_constants_of_a_patch_do_not_depend_on_the_origin_along_its_ray(program):
     """The constants include bounds of the strengths on ellipses, between the points."""
     one, other = (along_a_ray(shift, program) for shift in (0.0, 0.25))
     assert one == pytest.approx(other, rel=1e-9)
@@ -267,7 +268,7 @@ def test_a_map_is_computed_in_a_wedge_and_filled_by_symmetry(name):
         return proved.everywhere(filled, barrier)
 
     assert whole().proved.all()
-    # A single cell has an image for each symmetry, but not where there is none.
+    # A single cell has at most one image for each symmetry; no other cell is filled.
     b, a = np.argwhere(inside)[len(np.argwhere(inside)) // 2 + 3]
     states[:] = proofs.cells.OPEN
     states[b, a] = proofs.cells.TRANSPORT
@@ -280,7 +281,7 @@ def test_a_map_is_computed_in_a_wedge_and_filled_by_symmetry(name):
     assert all(np.sort(plane.unfold(angle)) == pytest.approx(first) for angle in angles)
 
 
-def test_a_tile_of_a_plane_is_certified_by_certificates_of_this_plane_only(cell):
+def test_a_tile_is_certified_only_by_certificates_of_its_own_plane(cell):
     plane = three_kicks(0.2)
     (a, b), half = (tuple(map(float.fromhex, cell[0][key])) for key in ("centre", "half_width"))
     attributes = {"cells": round(0.5 / half[0])} | plane.record

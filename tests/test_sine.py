@@ -19,7 +19,7 @@ ANGLES = np.concatenate(
     ]
 )
 
-# Adding a small integer or a quarter to these numbers, or subtracting it, is exact.
+# For these numbers, adding or subtracting a small integer or a quarter is exact.
 dyadic = st.integers(-(2**42), 2**42).map(lambda k: k / 2**40)
 
 
@@ -62,7 +62,7 @@ def test_no_polynomial_of_the_same_degree_is_closer_to_the_sine(ours, least):
     """The error of the best polynomial has equal extrema of alternating sign (Chebyshev).
 
     There is one more extremum than there are free coefficients. Our coefficients are rounded, so
-    that the extrema are only nearly equal.
+    the extrema are only nearly equal.
     """
     with mpmath.workdps(40):
         errors = []

@@ -34,9 +34,9 @@ def frequency_map(kappa: Sequence[float], axes: Sequence["Axis"], n_max: int, ti
     axes : sequence of two Axis
         Cells along x and y; orbits start at the centres of the cells.
     n_max : int
-        Steps (periods of the forcing) to average over.
+        Number of steps (periods of the forcing) to average over.
     tile : int
-        Cells along each side of a tile.
+        Number of cells along each side of a tile.
 
     Examples
     --------

@@ -135,7 +135,7 @@ def _parts(function: Callable[..., Any]) -> Iterator[tuple[Any, str, set[str]]]:
 def _tree(label: str, item: Any) -> ast.Module:
     """Return the parsed text of a function, a class or a module, without comments."""
     try:
-        # For code made by eval or exec, Python 3.13 returns the text of another such call.
+        # For code made by eval or exec, Python 3.13 returns the text of a different call.
         if inspect.isfunction(item) and item.__code__.co_filename == "<string>":
             raise OSError("it was made by eval, exec or python -c")
         return ast.parse(textwrap.dedent(inspect.getsource(item)))

@@ -52,7 +52,7 @@ class Interrupted(KeyboardInterrupt):
     Attributes
     ----------
     remaining : int
-        Tiles that are still missing.
+        Number of tiles that are still missing.
     failed : dict
         The reason for each failure before the interruption, by the index of the tile.
 
@@ -92,10 +92,10 @@ def fill(
         Directory of the cube, or URL of an object store, s3://BUCKET/PREFIX (or gs://, az://). The
         cube is OUT/NAME.zarr; other cubes in the directory remain unchanged.
     client : distributed.Client, optional
-        Client of any cluster whose workers see `out` and have this package. By default workers are
-        started on this machine, and stopped at the end of the call.
+        Client of any cluster whose workers can access `out` and import this package. By default,
+        workers are started on this machine, and stopped at the end of the call.
     workers : int, optional
-        Worker processes to start here, at least 1; by default one per core.
+        Number of worker processes to start on this machine, at least 1; by default one per core.
     progress : bool
         If True, write a progress line to stderr.
 

@@ -53,16 +53,17 @@ class Rays:
         self._reflection = max(shift for *_, shift in plane.symmetries)
 
     def add(self, table):
-        """Add the rays of a table by `barrier.boundary` or `barrier.unfolded`."""
+        """Add the rays of a table returned by `barrier.boundary` or `barrier.unfolded`."""
         names = "angle", "critical_scale", "error", "circle", "omega"
         for angle, *values in zip(*(table[name].values.tolist() for name in names), strict=True):
             self.known[angle % 360] = Breakup(*values)
 
     def lines(self, view):
-        """Return (boundary, legend); the boundary is columns a, b, colour, with a piece per ray.
+        """Return (boundary, legend) for a view.
 
-        The legend is {text of ω: colour} for circles that are last on more than 1% of the view.
-        The boundary is None with fewer than two rays.
+        The boundary consists of columns a, b and colour, with one piece of the line per ray; it is
+        None if the breakup is known on fewer than two rays. The legend is {text of ω: colour} for
+        circles that are last on more than 1% of the view.
         """
         angles, points, circles = self._points()
         if angles.size < 2:

@@ -62,7 +62,10 @@ def _plain(axis):
 
 
 def draw_diagonal(diagonal):
-    """Draw direct iteration on the diagonal and fits for small and large N, on the paper's axes."""
+    """Draw the bias of direct iteration on the diagonal, with fits for small and large N.
+
+    The axes are those of the paper.
+    """
     figure, (axes,) = panels(1, 1, 7, 5)
     axes.plot(diagonal.n, diagonal.distance, "ko", ms=4, mfc="none")
     etas = _etas(diagonal)

@@ -1,4 +1,4 @@
-"""The proved bracket of the last barrier, around the plane and by angle."""
+"""Figure of the proved bracket of the last barrier, in the plane and against the angle."""
 
 import numpy as np
 

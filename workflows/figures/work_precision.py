@@ -1,12 +1,12 @@
-"""Error against CPU time of every method."""
+"""Figure of the error of each method against CPU time."""
 
 import numpy as np
 from matplotlib.ticker import NullFormatter
 
 from workflows.figures.style import in_column, outer_legend, panels
 
-# Colour of each method, by the beginning of its name. Markers of better answers are filled, the
-# others are hollow.
+# Colour of each method, by the beginning of its name. The markers of better answers are filled;
+# all others are hollow.
 _METHOD_COLOURS = {
     "direct, 100 orbits, near": "#E69F00",
     "direct, 100 orbits, single": "#8B0000",

@@ -1,8 +1,8 @@
-"""Periodic orbits on symmetry lines, by shooting; the second method for orbits of `nasm.action`.
+"""Periodic orbits on symmetry lines by shooting: a second method for the orbits of `nasm.action`.
 
 Under a forcing that is the same forwards and backwards from its first kick, the orbit through
 x_0 = 0 or x_0 = 1/2 is its own mirror image, x_n + x_{-n} = 2x_0, for every momentum y before that
-kick. It closes after q periods, N = Pq kicks, with p turns if it also satisfies, half way,
+kick. This orbit closes after q periods (N = Pq kicks) and p turns if it also satisfies, half way,
 
     x_h + x_{N-h} = 2x_0 + p,    h = ⌊N/2⌋.
 
@@ -29,7 +29,7 @@ class SymmetricOrbit:
     Attributes
     ----------
     x, y : float
-        That point, before the first kick.
+        The point on the symmetry line, before the first kick.
     residue, error : float
         Greene's residue, and the effect of rounding on it.
     """
@@ -92,7 +92,7 @@ def _residue(kappa, n_kicks, x, y):
 
 
 def gap_flux(kappa, p, q):
-    """Return ΔW_{p/q} of one kick, for odd q, computed from areas, and its error.
+    """Compute ΔW_{p/q} of one kick from areas, for odd q; return it and its error.
 
     The error is the difference from the result with fewer nodes, plus the area left open because
     the orbits do not close exactly, plus rounding errors.

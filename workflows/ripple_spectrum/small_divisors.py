@@ -10,12 +10,12 @@ f⁻ = e^{-2πiΩ} f(θ - ω),
 
 Solving this equation divides the mode e^{2πimθ} twice by e^{2πi(mω + Ω)} - 1: w resonates where Ω
 is near -mω mod 1. To this order the curve is a graph before every kick, whatever the phase of the
-ripple, as long as d·max |w'| < 1. The predicted threshold of a circle is the strength κ where this
-fails, and that of the forcing is the largest of the thresholds of several nobles: where a resonance
-breaks one circle early, another one persists longer.
+ripple, as long as d·max |w'| < 1. The predicted threshold of a circle is the strength κ at which
+this condition fails. The threshold of the forcing is the largest threshold of several nobles,
+because where a resonance breaks one circle early, another circle persists longer.
 
-The prediction has no free parameter. It leaves out sidebands mω + kΩ, |k| > 1, which a slow ripple
-excites, as it sweeps the rotation number over many resonances.
+The prediction has no free parameter. It leaves out sidebands mω + kΩ, |k| > 1. A slow ripple
+excites these sidebands by sweeping the rotation number over many resonances.
 """
 
 from functools import cache
@@ -28,7 +28,7 @@ from nasm.circles import fourier
 from nasm.numbers import RotationNumber
 from nasm.results import Status
 
-_PLACES, _EXCESS = 5, 2  # partial quotients that may exceed golden ones, and by how much in total
+_PLACES, _EXCESS = 5, 2  # number of partial quotients that may exceed golden ones, and total excess
 _RELATIVE_SCALES = (0.2, 0.4, 0.55, 0.7, 0.8, 0.87, 0.92, 0.96, 0.98)  # relative to the breakup
 
 
@@ -83,7 +83,7 @@ def family(omega):
 
 
 def thresholds(omega, frequencies, depths):
-    """Predict the κ at which a circle breaks, i.e. d·max |w'| reaches 1; shape (Ω, d).
+    """Predict the κ at which a circle breaks because d·max |w'| reaches 1; the shape is (Ω, d).
 
     1/max |w'| is interpolated in κ; it vanishes at the breakup under constant kicks, and is
     proportional to 1/κ for weak kicks.

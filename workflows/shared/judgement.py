@@ -49,7 +49,7 @@ def grade(
 def agrees(
     value: float, error: float, expected: float, uncertainty: float = 0.0
 ) -> tuple[str, Verdict]:
-    """Compare a value with a number: they agree if they differ by at most the sum of their errors.
+    """Compare a value with `expected`; they agree if they differ by at most the sum of the errors.
 
     The verdict on NaN is UNDECIDED.
     """

@@ -1,8 +1,8 @@
-"""The delays of `two_series`, resonances to first order, and the findings.
+"""Forcings and thresholds of `two_series`, resonances to first order, and the findings.
 
-κ = K·(1, 0, …, r, 0, …)/q, where r = K_α/K is the a-th entry after the first of q (see
-`nasm.planes.pairs`), so that a scale is equal to the strength K. The resonance at p = k has the
-strength K|1 + r e^{2πikτ}| to first order.
+For a delay τ = a/q, κ = K·(1, 0, …, r, 0, …)/q has q entries, and r = K_α/K is the a-th one after
+the first (see `nasm.planes.pairs`), so that a scale is equal to the strength K. The resonance at
+p = k has the strength K|1 + r e^{2πikτ}| to first order.
 """
 
 from fractions import Fraction
@@ -91,7 +91,7 @@ def weakest_resonance(delay, ratio, window=None):
 
 
 def by_delay(delays, curves):
-    """Join the boundaries of several planes along the dim (delay); `delays` are texts."""
+    """Join the boundaries of several planes along the dim `delay`; `delays` are texts."""
     exact = text("delay", delays, "exact delay τ of the second series, in periods")
     return xr.concat(curves, exact, coords="all", combine_attrs="drop")
 
