@@ -4,9 +4,9 @@
 
 On an invariant circle with a Diophantine ω the weighted average converges faster than any power of
 1/n; on a chaotic orbit it hardly converges. The number of digits shared by the averages over the
-whole orbit and over its halves distinguishes the two (Sander & Meiss, Physica D 411 (2020) 132569).
-This number only distinguishes regular motion from chaos: an orbit in an island is regular too, and
-just beyond a circle's breakup, orbits near the cantorus may look regular for all n steps.
+whole orbit and over its halves distinguishes regular from chaotic orbits (Sander & Meiss, Physica D
+411 (2020) 132569). A regular orbit need not be on a circle: an orbit in an island is regular too,
+and just beyond a circle's breakup, orbits near the cantorus may look regular for all n steps.
 """
 
 from math import exp, log10
@@ -24,7 +24,7 @@ __all__ = ["orbit", "passages", "portrait", "rotation_number", "rotation_number_
 MAX_STEPS = 10**9
 
 REGULAR_DIGITS = 5
-"""Minimum number of shared digits of a regular orbit; with fewer, it is chaotic or n too small."""
+"""Minimum number of shared digits of a regular orbit; others are chaotic, or n is too small."""
 
 
 def orbit(
@@ -41,7 +41,7 @@ def orbit(
     n : int
         Number of points after the start, 0 to 10⁹.
     every : int, optional
-        Kicks from one point to the next, 1 to 10⁹; default P, one step. If it is 1, the points
+        Number of kicks between points, 1 to 10⁹; default P, one step. If every is 1, the points
         t = r, r + P, … form an orbit of the forcing that begins with kick r (`symmetries.shift`);
         the maps for r = 0, …, P - 1 have circles of different shapes.
 
@@ -117,7 +117,7 @@ def passages(
     box : (left, bottom, width, height)
         Lower left corner in x and y, then width and height, at most 1 each; in turns.
     every : int, optional
-        Kicks from one point to the next, as for `orbit`.
+        Number of kicks from one point to the next, as for `orbit`.
 
     Returns
     -------
@@ -246,7 +246,8 @@ def rotation_number_of(x: ArrayLike) -> tuple[FloatArray, FloatArray]:
     advance, half = np.diff(x, axis=0), (len(x) - 1) // 2
     parts = advance[: 2 * half], advance[:half], advance[half : 2 * half]
     averages = [np.tensordot(bump(len(part)), part, 1).ravel() for part in parts]
-    # Summation by parts multiplies errors of positions by differences of weights, 5.3/n in all.
+    # By summation by parts, errors of positions are multiplied by differences of weights, whose
+    # absolute values add up to 5.3/n.
     rounding = 5.3 * np.finfo(float).epsneg * np.abs(x).max(initial=0.0) / half
     omega, digits = _with_digits(averages, 2 * half, rounding, 1.5)
     return omega.reshape(x.shape[1:]), digits.reshape(x.shape[1:])

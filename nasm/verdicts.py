@@ -36,7 +36,7 @@ __all__ = ["Answer", "Evidence", "Verdict", "VerdictSettings", "verdict"]
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """Settings for the effort that `verdict` makes.
+    """Settings that determine the effort of `verdict`.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Answer(Enum):
 
 
 class Evidence(Enum):
-    """What an Answer rests on."""
+    """The kinds of evidence for an Answer."""
 
     INTEGRABLE = "without kicks, every y is a circle"
     CIRCLE = (
@@ -138,9 +138,9 @@ class Verdict(Result):
     kappa : ndarray, shape (P,)
         The forcing, first kick first.
     answer : Answer
-        UNDECIDED makes no statement about either.
+        Whether a barrier exists or transport is global. UNDECIDED makes no statement about either.
     evidence : Evidence
-        What the answer rests on.
+        The kind of evidence for the answer.
     boundary : CriticalScale
         Breakup of the last barrier on the ray s·kappa, s = 1 being the forcing itself. Its omega is
         that of the circle, if one exists; otherwise that of the last circle to break.
@@ -230,7 +230,7 @@ def verdict(
     prove : bool
         Whether to try proofs. If one succeeds, evidence is CIRCLE_PROVED or TRANSPORT_PROVED.
     settings : VerdictSettings
-        How much effort to make.
+        Settings that determine the effort.
 
     Returns
     -------
@@ -353,7 +353,7 @@ def _verdict_on_long_period(
     if answer is Answer.TRANSPORT:
         boundary = replace(boundary, upper=min(boundary.upper, 1.0))
     proof = None
-    if prove:  # the outcome states what the theorem needs
+    if prove:  # the attempt fails, but its outcome states the reason
         seconds = settings.proof_seconds
         answer, evidence, proof = _prove(kappa, short, None, answer, evidence, seconds)
     return Verdict(kappa, answer, evidence, boundary, steps=steps, proof=proof)

@@ -15,7 +15,7 @@ from pipeline.store import place_of
 # Make Ctrl-C work in the tests and in the programs that they start, however pytest was started.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# No deadline: the first example compiles kernels, and any example may be slow on a busy machine.
+# Set no deadline, as the first example compiles kernels, and any may be slow on a busy machine.
 settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
 
@@ -37,7 +37,7 @@ def drawn_as_sketches():
 
 @pytest.fixture(scope="session")
 def here():
-    """Yield a function like that of `connect`, for one worker with two threads in this process."""
+    """Yield a function that returns a Client of one worker, with two threads, in this process."""
     with toy.workers_here() as client:
         yield client
 

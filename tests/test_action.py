@@ -40,9 +40,9 @@ def test_residues_without_a_symmetry_agree_with_a_fifty_digit_computation(family
 
 
 def test_a_breakup_beyond_a_near_miss_is_found_by_residues_not_by_norms():
-    # The ray passes 4e-4 below another sheet of the boundary, at 0.5195. Circles below that scale
-    # seem about to break there. Beyond it the residues of long orbits still fall; they rise only
-    # beyond the breakup.
+    # At scale 0.5195 the ray passes 4e-4 below another sheet of the boundary. Below this scale,
+    # circles seem about to break at 0.5195. Beyond 0.5195 the residues of long orbits still fall;
+    # they rise only beyond the breakup.
     omega, profile = parse("[0;1,2,1,3,1,2,(1)]"), rotating_forcing(*ray(160), "1/3", 0)
     by_norms = continuation.critical_scale(omega, profile, 1e-3)
     assert by_norms.status is Status.UNDECIDED
@@ -57,8 +57,8 @@ def test_a_breakup_beyond_a_near_miss_is_found_by_residues_not_by_norms():
 
 
 def test_far_beyond_the_breakup_orbits_are_lost_or_have_large_residues():
-    # No ordered orbit passes through the first place tried in the gap. This was once mistaken for a
-    # flat action.
+    # No ordered orbit passes through the first position tried in the gap. This was once mistaken
+    # for a flat action.
     kappa = 0.5585 * np.array([0.0494274894847, 0.792760428306, -0.139033252069, 0.792760428306])
     for fraction in distinct_convergents(parse("[0;1,4,1,4,(1)]"), 200)[-3:]:
         residue = periodic.residue(kappa, fraction.numerator, fraction.denominator)
@@ -82,8 +82,9 @@ def test_the_residue_of_period_two_is_kappa_squared_over_4_on_every_call():
 
 
 def test_a_minimax_orbit_that_is_not_a_maximum_along_any_site_is_found():
-    # These orbits are 2/5 of the standard map beyond R = 1, treated as two kicks. The action can
-    # decrease at two sites: with either of them held fixed, a negative curvature remains.
+    # These are the orbits 2/5 of the standard map beyond R = 1, with two kicks per period. The
+    # action can decrease at two sites: with either of them held fixed, a negative curvature
+    # remains.
     kappa, p, q = (1.1723, 1.1723), 4, 5
     for kind, orbit in enumerate(action.ordered_orbits(kappa, p, q)):
         assert not short_orbits.misses(orbit, kappa, p, q, kind)
@@ -128,7 +129,7 @@ def test_every_short_orbit_is_found_up_to_twice_the_breakup(judge, kicks, n_prof
             agreed += np.isclose(residue, others, rtol=1e-6).any()
     assert judged > 0.7 * len(cases)
     # Beyond R = 1 there may be several minimax orbits; under repeated kicks some of them
-    # lie on no symmetry line.
+    # are not on any symmetry line.
     assert agreed > 0.9 * judged
 
 

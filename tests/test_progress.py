@@ -29,7 +29,7 @@ def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
     """Simulate a sweep; yield (Progress, actual seconds remaining) after each tile.
 
     tiles, later : predicted CPU seconds of the tiles, and of a later sweep. error : ratio of
-    actual to predicted CPU seconds. after : CPU seconds of the driver.
+    actual to predicted CPU seconds. after : CPU seconds of the driver after the sweeps.
     """
     clock = Clock()
     line = Progress("run", None, {"one": sum(tiles), "two": later}, after, clock)
@@ -52,7 +52,7 @@ def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
 @pytest.mark.parametrize("error", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("later", [0.0, 60.0])
 def test_after_a_tenth_of_the_work_remaining_time_is_within_a_factor_1_5(slowness, error, later):
-    """This holds even on a machine four times slower, and with predictions off by a factor of 3."""
+    """This accuracy is reached even on a machine 4 times slower, with predictions 3 times off."""
     tiles = np.sort(np.random.default_rng(0).lognormal(0, 0.7, 100))[::-1]
     ratios = [
         line.remaining() / remains
@@ -88,7 +88,7 @@ def test_finished_driver_work_counts_in_the_bar_but_not_as_remaining_time():
     assert (line.fraction(), line.remaining()) == (0.75, 20.0)
 
 
-def test_before_the_first_tile_progress_shows_no_remaining_time():
+def test_no_remaining_time_is_shown_before_the_first_tile_has_ended():
     clock = Clock()
     line = Progress("run", io.StringIO(), {"one": 10.0}, clock=clock)
     line.begin_sweep("sweep 1 of 1, one", "one")
@@ -136,7 +136,7 @@ def test_the_remaining_time_counts_down_while_no_tile_finishes():
 
 
 def test_the_bar_measures_cpu_seconds_and_never_decreases():
-    """This holds even if a refinement needs more work than predicted."""
+    """The bar does not decrease even if a refinement needs more work than predicted."""
     line = Progress("run", None, {"one": 20.0, "two": 20.0}, clock=Clock())
     parts = []
     for sweep, tiles in (("one", [10.0, 5.0]), ("two", [20.0, 10.0])):

@@ -56,7 +56,7 @@ def test_the_rotation_number_of_an_image_is_q_over_2_minus_omega():
 @pytest.mark.parametrize("delay", ["1/3", "2/5", "1/4"])
 @pytest.mark.parametrize("ratio", study.RATIOS.values())
 def test_resonances_have_the_strength_that_the_command_states(delay, ratio):
-    """A standard map of strength S has |R| = S/4 at the orbits of period one."""
+    """A standard map of strength S has |R| = S/4 for its orbits of period one."""
     K, q = 0.01, Fraction(delay).denominator
     kappa = pairs(delay).forcing(K, ratio * K)
     residues = [abs(periodic.residue(kappa, k, 1)) for k in range(q)]

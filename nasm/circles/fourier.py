@@ -35,7 +35,7 @@ class GridSettings:
     min_modes : int
         Smallest number of modes for which `grid` chooses points.
     size_factor : int
-        Factor shared by all sizes that `grid` chooses; it avoids lengths like 3⁵·5⁵, whose
+        Common factor of all sizes that `grid` chooses; it avoids lengths like 3⁵·5⁵, whose
         transforms take a fifth longer.
 
     Examples
@@ -81,9 +81,9 @@ def turns(omega: OmegaLike, n_modes: int) -> NDArray[np.complex128]:
 
 
 def grid(omega: OmegaLike, n_modes: float, settings: GridSettings = DEFAULT_GRID_SETTINGS) -> int:
-    """Choose the size of a grid on which `cut` keeps n_modes or more, up to just below a resonance.
+    """Choose a grid size for which `cut` keeps n_modes or more, the last just below a resonance.
 
-    Near a breakup, modes are small up to the next resonance, but not beyond it.
+    Near a breakup, the modes just below a resonance are small, but those beyond it are not.
 
     Raises
     ------
@@ -114,7 +114,8 @@ def cut(omega: OmegaLike, n: int, settings: GridSettings = DEFAULT_GRID_SETTINGS
     """Choose the number of modes to keep on a grid of n points: 36% of n, or fewer.
 
     A mode is resonant if its number is the denominator q of a convergent. A cut just above such a
-    mode would keep it but drop the modes that it drives, so the cut is moved below it.
+    mode would keep it but drop the modes that it drives, so the cut is moved below the
+    resonant mode.
 
     Examples
     --------

@@ -10,8 +10,9 @@ bounds
 
     n_j ≥ ‖g_j'‖,    p_j ≥ ‖1/g_j'‖,    k_j ≥ ‖e^{2πig_j}‖,    ε ≥ Σ_j n_j ‖E_j‖,    C ≥ C_R + δ.
 
-Where these bounds do not suffice, the first step of the theorem's proof is computed: bounds on the
-modes of E_j, h_j' and 1/h_j' bound the step v_j = h_j'w_j, and the theorem is applied to h + v.
+If these bounds do not suffice, the first step of the theorem's proof is computed: bounds on the
+modes of E_j, h_j' and 1/h_j' yield bounds on the step v_j = h_j'w_j, and the theorem is applied
+to h + v.
 
 A proof relies on the balls of FLINT (python-flint, the extra `proof`), and on the functions from
 `_omega_ball` to `balls`. In these functions, every number that enters a bound is a ball or an exact
@@ -54,7 +55,7 @@ try:
 except ImportError:  # the extra `proof` is not installed
     arb = None  # type: ignore[assignment, misc]
 
-_STEP_WIDTH = 0.7  # ρ of a computed step, relative to ρ without one: the best of 6 on 9 patches
+_STEP_WIDTH = 0.7  # ρ with a computed step, relative to ρ without: the best of 6 on 9 patches
 MODES_PER_POINT = 0.38  # modes of u per point of the grid
 _MAX_NEWTON_STEPS = 6  # in ball arithmetic, 0 to 3 are needed
 _MAX_POINTS = 2**22  # largest number of points of a grid
@@ -70,7 +71,7 @@ Ball: TypeAlias = Any
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BarrierProof(Result):
-    """A proof that a rotational invariant circle exists, or the reason why none was found.
+    """A proof that a rotational invariant circle exists, or the reason why no proof was found.
 
     The proof is about one forcing kappa, or about a patch: all forcings s·(kappa + t·tilt) with
     scales[0] ≤ s ≤ scales[1] and |t| ≤ 1.
@@ -105,10 +106,10 @@ class BarrierProof(Result):
         has the modes (re[k] + i im[k])·2^unit, k ≥ 0; modes beyond the lists are 0. For one forcing
         m = l = 0.
     plane : Plane, optional
-        For a patch of a plane; kappa and tilt are then coordinates, and s is counted from the
-        plane's origin.
+        For a patch of a plane; kappa and tilt are then coordinates, and s multiplies displacements
+        from the plane's origin.
     stepped : bool
-        True if the proof computes the first step, and so is by another theorem.
+        True if the proof computes the first step, and thus uses a different theorem.
 
     Examples
     --------
@@ -274,7 +275,8 @@ def prove(
         start = circle.u
     else:
         start = np.asarray(start, dtype=float)
-        rows = range(short.size, kappa.size + 1, short.size)  # rounding may make strengths equal
+        # If rounding has made strengths equal, start may have more rows than the short forcing.
+        rows = range(short.size, kappa.size + 1, short.size)
         if start.ndim != 2 or start.shape[0] not in rows or not start.size:
             raise ValueError(
                 f"start has shape {start.shape}; deviations of the shortened forcing "
@@ -719,8 +721,8 @@ def _outcome(
 class Majorant:
     """Functions f = f₁ + f₂ with |modes of f₁| ≤ sizes and ‖f₂‖ ≤ rest, in the norm of some strip.
 
-    Entry k of sizes bounds the modes k and -k. The strip of `rest` is the caller's business: it is
-    given to each function that depends on it. In a narrower strip the same bounds hold.
+    Entry k of sizes bounds the modes k and -k. The strip of `rest` is not stored: the caller
+    passes it to each function that depends on it. In a narrower strip the same bounds hold.
     """
 
     sizes: list[Ball]
@@ -735,7 +737,7 @@ class Majorant:
         return Majorant([a + b for a, b in both], self.rest + other.rest)
 
     def times(self, other: "Majorant", rho: Ball) -> "Majorant":
-        """Bound the product in the strip ρ, which is not wider than those of the rests."""
+        """Bound the product in the strip ρ, which must not be wider than that of either rest."""
         product = both_sides(self.sizes, True) * both_sides(other.sizes, True)
         middle = len(self.sizes) + len(other.sizes) - 2
         rest = norm(self.sizes, rho) * other.rest + self.rest * other.norm(rho)
@@ -757,7 +759,7 @@ def bounds_of_the_step(
 ) -> list[Ball]:
     """Bound ‖w_j‖_ρ in the step v_j = g_j'w_j, given majorants of g_j', E_j, 1/g_j' in `outer`.
 
-    Without phases, which do not matter to bounds, the step is as in README.md, "The step".
+    Up to phases, which do not affect the bounds, the step is that of README.md, "The step".
     """
     delta = (outer - rho) / 2
     middle, sigma = outer - delta, _russmann(omega, delta) / delta
@@ -774,9 +776,11 @@ def bounds_of_the_step(
 
 
 def modes_of_the_sine(n: int, rho: Ball, rho_hat: Ball, cut: int) -> Majorant:
-    """Bound what the modes |k| < cut of E_j, computed on n points, lack: their aliases, and others.
+    """Bound the error of E_j if only modes |k| < cut, computed on n points, are used.
 
-    For |sin 2πg_j| ≤ 1 in |Im φ| ≤ ρ̂, and |κ_j| = 2π. The rest, in the strip ρ, is that of |k| ≥ n.
+    The error consists of the aliases of these modes, and of the other modes. The bounds are for
+    |sin 2πg_j| ≤ 1 in |Im φ| ≤ ρ̂, and |κ_j| = 2π. Modes |k| ≥ n are bounded by `rest`, in the
+    strip ρ.
     """
     if not (0 < cut <= n // 2 and 0 < rho < rho_hat):
         raise ValueError(f"cut={cut}, rho={rho}, rho_hat={rho_hat} are out of range")
@@ -842,10 +846,10 @@ def verified_by_a_step(
     inverses: list[ComplexArray],
     chosen: dict[str, Any],
 ) -> dict[str, Any]:
-    """Try to verify the theorem with a first step that is computed, for all forcings of a patch.
+    """Try to verify the theorem after computing a first step, for all forcings of a patch.
 
     The arguments are those of `verified`, the absolute values of the modes of u and E at the
-    points, modes near those of 1/g_j' there, and what `best_widths` chose.
+    points, modes near those of 1/g_j' at the points, and the choices of `best_widths`.
     """
     (grid, *_), two_pi = grids, 2 * arb.pi()
     rho, rho_hat = arb(_STEP_WIDTH * chosen["rho"]), arb(chosen["rho_hat"])

@@ -1,4 +1,4 @@
-"""One period of kicks: the verdict as text, and its figure. For `workflows.ask`."""
+"""The verdict on one period of kicks, as text and as a figure, for `workflows.ask`."""
 
 from functools import partial
 
@@ -11,13 +11,15 @@ from workflows.shared.phase_space import portrait
 from workflows.shared.verdict_sentences import forcing_text, lifetime_text, sentences, steps_text
 
 _STARTS, _STEPS = 64, 10**6  # for direct iteration, which only illustrates the verdict
-_POINTS = 2**20  # total length of the orbits searched for one that escapes
-_NEAR = 0.96  # no escape is sought if the boundary is above this: 4% beyond it, 12 rays had none
+_POINTS = 2**20  # total length of the orbits searched for an escape
+# No escape is sought if the boundary is above this: 4% beyond the boundary, none was found on any
+# of 12 rays.
+_NEAR = 0.96
 _TRACED = 5000  # maximum number of steps drawn from the longest-lived start
 
 
 def escaping_orbit(kappa):
-    """Return x, y of an orbit up to its escape from the paper's window, or None if none escapes.
+    """Return x, y of an orbit up to its escape from the paper's window; None if no orbit escapes.
 
     The orbits that escape first are iterated again by `orbits.orbit`, whose rounding differs.
     Because they are chaotic, few of them escape at the same step again; but if many are iterated,
@@ -42,7 +44,7 @@ def drawn(kappa, point, verdict, escaping):
     """Draw the portrait of the forcing, with the longest-lived start if transport is global."""
     from workflows.figures.ask import (
         draw_verdict,
-    )  # imported late, as this takes as long as the verdict
+    )  # imported late, as the import takes as long as the verdict
 
     longest, name = None, forcing_text(kappa, point)
     is_long = verdict.boundary.status is Status.TOO_LONG  # then no minimax orbits are known

@@ -1,4 +1,4 @@
-"""Claims about transport barriers in the known limits and by direct computation (Sec. V)."""
+"""Claims about transport barriers (Sec. V): known limits, and direct computation."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from workflows.shared.rays import with_degenerate
 
 KAPPA_G = printed("0.971635406")
 _AXIS = "gamma", "1-gamma", "2-gamma", "gamma+1"
-# Angle of the ray, κ at the breakup in units of κ_G, and the ω of the critical circles.
+# For each ray: its angle, κ at the breakup in units of κ_G, and the ω of the critical circles.
 _KNOWN = {
     "first": (0.0, 0.5, _AXIS),
     "second": (90.0, 0.5, _AXIS),
@@ -45,7 +45,7 @@ def boundary_claims(bias, n_max, n_orbits):
 
 def _reductions():
     def single(i, shear):
-        """Compare a step with only the i-th kick with the standard map in x + shear·y and 2y."""
+        """Compare a step that has only kick i with the standard map in x + shear·y and 2y."""
 
         def stepped(kappa, x, y):
             x, y = step(kappa * np.eye(2)[i], x, y)
@@ -125,7 +125,7 @@ def _exponents(bias):
 
 
 def _insets(n_orbits):
-    """Judge whether points are "close" to CB_gt by the figure's loosest boundary, for N = 10⁵."""
+    """Judge whether points are as "close" to CB_gt as the figure's loosest boundary, N = 10⁵."""
     n_max, claims = 100_000, {}
     for number, point in enumerate(INSETS, 1):
         answer = verdict(point)

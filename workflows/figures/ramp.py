@@ -1,4 +1,4 @@
-"""Kicks until graphs are excluded and until orbits cross, by growth rate and smoothness."""
+"""Figure of the number of kicks until graphs are excluded, and until orbits cross all circles."""
 
 import re
 
@@ -8,7 +8,10 @@ from workflows.figures.style import colour_of, key, legend_below, panels
 
 
 def draw_ramp(ramp, irregular):
-    """Draw the kicks until graphs are excluded and until orbits cross, by rate and smoothness."""
+    """Draw the number of kicks until graphs are excluded, and until orbits cross all circles.
+
+    The first panel shows these numbers against the growth rate, the second against the smoothness.
+    """
     figure, (kicks, smooth) = panels(1, 2, 13, 5)
     rows = {
         "all invariant graphs excluded (converse KAM)": ramp.lost,

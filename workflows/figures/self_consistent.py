@@ -71,7 +71,7 @@ def draw_self_consistent(fields, verdicts, settling):
 
 
 def _strongest(verdicts):
-    """Return the row of the strongest coupling with a survivor in its field, else the first row."""
+    """Return the row of the strongest coupling whose field has a survivor, else the first row."""
     return verdicts.isel(coupling=max(np.flatnonzero(np.isinf(verdicts.kicks.values)), default=0))
 
 

@@ -3,10 +3,10 @@
 Runs the commands one after another (arXiv:1606.04824, Figs. 1 to 11, and further results), each in
 its own directory in OUT, all on the same workers, and writes OUT/index.html. Each command resumes
 an earlier run. Below the figures of a command the page shows a few lines of Python that read its
-cubes and redraw the main result; OUT/recipes contains them as scripts and notebooks, to be run in
-OUT.
+cubes and redraw the main result; OUT/recipes contains these lines as scripts and notebooks, to
+be run in OUT.
 
-By default, runs a preview of everything, which takes about ten CPU minutes.
+By default, the command runs a preview of everything, which takes about ten CPU minutes.
 """
 
 import json
@@ -32,13 +32,13 @@ EXHIBITS = listed("exhibits.toml")
 
 
 def recipes():
-    """Return {command: its recipe, a script} from `recipes.md`."""
+    """Return the recipes in `recipes.md` as a dict {command: script}."""
     text = Path(__file__).with_name("recipes.md").read_text(encoding="utf-8")
     return dict(re.findall(r"^## (\w+)\n\n```python\n(.*?)^```$", text, re.M | re.S))
 
 
 def recipe(name, out):
-    """Write the recipe of a command into OUT/recipes, as script and notebook; return the script.
+    """Write the recipe of a command to OUT/recipes, as a script and a notebook; return the script.
 
     The notebook contains the docstring as a text cell, and the rest as a code cell.
     """

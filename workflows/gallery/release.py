@@ -1,7 +1,7 @@
 """The deposit of all results for a DOI: data sets, the commands that computed them, checksums.
 
-The deposit is a directory with one folder for each command, which contains its cubes, tables,
-figures and certificates, and with five files: README.md, LICENSE, SHA256SUMS, the program
+The deposit is a directory. It contains a folder for each command, with its cubes, tables, figures
+and certificates, and five files: README.md, LICENSE, SHA256SUMS, the program
 certificate_checker.py, and .zenodo.json, the metadata that the repository Zenodo reads. The proved
 map of `--full` is a deposit of its own.
 """
@@ -33,7 +33,7 @@ def make_release(directory, exhibits, workers, quick, quiet):
     files.write(folder / ".zenodo.json", json.dumps(_zenodo(exhibits), indent=1) + "\n")
     paths = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     paths = [path for path in paths if path.name not in (SUMS, ".lock")]
-    paths = [path for path in paths if path.suffix != files.BESIDE]  # left by a run that was killed
+    paths = [path for path in paths if path.suffix != files.BESIDE]  # remains of killed runs
     digests = {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
     sums = (f"{sum}  {path.relative_to(folder).as_posix()}\n" for path, sum in digests.items())
     files.write(folder / SUMS, "".join(sums))
@@ -48,7 +48,7 @@ def _license():
 
 
 def _zenodo(exhibits):
-    """Return the metadata of the deposit; the owner replaces the creators by persons."""
+    """Return the metadata of the deposit; the owner should enter persons as creators."""
     about = metadata.metadata("nasm-transport")
     contents = "".join(f"<li>{exhibit.title}</li>" for exhibit in exhibits)
     description = (

@@ -241,7 +241,7 @@ def _ramp(rate):
 
 
 def measured(quick):
-    """Measure all values by both methods; return a Dataset with the dim value."""
+    """Measure all values by both methods; return a Dataset with the dimension `value`."""
     chosen = cases(quick)
     numbers = np.array([[*case.measure(), *case.measure_again()] for case in chosen]).T
     verdicts = [agrees(*four)[1].value for four in numbers.T.tolist()]

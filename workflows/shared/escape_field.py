@@ -107,8 +107,8 @@ def estimate_tiles(run: Run, grid: Grid) -> Iterator[tuple[Job, Wanted]]:
     """Yield (job, wanted tiles) for each sweep of `escape_plane`; None stands for all tiles.
 
     With one level all tiles are wanted. With several levels, no tiles are wanted if the run's place
-    already holds the field; otherwise a coarse preview of the plane predicts where levels are
-    refined. If the place holds a field with other settings, the program ends with a usage error.
+    already contains the field; otherwise a coarse preview of the plane predicts where levels are
+    refined. If the place contains a field with other settings, the program ends with a usage error.
     """
     if grid.levels == 1:
         job = _level_job(grid, "escape", 0)

@@ -60,7 +60,7 @@ def dataset(
 def columns(
     dims: str | Sequence[str], labels: Mapping[str, str], values: Iterable[ArrayLike]
 ) -> dict[str, tuple]:
-    """Return the variables {name: label} of the same dimensions, filled with `values` in order."""
+    """Return variables of the same dimensions, from {name: label} and values in the same order."""
     pairs = zip(labels.items(), values, strict=True)
     return {name: (dims, np.array(column), label) for (name, label), column in pairs}
 

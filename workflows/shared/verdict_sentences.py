@@ -16,7 +16,7 @@ MAX_LISTED = 8
 """Maximum number of kicks for which a forcing is written out."""
 
 Point = tuple[Plane, tuple[float, float]] | None
-"""A plane and the two coordinates of a forcing in it; None for a forcing in no plane."""
+"""A plane and the two coordinates of a forcing in it; None if the forcing is not given in one."""
 
 _MEANINGS = {
     Answer.BARRIER: "a rotational invariant circle exists; no orbit crosses it",
@@ -105,7 +105,7 @@ def steps_text(kappa: FloatArray, steps: float) -> str:
 
 
 def lifetime_text(kappa: FloatArray, steps: float) -> str:
-    """Return a lifetime in kicks as text, e.g. "1 kick"; a lifetime may be less than a step."""
+    """Return a lifetime as text in kicks, e.g. "1 kick", because it may be shorter than a step."""
     return plural(round(steps * kappa.size), "kick")
 
 
