@@ -14,9 +14,9 @@ The search proceeds from the outside inwards.
    without circles. The first scale is about 1% above the breakup, where converse KAM eliminates all
    starts in 100 steps.
 2. *Leap.* Residues (`nasm.periodic`) determine the scale at which one circle breaks: the circle
-   just found, or else that of the simplest noble near the first one listed. If that is precise,
-   and residues show that the circle exists just below it, the tree is searched next at a scale just
-   above it.
+   just found, or else that of the simplest noble near the first one listed. If this scale is
+   precise, and residues show that the circle exists just below it, the tree is searched next at a
+   slightly larger scale.
 3. *Step.* Otherwise, lower the scale. Residues grow like s^q, so orbits of period q exclude circles
    not only at one scale, but over a relative distance of order 1/q. The step is a quarter of that,
    or half the distance to a scale with a circle. Whenever the period used has doubled, another leap
@@ -79,12 +79,13 @@ class Effort:
         Number of steps of converse KAM on transversals with which the search begins. They eliminate
         all starts about 1/100 above the breakup, where the circle that the tree excludes last is
         usually the one that breaks last. If a circle exists at that scale, higher scales are tried
-        in relative steps of 1/100. Survivors that far above a value contradict the value.
+        in relative steps of 1/100. Starts that survive this far above a value contradict it.
     locating_steps : int
         Least number of steps of converse KAM to locate the last circle under one or two kicks.
     resolution : float
         Largest tolerance of the search of the Farey tree; a larger tol widens the bracket alone.
-        With a tolerance of 10⁻² the search missed bands of a judged forcing.
+        With a tolerance of 10⁻² the search missed bands of one of the forcings that were judged by
+        other methods (`tests/judged_forcings.csv`).
     max_questions : int
         Maximum number of scales at which the Farey tree is searched. Once this number is
         reached, the search, converse KAM and certification all end. Among the judged forcings,
@@ -104,10 +105,11 @@ class Effort:
         final value is computed; they yield nine and eleven digits.
     cusp_period : int
         Longest period of the orbits that determine the final value if periods up to `last_period`
-        are not precise enough, as happens next to a cusp; and of the orbits from whose hull
-        functions circles are certified.
+        are not precise enough, as happens next to a cusp. It also limits the period of the orbits
+        from whose hull functions circles are certified.
     blurred_period : int
-        Period of orbits: if only longer periods resolve a cusp, the error extends up to `upper`.
+        If a cusp is resolved only by orbits of periods longer than this, the error extends up to
+        `upper`.
     circles_tried : int
         Maximum number of circles that are tried at each scale below a bracket, until one is
         certified.
@@ -182,8 +184,8 @@ def critical_scale(
         of 0.1 of the largest strength.
     seconds : float
         Approximate CPU time to spend. Results then depend on the machine; cubes are computed
-        without this limit. Under one or two kicks it limits only what follows a search of about 0.2
-        seconds.
+        without this limit. Under one or two kicks the limit applies only to the work after a first
+        search, which takes about 0.2 seconds.
     effort : Effort
         Settings of the search, and other limits on its work.
 
@@ -332,7 +334,7 @@ class _Tree:
 class _Bracket:
     """Two scales with the last breakup between them: no circle was found at `outside`.
 
-    omega : a circle that exists at `inside`; None if `inside` is only where the search ended.
+    omega : a circle that exists at `inside`; None if no circle is known there.
     breakup : where this circle breaks according to its residues; None if they do not determine it,
     as in bands, or if time was short. longest_period : the longest period of orbits that may have
     been used.
@@ -467,7 +469,7 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
 
 
 def _simplest_near(omega, kappa, period):
-    """Return the noble with the shortest prefix near the one that an orbit of a period excluded.
+    """Return the noble with the shortest prefix near ω, which an orbit of this period excluded.
 
     The two Farey neighbours of that orbit are at least 4/period² apart.
     """
@@ -491,7 +493,7 @@ def _breakup(tree, tol, omega, inside, outside):
 
 
 def _with_rivals(tree, tol, breakup, inside, outside, nobles):
-    """Return the _Bracket of a breakup, or of a later one of another noble, below `outside`."""
+    """Return the _Bracket of a breakup, or of the later breakup of a rival, below `outside`."""
     segment, longest = tree.segment, tree.effort.tree.longest_ratio * LONGEST_PERIOD
     for omega in nobles:
         just_above = breakup.value + segment.length(outside, tree.effort.step / longest)
@@ -664,9 +666,9 @@ def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCi
     Returns
     -------
     InvariantCircle
-        The circle of scale.omega under the forcing scale.lower·profile, or under a weaker one if it
-        is certified again only there; its graph is `circles.graph`. If it is not certified again,
-        the status is NOT_CERTIFIED, and there are no deviations.
+        The circle of scale.omega under the forcing scale.lower·profile, or under a weaker forcing
+        if the circle is certified only under that one; its graph is `circles.graph`. If no circle
+        is certified, the status is NOT_CERTIFIED, and the array of deviations is empty.
 
     Raises
     ------

@@ -173,7 +173,7 @@ def flux(
     if omega.is_rational:
         return Flux(np.nan, np.nan, 0, omega, Status.RATIONAL)
     steps = kappa.size // short.size
-    # Other numbers share the convergents up to the end of the prefix; one more is needed.
+    # All numbers with this prefix share its convergents, so one more convergent is needed.
     min_period = list(islice(convergents(short_omega), len(short_omega.prefix) + 1))[-1].denominator
     orbits = ConvergentOrbits(short, 0 * short, distinct_convergents(short_omega, q_max))
     value, error, period, status = np.nan, np.inf, 0, Status.NOT_CONVERGED
@@ -229,7 +229,7 @@ def action_difference(kappa: ArrayLike, p: int, q: int) -> float:
 def _difference(minimizing: Orbit, minimax: Orbit) -> tuple[float, float]:
     """Compute ΔW of two orbits and a bound on its rounding error."""
     u, kappa = minimizing.u, np.resize(minimizing.kappa, minimizing.u.size)
-    if minimax.residue == 0:  # the reduced action is flat to rounding
+    if minimax.residue == 0:  # the reduced action is constant to within rounding
         return 0.0, FLAT * u.size**0.5 / minimizing.chain.q
     x, d = minimizing.chain.theta + u, minimax.u - u
     bend = 2 * cos2pi(x) * sin2pi(d / 2) ** 2 + sin2pi(x) * (sin2pi(d) - TWO_PI * d)

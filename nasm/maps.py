@@ -101,7 +101,7 @@ def step(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, Floa
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     x, y : array_like
-        Points, in turns; x on the lift. Their shapes broadcast.
+        Points, in turns, of shapes that broadcast together; x is on the lift.
 
     Returns
     -------

@@ -2,7 +2,7 @@
 
     ω = [a₀; a₁, …, a_k, (b₁, …, b_m)]  =  a₀ + 1/(a₁ + 1/(a₂ + …)),   b₁, …, b_m repeated for ever
 
-What matters about ω is how badly fractions approximate it, and that depends on the digits that a
+What matters about ω is how badly fractions approximate it, and this depends on the digits that a
 float cuts off. A RotationNumber keeps the prefix a₀, …, a_k and the period b₁, …, b_m, so its
 convergents are exact to any order. A *noble* number has the period (1); its circles are the most
 robust.
@@ -237,7 +237,7 @@ def convergents(omega: RotationNumber | str) -> Iterator[Fraction]:
 
 
 def distinct_convergents(omega: RotationNumber | str, q_max: int) -> list[Fraction]:
-    """List the convergents p/q of ω with increasing q ≤ q_max; of two with q = 1, the second."""
+    """List the convergents p/q of ω with q ≤ q_max; if two have q = 1, omit the first."""
     known = takewhile(lambda f: f.denominator <= q_max, convergents(omega))
     return list({fraction.denominator: fraction for fraction in known}.values())
 
@@ -293,7 +293,7 @@ def moebius(omega: RotationNumber | str, a: int, b: int, c: int = 0, d: int = 1)
 def nobles_near(value: float, width: float, n: int) -> list[RotationNumber]:
     """List noble numbers close to a float.
 
-    Each has the partial quotients of `value` up to some place, and ones from there on.
+    Their partial quotients are those of `value` up to some place, and 1 from there on.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Source files of this package: their digest, and a check that they have not changed since import.
 
-This module is imported with the package, before all others. As long as no file has changed since
+The package imports this module before all its other modules. As long as no file has changed since
 then, every module that the process has imported agrees with the files on disk.
 """
 
@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # the type of all hash objects of hashlib
+if TYPE_CHECKING:  # hashlib's type of all hash objects
     from hashlib import _Hash
 
 __all__ = ["are_unchanged", "digest"]
@@ -23,7 +23,8 @@ _ROOT = Path(__file__).parent
 def _stamps(folder: str | Path) -> dict[str, tuple[int, int, int]]:
     """Return the times and sizes of all .py files below a folder.
 
-    Of the times, that of the last change of status (ctime) cannot be set back.
+    The times are those of the last modification and of the last change of status (ctime); programs
+    cannot set the latter back.
     """
     stamps: dict[str, tuple[int, int, int]] = {}
     with os.scandir(folder) as entries:

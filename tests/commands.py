@@ -38,7 +38,7 @@ def snapshot(out):
 
 
 def follow(recipe, out):
-    """Run a gallery recipe in a directory; check that no axes stay empty, and return its output."""
+    """Run a gallery recipe in a directory; check that no axes are empty; return what it prints."""
     figures, output = [], StringIO()
     with pytest.MonkeyPatch.context() as patch, chdir(out), redirect_stdout(output):
         patch.setattr(plt, "show", lambda: figures.extend(map(plt.figure, plt.get_fignums())))

@@ -58,7 +58,7 @@ SMALLEST = {
     "work_precision": "--method barriers --method barrier-proof --ray 45",
 }
 AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # these two store no cubes
-LOOKING = "claims", "convergence", "proved_map"  # to plan, these compute rays for a second or two
+LOOKING = "claims", "convergence", "proved_map"  # while planning, these compute rays for 1 or 2 s
 COMPUTING = {
     "pipeline.store": ["replace"],
     "pipeline.sweep.sweep": ["_Run"],
@@ -97,7 +97,7 @@ def compute_nothing(patch, but_look):
 
 
 def look_at_figures(patch):
-    """Have each figure drawn for screen and column; return the list that collects faults."""
+    """Have each figure drawn both for the screen and for a column; return the list of faults."""
     from figure_faults import faults
 
     from workflows.figures import style

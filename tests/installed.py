@@ -1,7 +1,7 @@
-"""Check an installed copy: run this file with the Python of that copy, in another folder.
+"""Check an installed copy; run this file with its Python, in a folder outside the checkout.
 
 Every file that the packages need must be installed and be identical to the file in the checkout;
-the command `ask` must give an answer.
+the command `ask` must print an answer.
 """
 
 import subprocess

@@ -79,7 +79,7 @@ def nearest_float(value):
 
 
 def point(circle, theta):
-    """Return K(θ) by sums over all modes: x_0 = θ + u_0(θ), and y_0 = x_0 - x_{-1}."""
+    """Compute K(θ) by summing over all modes: x_0 = θ + u_0(θ), and y_0 = x_0 - x_{-1}."""
     n_kicks, n = circle.u.shape
 
     def deviation(site, theta):
@@ -148,11 +148,11 @@ RESOLVED = 1e-4  # error of residues computed in floats, for orbits of some 10�
 
 
 def residues_fall(omega, kappa, q):
-    """Return True if the residues of minimax orbits fall, as they do if a circle exists.
+    """Return True if the residues of minimax orbits decrease, as they do if a circle exists.
 
     They must at least halve from the first convergent of period q or longer to the convergent that
-    is one tail longer. Return None if an orbit is not found, unless the residue of the longer
-    convergent exceeds 1.
+    lies one repetition of the tail further on. Return None if an orbit is not found, unless the
+    residue of the longer convergent exceeds 1.
     """
     omega = as_rotation_number(omega)
     longer = [f for f in islice(convergents(omega), 100) if f.denominator >= q]

@@ -90,7 +90,7 @@ GENERIC = (0.3, 0.2, 0.25)
 CASES = [(1e-3, profile, None) for profile in PROFILES]
 CASES += product([1e-4, 1e-3], map(ray, [0, 36.1, 43.9, 62.5, 104, 127.7]), [None])
 CASES += [(2e-5, ray(24.3), None)]
-# Three kicks and antiperiodic forcings, with the names of their last circles.
+# A forcing of three kicks, and antiperiodic forcings, each with the name of its last circle.
 OWN = [(1e-3, GENERIC, "[1;4,(1)]"), (1e-3, (1, 1, 1, 1, -1, -1, -1, -1), "[2;(4)]")]
 OWN += [(tol, (k, 1, -k, -1), "[0;(4)]") for tol, k in ((1e-3, 0.3), (1e-3, 1), (1e-4, 1))]
 
@@ -170,8 +170,8 @@ def test_hiding_symmetries_of_random_forcings_does_not_change_results(monkeypatc
 
 
 # This close to a forcing of shorter period the boundary falls steeply, as at a cusp. For
-# (1, 1, 1.0001) some start survives 64 000 steps at 0.967 and none at 0.968, both on the line
-# x = 1/2 and on a transversal.
+# (1, 1, 1.0001), on the line x = 1/2 as well as on a transversal, some start survives 64 000 steps
+# at the scale 0.967, but none does at 0.968.
 @pytest.mark.parametrize(
     ("profile", "tol", "breakup", "about", "top"),
     [
@@ -217,7 +217,7 @@ def test_near_antiperiodic_forcing_no_circle_breaks_above_upper(away, omega, q, 
         ((1, 1, 0.8, 1, 1), 0),
         ((1, 0.45, 1), 0.5505),
         ((1, 0.4, 1, 0.4, 1), 0.4961),  # a circle is certified at .49635
-        ((1, 1, 0.55, 1, 1), 0.6287),  # above other bands of circles
+        ((1, 1, 0.55, 1, 1), 0.6287),  # this circle is above other bands of circles
         (rotating_forcing(*ray(45), "5/13", 1 / 26), 0.2962),  # missed by the first search
         (1 + 1.78e-4 * np.array([1, -1, -1, 1]), 0.956),  # near a cusp
     ],
@@ -278,9 +278,9 @@ def test_a_wrong_breakup_by_residues_does_not_mislead_the_search(case, monkeypat
 
 
 def misled(monkeypatch, candidates):
-    """Make the first rounds of the search use these candidates, one list per round.
+    """Make the first rounds of the search use the given candidates, one list per round.
 
-    Returns the list that collects the forcing of every round.
+    Return a list to which every round appends its forcing.
     """
     rounds, real = [], barriers.candidates
 

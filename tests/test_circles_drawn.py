@@ -130,8 +130,8 @@ AWAY = 1e-3, 1e-2
 def judge(found):
     """Compare points found by continuation with residues, and find witnesses for the others.
 
-    The witnesses are a certified circle just below the breakup, and converse KAM just above it,
-    which leaves no room for the circle.
+    The witnesses are a certified circle just below the breakup, and converse KAM, which excludes
+    the circle just above it.
     """
     by_residue = style.has_flag(found.method, "residue").values
     for place in np.ndindex(found.critical_scale.shape):
@@ -150,9 +150,10 @@ def judge(found):
 
 
 def no_circle(omega, kappa):
-    """True if converse KAM eliminates all starts where a circle of ω would cross the dominant line.
+    """Return True if converse KAM excludes a circle of ω.
 
-    These starts lie between orbits of lower and higher rotation numbers.
+    It must eliminate all starts where the circle would cross the dominant line. These starts lie
+    between orbits of lower and higher rotation numbers.
     """
     low, high, (site, a) = [], [], dominant_centre(kappa)
     for fraction in takewhile(lambda f: f.denominator < 400, convergents(omega)):

@@ -97,8 +97,8 @@ def test_full_changes_defaults_but_not_explicit_options():
     assert [len(short_or_long["phase"]) for short_or_long in phases] == [3, 6]
 
 
-def test_every_command_has_a_folder_of_its_own():
-    """The folder is the same if a command is run as a module, by the overview or from Python."""
+def test_commands_but_explore_status_and_verify_have_their_own_folders():
+    """A command uses the same folder if run as a module, by the overview or from Python."""
     folders = {name: main_of(name).make_context(name, ["1"] * (name == "ask")) for name in COMMANDS}
     folders = {name: context.params["out"] for name, context in folders.items()}
     shared = {"explore": "out/critical_boundary", "status": "out", "verify": "out"}
@@ -130,7 +130,7 @@ def test_a_figure_for_a_column_is_saved_next_to_the_one_for_the_screen(tmp_path)
     assert sorted(file.name for file in tmp_path.iterdir()) == files
 
 
-def test_angles_reach_as_far_as_the_help_says():
+def test_the_range_of_angles_is_that_stated_in_the_help():
     help = CliRunner().invoke(main_of("last_barrier"), ["--help"], terminal_width=200).output
     assert "from 0 to 180 degrees, or to 360 where κ and -κ are not equivalent" in help
     reach = {name: ray_angles(parse(name), 3, 0)[-1] for name in ("two-kicks", "three-kicks:0.2")}

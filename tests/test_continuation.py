@@ -87,10 +87,10 @@ def test_breakups_for_tails_other_than_golden_have_adequate_errors(tail):
     assert compared >= 3
 
 
-# The cases are paths of circles that end before the tail of ω is reached, or while the next circle
-# is 3 units of scale away; ω close to a fraction; and circles that break almost at once. `low` and
-# `high` bound the scale at which a circle is certified nevertheless. Two values of `high` are from
-# residues of minimizing orbits with q up to 60 000; their errors are 5e-7 and 2.3e-5.
+# In these cases the path of circles ends before the tail of ω is reached, or while the next circle
+# is 3 units of scale away; or ω is close to a fraction; or the circle breaks almost at once. If a
+# circle is certified nevertheless, its scale is between `low` and `high`. Two values of `high` come
+# from residues of minimizing orbits with q up to 60 000; their errors are 5e-7 and 2.3e-5.
 @pytest.mark.parametrize(
     ("omega", "profile", "tol", "status", "low", "high"),
     [

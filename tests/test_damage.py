@@ -191,7 +191,7 @@ def test_the_same_command_restores_edited_metadata_and_computes_no_tile(on_disk,
     plan = toy.cube(10, 15, 5, plane='{"name": "a plane"}', n_max=10, precision="double")
     fill(on_disk, plan)
     before = {key: get(on_disk, key) for key in contents(on_disk)}
-    for by in (US, "mathematics 2"):  # a later version may restore it too, as the cube is complete
+    for by in (US, "mathematics 2"):  # a later version may restore them too: the cube is complete
         EDITS[edit](on_disk)
         ((index, what),) = store.verify(on_disk, "toy", repair=True)
         assert index == ()
@@ -269,7 +269,7 @@ def test_control_characters_in_a_store_are_not_printed(on_disk, tmp_path):
     words = "\x1b]0;title\x07\nother: sound\u202e"
     fill(on_disk, toy.cube(), [(1, 1)])
     put(on_disk, "toy.zarr/.failed/0.0", words.encode())
-    shutil.copytree(on_disk.cube("toy"), on_disk.cube("named"))  # `words` will name a variable here
+    shutil.copytree(on_disk.cube("toy"), on_disk.cube("named"))  # to rename a variable to `words`
     os.rename(f"{on_disk}/named.zarr/sign", f"{on_disk}/named.zarr/lost")
     metadata = get(on_disk, ROOT).replace(b'"sign"', json.dumps(words).encode())
     put(on_disk, "named.zarr/zarr.json", metadata)
@@ -299,7 +299,7 @@ def test_a_survey_costs_little_more_than_listing_the_same_files(on_disk, capsys)
             os.makedirs(folder := f"{on_disk}/{path}/{row}")
             for column in range(n):
                 with open(f"{folder}/{column}", "wb") as file:
-                    file.truncate(size)  # takes no space on the disk
+                    file.truncate(size)  # takes up no disk space
     seconds = {"listed": [], "surveyed": []}
     for _ in range(2):
         start = time.process_time()

@@ -113,7 +113,7 @@ def test_every_command_has_a_row_and_every_module_an_equation():
     rows = (ROOT / "workflows" / "README.md").read_text(encoding="utf-8")
     assert [name for name in commands() if f"`{name}" not in rows] == []
     table = (ROOT / "nasm" / "README.md").read_text(encoding="utf-8")
-    shared = {"__init__", "checks", "tables", "texts", "types", "versions"}  # have no equation
+    shared = {"__init__", "checks", "tables", "texts", "types", "versions"}  # without an equation
     names = {path.stem for path in (ROOT / "nasm").glob("*.py")} - shared
     assert [name for name in sorted(names) if f"`{name}.py" not in table] == []
 
@@ -184,7 +184,7 @@ WITH_SHELL = [page for page in DOCUMENTS if shell_lines(page)]
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
-    """Return {command: folder}; pages whose first commands are the same share what it computes."""
+    """Return {command: folder}; pages that begin with the same command share its results."""
     return defaultdict(partial(tmp_path_factory.mktemp, "page"))
 
 

@@ -19,8 +19,9 @@ from nasm.escape import boundary, ensemble, escape_time, first_escape
 from nasm.results import Status
 from nasm.symmetries import ray
 
-# (strengths under which all orbits are chaotic, steps): too few steps for rounding to matter.
-# All escape times stay the same if the 1000 starts of the ensemble are moved by 1e-12.
+# Each entry is a forcing under which all orbits are chaotic, and a number of steps too small for
+# rounding to matter: all escape times stay the same if the 1000 starts of the ensemble are moved by
+# 1e-12.
 SHORT = [((8.0,), 10), ((6.0, 5.0), 8), ((4.0, -5.0, 6.0), 5)]
 
 FORCINGS = [(2.5,), (1.5, 1.4), (1.2, -1.3, 1.6)]
@@ -49,7 +50,7 @@ def _kick_each(c, x, y):
 
 
 def scalar_times(kappa, x, y, n_max, window, precision="double"):
-    """Compute the times orbit by orbit by the kernel's kick, without lanes, blocks or packing."""
+    """Compute times orbit by orbit with the kernel's kick, without lanes, blocks or packing."""
     kind, series = escape._PRECISIONS[precision]
     arrays = escape.kick_series(np.array(kappa), series), x - 0.25, y
     return _scalar_times(*(array.astype(kind) for array in arrays), n_max, *window)
@@ -181,7 +182,7 @@ def test_ensembles_are_nested_and_fill_the_paper_s_rectangle_evenly(n_orbits):
     x, y = ensemble(n_orbits)
     assert_array_equal(ensemble(100), (x[:100], y[:100]))
     assert ((x >= 0) & (x < 1) & (y >= 0) & (y < 0.3)).all()
-    # With 1000 random starts, the fullest of 5 × 5 boxes would be about 15 above the mean.
+    # With 1000 random starts, the fullest of 5 × 5 boxes would contain about 15 more than the mean.
     counts, _, _ = np.histogram2d(x, y, bins=5, range=[(0, 1), (0, 0.3)])
     assert np.abs(counts - n_orbits / 25).max() <= 6
 
@@ -211,7 +212,8 @@ def test_boundary_is_where_a_ray_first_meets_transport():
     radius = np.hypot(kappa1, kappa2[:, None])
     times = np.where(radius > 0.6, 100.0, np.inf)
     angles = np.array([[20.0, 45.0], [90.5, 160.0]])
-    half_diagonal = 0.05 / np.sqrt(2) + 0.05 / 16  # of a cell, plus half a sample spacing
+    # Half the diagonal of a cell, plus half a sample spacing.
+    half_diagonal = 0.05 / np.sqrt(2) + 0.05 / 16
     result = boundary(times, kappa1, kappa2, angles, 100)
     assert result.shape == angles.shape
     assert np.abs(result - 0.6).max() <= half_diagonal

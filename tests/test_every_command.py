@@ -1,4 +1,4 @@
-"""Every command runs to its end; if an extra is missing, it says what to install."""
+"""Every command runs to its end or, if an extra is missing, says what to install."""
 
 import json
 import re
@@ -72,7 +72,7 @@ def test_every_command_ends_as_expected_and_its_cubes_convert_to_netcdf(tmp_path
     assert len(cubes) > 30
     for path in cubes:
         cube = xr.open_zarr(path)
-        assert cube.chunks is not None  # ValueError if chunks along a dimension differ
+        assert cube.chunks is not None  # raises ValueError if chunks along a dimension differ
         for name, variable in cube.variables.items():
             words = variable.attrs
             assert words["long_name"], (path, name)

@@ -678,7 +678,7 @@ main(["--port", "0", "--no-browser", "--out", sys.argv[1]])
 @pytest.mark.parametrize(
     ("number", "blocks"),
     [
-        # The second of these never releases the GIL; the third releases it, as a kernel does.
+        # The second statement never releases the GIL; the third releases it, as a kernel does.
         (signal.SIGINT, "while True: pass"),
         (signal.SIGTERM, "10 ** 10 ** 9"),
         (signal.SIGINT, "hashlib.pbkdf2_hmac('sha256', b'', b'', 2**31 - 1)"),
@@ -714,7 +714,7 @@ def test_workers_count_as_started_while_kernels_are_being_compiled(monkeypatch):
     thread = threading.Thread(target=shared.prepare)
     thread.start()
     assert compiling.wait(60)
-    assert shared.connected.is_set()  # Ctrl-C waits only for this
+    assert shared.connected.is_set()  # Ctrl-C waits only for this event
     assert not shared.loaded["portrait"].is_set()
     ended.set()
     thread.join()

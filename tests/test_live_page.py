@@ -78,7 +78,7 @@ def test_verdicts_never_contradict_those_of_nasm(page, n):
 
 @pytest.mark.parametrize("n", [6, pytest.param(60, marks=pytest.mark.slow)])
 def test_forcings_that_the_page_calls_proved_can_be_proved(page, n):
-    """The test proves single forcings; the page relies on regions from `workflows.proved_map`."""
+    """The test checks single forcings; the page relies on regions from `workflows.proved_map`."""
     random = np.random.default_rng(n)
     kappas = random.uniform(-1.125, 1.125, (20 * n, 2))
     seen = page.evaluate("(kappas) => kappas.map(proved)", kappas.tolist())

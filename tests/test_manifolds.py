@@ -60,7 +60,7 @@ def test_arguments_that_define_no_manifold_are_refused(branch, changed, message)
         branch(**good | changed)
 
 
-def test_a_manifold_is_finite_whatever_length_is_requested():
+def test_a_manifold_is_finite_for_any_requested_length():
     x, y = manifolds.unstable((0.3,), 0, 1, 0.0, 0.0, 1e9)
     assert 1000 < x.size < 10**6
     assert np.isfinite([x, y]).all()

@@ -41,7 +41,7 @@ def test_tangent_is_the_derivative_of_step(kappa, x, y):
             ahead = mpmath.matrix(oracles.exact_step(kappa, x + dx, y + dy))
             behind = mpmath.matrix(oracles.exact_step(kappa, x - dx, y - dy))
             slope = [float(s) for s in (ahead - behind) / (2 * h)]
-            # In κ cos 2πx, an error of x is magnified by at most 2π|κ| < 13.
+            # In κ cos 2πx, an error in x is magnified by at most 2π|κ| < 13.
             assert_allclose(tangent[:, column], slope, rtol=0, atol=13 * 4 * rounding(kappa))
 
 

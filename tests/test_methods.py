@@ -86,7 +86,7 @@ def test_the_golden_circle_of_the_standard_map_in_all_its_disguises(profile, exa
 
 
 def images(profile, omega):
-    """Yield the images of a forcing under symmetries, each with ω of the image of the circle."""
+    """Yield each image of a forcing under symmetries, and the ω of the image of the circle."""
     profile, period = np.array(profile), len(profile)
     yield np.roll(profile, 1), omega
     yield profile[::-1], omega
@@ -99,8 +99,8 @@ def images(profile, omega):
 
 
 # The flux is computed 20% beyond the breakup, but for two circles only 7% to 12% beyond it.
-# Even there, the gaps of their cantori cover the whole circle to within rounding: sites of the
-# minimizing orbit are 1e-17 apart.
+# Even at these strengths, the gaps of their cantori cover the whole circle to within rounding:
+# sites of the minimizing orbit are 1e-17 apart.
 @pytest.mark.parametrize(
     ("name", "profile", "size"),
     [
@@ -176,8 +176,8 @@ LARGE = [RotationNumber((0, *[1] * n, large), (1,)) for n in (6, 9, 12) for larg
 
 @pytest.mark.parametrize("omega", [*LARGE, RotationNumber((0, 2, 10**9), (1,))], ids=str)
 def test_convergents_before_a_large_quotient_do_not_decide_the_breakup(omega):
-    # Up to q_max the convergents are those of the golden mean, whose circle breaks last, at 2.08,
-    # or those of 1/2.
+    # Up to q_max, the convergents equal those of 1/2, or those of the golden mean, whose circle
+    # breaks last, at 2.08.
     for result in (
         periodic.critical_scale(omega, (0.3, 0.2), 1500),
         flux.flux(omega, (0.55, 0.1), 1000),

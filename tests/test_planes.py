@@ -80,7 +80,7 @@ def test_pairs_half_a_period_apart_have_the_boundary_of_two_kicks():
     _, halves = planes.pairs("1/2").ray(30)
     assert (2 * halves == TWO.ray(30)[1]).all()
     (_, alone), (_, two_times) = planes.pairs("1/2").ray(0), planes.pairs("1/5").ray(0)
-    for profile in (alone, two_times):  # the standard map, as the second series is absent
+    for profile in (alone, two_times):  # each is the standard map, as the second series is absent
         assert critical_scale(profile).value == pytest.approx(0.971635406, rel=1e-8)
 
 

@@ -119,12 +119,12 @@ def test_stored_certificates_are_compared_with_tiles_and_checked(job, n, tmp_pat
     }
     for data, reason in wrong.items():
         path.write_bytes(data)
-        longest = "60" if "seal" in reason else "0"  # other faults need no checking of proofs
+        longest = "60" if "seal" in reason else "0"  # to find other faults, no proofs are checked
         result = invoke("verify", tmp_path, "--proofs", "--max-cpu-seconds", longest)
         assert result.exit_code == 1, reason
         assert reason in result.output.split("wrong: 1 tile\n")[1]
         assert "1 tile damaged" in result.output  # the tile's checksum also reveals the change
-    for file, data in (("zarr.json", b"{}"), ("digests.json", b"")):  # needed to repair a cube
+    for file, data in (("zarr.json", b"{}"), ("digests.json", b"")):  # both are needed for a repair
         file = tmp_path / f"{job.cube.name}.zarr/{file}"
         whole = file.read_bytes()
         file.write_bytes(data)

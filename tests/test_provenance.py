@@ -26,7 +26,7 @@ SCALE = 2.0
 
 @pytest.fixture
 def edited(monkeypatch):
-    """Return a function that replaces a module's text, as later processes would read it."""
+    """Return a function that replaces a module's text and clears the caches that depend on it."""
 
     def edit(module, text=b"x = 1"):
         monkeypatch.setitem(sources._SOURCES, module, text)

@@ -20,7 +20,7 @@ GAMMA = float(parse("gamma"))
 
 
 def test_the_response_is_the_derivative_of_circles_under_a_weak_ripple():
-    """The ripple has three kicks; its two phases give the real and the imaginary part of w'."""
+    """Two phases of a ripple of three kicks yield the real and the imaginary part of w'."""
     kappa, d = 0.5, 1e-4
     plain = circles.invariant_circle("gamma", kappa)
     n = 4 * plain.u.shape[1]
@@ -37,7 +37,7 @@ def test_the_response_is_the_derivative_of_circles_under_a_weak_ripple():
 
 @pytest.mark.parametrize("mode", [1, 2, 3])
 def test_the_response_resonates_where_the_frequency_is_a_multiple_of_omega(mode):
-    """A small divisor enters squared: half as far from resonance, the response quadruples."""
+    """The small divisor enters squared: at half the distance from resonance, w' is quadrupled."""
     u = circles.invariant_circle("gamma", 0.3).u[0]
     near, nearer = small_divisors.strain(u, GAMMA, 0.3, mode * GAMMA + np.array([2e-5, 1e-5]))
     assert nearer / near == pytest.approx(4, rel=1e-2)
@@ -55,7 +55,7 @@ def test_a_ripple_of_two_kicks_is_a_forcing_of_the_paper():
     """With Ω = 1/2 and d = 1 the forcing is (2κ, 0): every second kick is missing."""
     coords = {"fraction": ["1/2"], "depth": np.array([1.0])}
     found = rotating_maps._ripples(coords, {"tol": 1e-3})
-    # y changes by 2κ/2π in two kicks, in which x changes by 2y: this is the standard map with 4κ.
+    # In two kicks, y changes by 2κ/2π and x by 2y: this is the standard map with 4κ.
     assert found["critical_scale"][0, 0] == pytest.approx(KAPPA_G / 4, rel=1e-9)
     assert found["omega"][0, 0] == pytest.approx((3 - 5**0.5) / 4, abs=1e-12)
 

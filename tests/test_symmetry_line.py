@@ -35,8 +35,8 @@ def _one_by_one(c, x0, w0, y0, n_max):
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize("n_starts", [1, 63, 300])
 def test_lockstep_blocks_and_packing_do_not_change_a_lifetime(kappa, n_starts):
-    # Compare with the same kicks of single floats, one start at a time. The last block may be
-    # incomplete.
+    # Compare with the same kicks applied to single floats, one start at a time. The last block may
+    # be incomplete.
     line = symmetry_line._line_coefficients(
         0.9 * critical_scale(kappa, 100).value * np.array(kappa)
     )

@@ -51,7 +51,7 @@ def test_the_circles_of_all_phases_form_the_torus_of_a_rational_frequency():
     assert np.abs(tori.residual(omega, 1 / 3, mean, amplitude, u)).max() < 2 * worst < 1e-8
 
 
-def test_at_zero_mean_adding_one_half_to_both_frequencies_keeps_the_torus():
+def test_at_zero_mean_frequencies_shifted_by_one_half_have_the_same_torus():
     omega, frequency = TRIBONACCI
     one = tori.invariant_torus(omega, frequency, 0.0, 0.3)
     two = tori.invariant_torus(omega + 0.5, frequency + 0.5, 0.0, 0.3)
@@ -102,7 +102,7 @@ def test_at_zero_amplitude_no_torus_is_certified_past_kappa_g(n_max):
 
 
 @pytest.mark.parametrize("n_max", [2**13, 2**15])
-def test_past_the_breakup_there_is_no_torus_on_any_grid(n_max):
+def test_past_the_breakup_no_torus_is_certified_on_any_grid(n_max):
     for scale in (0.33, 0.4):
         torus = tori.invariant_torus(*TRIBONACCI, *(scale * ray(45)), n_max)
         assert not torus.certified

@@ -28,7 +28,7 @@ ORDERS = {  # the exponent in error ~ effort^exponent, and its tolerance
 
 @pytest.mark.parametrize("rays", thirds([("0", "30"), ("0", "three-kicks")]))
 def test_errors_decrease_with_effort_and_error_estimates_cover_them(rays, monkeypatch):
-    """Test the better methods at small efforts, on rays with and without a symmetry."""
+    """Test the methods in EFFORTS at these small efforts, on rays with and without a symmetry."""
     for name, efforts in EFFORTS.items():
         monkeypatch.setattr(METHODS[name], "efforts", efforts)
     monkeypatch.setattr(measure, "timed", lambda run, *arguments: (run(*arguments), 1.0))

@@ -104,7 +104,7 @@ def workers_here():
     """
     how = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "protocol": "tcp"}
     how |= {"processes": False, "n_workers": 1, "threads_per_worker": 2}
-    # The preload of `connect` is meant for worker processes.
+    # The preload of `connect` is meant for separate worker processes, so it is disabled here.
     with dask.config.set({"distributed.worker.preload": []}), Client(**how) as client:
         yield lambda: client
 
@@ -158,7 +158,7 @@ def wait_until(condition, patience=60):
 
 
 def kept_memory():
-    """Return how many of 128 temporarily used megabytes this process keeps."""
+    """Return how many of 128 temporarily used megabytes this process does not release."""
 
     def resident():
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")

@@ -8,7 +8,7 @@ every orbit take all N steps. The insets of Fig. 6 show how often one long orbit
 the unit cell.
 
 Three cubes, a table and two figures in OUT. The defaults take about three CPU minutes; the time is
-proportional to the numbers of steps and orbits.
+proportional to the number of steps, and to the number of orbits.
 """
 
 from workflows.shared import cli

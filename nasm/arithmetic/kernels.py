@@ -60,7 +60,7 @@ _LOCK_TIMEOUT = 60
 
 
 def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-    """Compile a function as `njit(nogil=True, **options)` does, and keep the result on disk.
+    """Compile a function as `njit(nogil=True, **options)` does, and store the result on disk.
 
     Parameters
     ----------
@@ -92,7 +92,8 @@ def begin_without_scipy() -> None:
     """Import what Numba needs for its first kernel, except scipy.fft and scipy.linalg.
 
     Those two make up half of what Numba imports. Call this function in programs; no module calls it
-    on import. Afterwards Numba compiles neither np.cov nor scipy.fft; no kernel of nasm calls them.
+    on import. Afterwards Numba can compile neither np.cov nor scipy.fft, but no kernel of nasm
+    calls either of them.
     """
     if unused := {"scipy.fft", "scipy.linalg"} - sys.modules.keys():
         sys.modules.update(dict.fromkeys(unused))  # type: ignore[arg-type]  # None hides a module
@@ -110,8 +111,8 @@ def directory() -> Path | None:
     Returns
     -------
     Path or None
-        None if it cannot be created, or if somebody other than this user can write to it; in the
-        latter case a warning is issued, once.
+        None if the directory cannot be created, or if anyone but this user or root can write to it.
+        In the latter case, a warning is issued once.
     """
     digest = sources.digest()
     digest.update(version("rocket-fft").encode())

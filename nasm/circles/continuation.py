@@ -1,4 +1,4 @@
-"""The breakup of a circle, from how its norms blow up along the ray κ = s·profile.
+"""The breakup of a circle, from the blow-up of its norms along the ray κ = s·profile.
 
 The length of a circle's finest structure is 1/M,
 
@@ -16,8 +16,8 @@ constant for golden tails, varying by ±10% for the tail of fours. Three scales 
 factors of Λ and Λ² are in phase, and yield s_c by Richardson extrapolation with the ratios δ and
 δ².
 
-That this blow-up marks the breakup is the criterion of Calleja & de la Llave (Nonlinearity 23
-(2010) 2029), which the paper uses (arXiv:1606.04824, Sec. VI).
+Calleja & de la Llave (Nonlinearity 23 (2010) 2029) introduced this blow-up as a criterion for the
+breakup; the paper uses their criterion (arXiv:1606.04824, Sec. VI).
 """
 
 import sys
@@ -63,7 +63,7 @@ class ContinuationSettings:
     max_circles : int
         Maximum number of circles on a ray, which usually needs 10 to 30.
     max_halvings : int
-        Halvings of a step after which a failure of Newton's method is final.
+        Number of halvings of a step after which a failure of Newton's method is final.
     max_rounds : int
         Maximum number of rounds of the fixed-point iteration for s_c, which usually needs 5 to 20.
     mode_share : float
@@ -143,10 +143,10 @@ def critical_scale(
     -------
     CriticalScale
         lower is the scale of the certified circle; upper is NaN. If there is no estimate, or its
-        error is as large as the value, value and error are NaN, for example because a large
-        quotient hides the tail of ω from all circles for which there are enough modes; lower is
-        still returned. The status is UNDECIDED if residues show that the circle exists beyond the
-        value.
+        error is as large as the value, value and error are NaN, but lower is still returned. This
+        happens, for example, if a large quotient hides the tail of ω from all circles for which
+        there are enough modes. The status is UNDECIDED if residues show that the circle exists
+        beyond the value.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def certified_circle(
     Notes
     -----
     The work grows like 1/distance: 0.1 s at 10⁻⁴, 9 s and 1 GB at 10⁻⁵. At such
-    distances rounding sets a limit: next to a cusp, the smallest one may be 3·10⁻⁵.
+    distances rounding sets a limit: next to a cusp, the smallest attainable one may be 3·10⁻⁵.
 
     Examples
     --------
@@ -452,7 +452,7 @@ def _interpolate(scales, log_m, level):
 def _distance(nodes, value):
     """Return s_c - s for s_c = `value`, by interpolating its logarithm between the nodes."""
     logarithm = 0.0
-    for weight, scale in nodes:  # in this order on every processor, unlike a matrix product
+    for weight, scale in nodes:  # same order on every processor, unlike a matrix product
         logarithm += weight * log(value - scale)
     return exp(logarithm) if logarithm < log(sys.float_info.max) else inf
 
@@ -460,10 +460,10 @@ def _distance(nodes, value):
 def _scaling(tail):
     """Return Λ and δ of a tail.
 
-    If δ is not known, δ = Λ is used: ν is 0.987 to 1.04 for the ten tails tried.
+    If δ is not known, δ = Λ is used, because ν is 0.987 to 1.04 for the ten tails tried.
     """
     (a, b), (c, d) = (1.0, 0.0), (0.0, 1.0)
-    for quotient in tail:  # times the matrix [[quotient, 1], [1, 0]]
+    for quotient in tail:  # multiply by the matrix [[quotient, 1], [1, 0]]
         (a, b), (c, d) = (a * quotient + b, a), (c * quotient + d, c)
     trace, determinant = a + d, (-1) ** len(tail)
     growth = (trace + sqrt(trace**2 - 4 * determinant)) / 2

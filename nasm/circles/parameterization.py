@@ -2,8 +2,8 @@
 
     T ∘ K(θ) = K(θ + ω),     K(θ) = (θ + u_0(θ), ω/P + …),                        (42)
 
-See arXiv:1606.04824, Sec. VI; equation numbers are that paper's. This module follows the paper line
-by line; `circles.newton_step` takes the same step in chain form, and is faster.
+See arXiv:1606.04824, Sec. VI; equation numbers refer to that paper. This module follows the
+paper line by line; `circles.newton_step` takes the same step in chain form, and is faster.
 
 Functions of θ are arrays whose last axis is the grid θ = i/n; vectors have shape (2, n), matrices
 (2, 2, n). J = [[0, 1], [-1, 0]].
@@ -68,7 +68,7 @@ def newton_step(omega: OmegaLike, kappa: ArrayLike, u: FloatArray) -> tuple[Floa
     e_1 = frame_after[1, 1] * e[0] - frame_after[0, 1] * e[1]
     e_2 = frame_after[0, 0] * e[1] - frame_after[1, 0] * e[0]
 
-    # 4), 5), 6) Solve for W_2 up to its average, for the average, then for W_1: Eqs. (47), (48).
+    # 4), 5), 6) Solve for W_2 up to its average, then the average, then W_1: Eqs. (47), (48).
     w_2 = fourier.solve_cohomology(e_2, turn, kept)
     w_2 -= np.mean(e_1 + s * w_2) / np.mean(s)
     w_1 = fourier.solve_cohomology(e_1 + s * w_2, turn, kept)
@@ -91,7 +91,7 @@ def symplectic_frame(tangent: FloatArray) -> FloatArray:
     Parameters
     ----------
     tangent : ndarray, shape (2, n)
-        DK.
+        The tangent DK of the circle.
 
     Returns
     -------

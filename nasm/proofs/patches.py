@@ -15,8 +15,8 @@ points. The residual obeys
     ‖E_j‖ ≤ Λ_Q Λ_R max ‖E_j‖ at the points + interpolation error,    Λ_Q = 1 + (2/π) log Q.
 
 If the theorem fails with these bounds, the first step is bounded through modes, as README.md, "A
-first step that is computed", describes; only the last term, which is small as E_j is computed at
-more points than there are degrees, then counts without knowledge of its modes.
+first step that is computed", describes. Then only the interpolation error is bounded without
+knowledge of its modes; it is small because E_j is computed at more points than there are degrees.
 
 Adjoining patches from s = 0 upwards therefore show that the circle exists for all weaker kicks too:
 it does not break and reappear on the way. See proofs/README.md, "A patch". A proof relies on
@@ -69,13 +69,13 @@ except ImportError:  # the extra `proof`
 # Distance from the breakup at the end of a patch, relative to that at its beginning.
 _MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
 # The ε that suffices 1% below the breakup; ε is proportional to this power of the distance.
-# Measured on rays and triangles; patches of another ω that fail are tried again, shorter.
+# Both were measured on rays and triangles; if a patch of another ω fails, a shorter one is tried.
 _RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 1e-14, 4.6
-_MORE_POINTS = 2  # at which E is computed, than there are degrees: less is left to interpolate
+_MORE_POINTS = 2  # E is computed at this many more points than there are degrees
 _LONG_DOUBLE_RESIDUAL = 2e-13  # ε down to which circles in long doubles are accurate enough
 _GRID_FACTOR = 0.75  # number of grid points, relative to that for a single forcing
 _MIN_NODES, MAX_NODES = 8, 64  # Chebyshev points in s, and in t
-_TRIAL_NODES = 24  # points in t at the far end of a patch, from which R is chosen
+_TRIAL_NODES = 24  # points in t at the far end of a patch, used to choose R
 _STRIP_RATIO = 0.1  # ρ relative to the estimated half width of the strip of analyticity
 _SLOWDOWN = 1.25  # allowance for work that grows faster than 1/distance
 _BOUND_FRACTION = 0.8
@@ -323,7 +323,7 @@ def _more(Q: int, R: int) -> tuple[int, int]:
 
 
 def _with_zeros(coefficients: list[Any], Q: int, R: int) -> list[Any]:
-    """Add coefficients that are 0, so that there are as many as points."""
+    """Pad the coefficients with zeros, so that there is one for each point of `_more`."""
     more, across = _more(Q, R)
     zero: list[Any] = [[[], []]] * len(coefficients[0])
     rows = [coefficients[first : first + R] + [zero] * (across - R) for first in range(0, Q * R, R)]
@@ -397,7 +397,7 @@ class _Patch:
         """
         matrix, tables = arb_mat if self.odd else acb_mat, np.array(tables, object)
         x = tables.reshape(*self.shape, -1)
-        for B in A:  # along the first axis, which then becomes the second
+        for B in A:  # multiply along the first axis, then swap the two axes
             both = matrix(B) * matrix(x.reshape(len(B), -1).tolist())
             x = np.array(both.entries(), object).reshape(x.shape).swapaxes(0, 1)
         return x.reshape(tables.shape).tolist()

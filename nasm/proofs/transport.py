@@ -86,16 +86,16 @@ CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: for the re
 COS_CUBIC = 41.35  # (2π)³/6, rounded up: for the remainder of cos
 
 _MAX_DEVIATION = 0.1  # largest |x - x̂| for which the bounds hold
-_MAX_UNKNOWN_SHARE = 0.8  # of |x - x̂| beyond first order; a box with a larger share is bisected
-_MAX_WRONSKIAN_ERROR = 1e-3  # relative, of v_n t_{n+1} - v_{n+1} t_n = δ
+_MAX_UNKNOWN_SHARE = 0.8  # largest share of |x - x̂| beyond first order; a box above it is bisected
+_MAX_WRONSKIAN_ERROR = 1e-3  # relative error of v_n t_{n+1} - v_{n+1} t_n = δ
 _MAX_V = 1e100  # beyond it, products may overflow
-_MAX_LIFETIME = 1e11  # kicks of a box in a proof; this many would take hours
+_MAX_LIFETIME = 1e11  # upper bound on the kicks of a box in a proof; so many would take hours
 
 _MIN_TOTAL_STRENGTH = 0.1  # least P Σ|κ_j|; for one nonzero kick, the last circle breaks at 0.97
 _FIRST_BOXES = 16  # number of boxes on each piece before any bisection
 _MIN_DELTA = 2.0**-50  # smallest δ for which centres are exact, for s up to 8
 _KICKS_PER_BLOCK = 8  # between checks for events; rounded up to whole periods
-_STATE, _ROWS, _V = 18, 19, 6  # numbers per box: those that change, and all; index of V
+_STATE, _ROWS, _V = 18, 19, 6  # numbers per box that change, all numbers per box, and index of V
 _FIRST_EXCESS = 0.1  # relative excess of s over value with which `proved_upper` begins
 _KICKS_PER_CALL = 2_000_000  # kicks per kernel call, between checks of the clock
 _MIN_CROWD = 128  # a piece of the polygon on which more boxes wait may be bent
@@ -330,9 +330,9 @@ def _on_polygon(kappa: FloatArray, budget: float) -> TransportProof:
 
 
 def curve_at(kappa: FloatArray, budget: float) -> TransportProof:
-    """Prove that transport is global on a curve that suits a forcing, which is not shortened.
+    """Try to prove, on a curve chosen for kappa, that transport is global; kappa is not shortened.
 
-    Used for the curve: with this forcing at its centre, a cell of forcings may be proved on it.
+    The proof for a cell of forcings uses the curve chosen for the forcing at its centre.
     """
     if kappa.size > 2:
         return _on_polygon(kappa, budget)
@@ -444,7 +444,7 @@ def _covered(
     budget: float,
     max_waiting: float = math.inf,
 ) -> tuple[TransportProof, int | None]:
-    """Try to prove that transport is global, on one curve; bisect failed boxes, level by level.
+    """Try to prove on one curve that transport is global; bisect failed boxes, level by level.
 
     If more than `max_waiting` boxes wait on one piece, stop and also return the piece's index.
     """
@@ -559,7 +559,7 @@ _ELIMINATED, _FAILED = 0, 1
 
 @kernel(error_model="numpy")
 def _follow(cycle, way, points, boxes, slopes, lifetimes, lanes, ages, box_ids, first, most_kicks):
-    """Follow boxes for some more kicks; return the index of the next one, and whether any remain.
+    """Follow boxes for some more kicks; return the index of the next box, and whether any remain.
 
     cycle : a block of kicks. boxes, slopes : ŝ, δ and γ. lifetimes : receives the results. lanes,
     ages, box_ids : for each lane, its state, its kicks so far, and the index of its box; -1 for an
@@ -597,8 +597,8 @@ def _follow(cycle, way, points, boxes, slopes, lifetimes, lanes, ages, box_ids, 
 def _start(lanes, lane, points, s, delta, slope, way):
     """Set the state of a box before the kick at the curve.
 
-    If way is 1, the state is that before the kick at the preceding site, from which the kicks are
-    followed in reverse order.
+    If way is 1, set the state before the kick at the preceding site instead; from there, the kicks
+    are followed in reverse order.
     """
     for row in range(_ROWS):
         lanes[row, lane] = 0.0

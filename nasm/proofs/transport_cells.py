@@ -77,16 +77,16 @@ __all__ = ["CellProof", "PlaneCellProof", "prove_cell", "prove_cell_of_plane"]
 # The same values as in `transport`.
 _MAX_DEVIATION, _MAX_UNKNOWN_SHARE, _MAX_WRONSKIAN_ERROR, _MAX_V = 0.1, 0.8, 1e-3, 1e100
 
-_ROUNDING = 1e-12  # a deviation that may be unknown altogether, as it is where t, p and q are 0
+_ROUNDING = 1e-12  # a deviation this small may be wholly unknown, e.g. where t, p and q are 0
 _STRENGTH_GRID = 2.0**30  # inverse spacing of strengths, so that bisecting a cell is exact
 _PIECES = 16  # number of pieces of a symmetry line
 _END_GRID = 2.0**-20  # spacing of the ends of pieces
 _SHEAR_GRID, _MAX_SHEAR = 2.0**-8, 0.5  # spacing of g, and the largest
-_MAX_SLOPE_KICKS = 20_000  # within which floats choose γ
-_MAX_PLANE_STRENGTH = 4  # up to which the bounds on rounding hold on a polygon
+_MAX_SLOPE_KICKS = 20_000  # maximum number of kicks, in each direction, used to choose γ
+_MAX_PLANE_STRENGTH = 4  # largest |κ| for which the bounds on rounding hold on a polygon
 _MIN_DELTA, _MIN_STRENGTH_WIDTH = 2.0**-45, 2.0**-40
 _KICKS_PER_BLOCK = 8  # kicks between checks for events
-_STATE, _ROWS, _COLUMNS = 40, 41, 10  # numbers per lane that change; all per lane; per box
+_STATE, _ROWS, _COLUMNS = 40, 41, 10  # changing and all numbers per lane; numbers per box
 _OF_KICK = 4  # numbers that describe a kick: k, f, g, and a bound on their rounding
 _MAX_WAITING = 4096  # maximum number of boxes on the stack
 _KICKS_PER_CALL, _MAX_ELIMINATED = 200_000, 16_384  # per kernel call, between checks of the clock
@@ -253,7 +253,7 @@ class PlaneCellProof(Proof):
     boxes : ndarray, shape (n, 7)
         Rows ŝ, δ, α, h_α, β, h_β and γ; s is 0 at the first corner, 1/2 at the second, and so on.
     lifetimes : ndarray of int, shape (n, 2)
-        Kicks N until V ≤ 0, for each box, forwards and backwards.
+        Numbers N of kicks until V ≤ 0, for each box, forwards and backwards.
 
     Examples
     --------
@@ -328,13 +328,13 @@ def prove_cell_of_plane(
         Centre of the cell, in coordinates of the plane, a multiple of 2⁻³⁰.
     half_width : float or array_like, shape (2,)
         Half widths of the cell, positive multiples of 2⁻³⁰. The outcome is SCOPE if one kick may be
-        stronger than 4, or if no site exists without which the strongest kicks of the cell leave
-        the map a twist map, as for `transport.prove`.
+        stronger than 4, or if the largest |κ_j| in the cell violate the twist condition of
+        `transport.prove`.
     budget : float
         CPU seconds. Without `curve`, the search for it may take as much again.
     curve : (int, ndarray), optional
-        Site and corners of a curve, as from another proof. By default it is that of a proof for
-        the forcing at the centre.
+        Site and corners of a curve, e.g. from another proof. The default is the curve of a proof
+        for the forcing at the centre.
 
     Returns
     -------
@@ -448,14 +448,14 @@ def _cover(
     forcings, points, is_line, waiting, n_waiting, lanes, kicks, boxes, ways, ages,
     eliminated, lifetimes, most_kicks,
 ):  # fmt: skip
-    """Continue to cover a cell for some kicks; return the outcome, n_waiting and n_eliminated.
+    """Continue covering a curve for some kicks; return the outcome, n_waiting and n_eliminated.
 
     waiting[:n_waiting] : the boxes still to be followed, a stack of rows ŝ, δ, α, h_α, β, h_β, g_α,
     g_β, the number of a piece, and γ; the number's integer part is the index of a segment. lanes,
     kicks, boxes, ways, ages : for each lane, in columns, its state, a block of its kicks, its box
-    (δ = 0 if it is idle), whether it is followed backwards, which begins when it has been
-    eliminated forwards, and its kicks so far, forwards and backwards. eliminated, lifetimes :
-    receive the eliminated boxes and their lifetimes.
+    (δ = 0 if the lane is idle), whether the box is followed backwards (after it has been
+    eliminated forwards), and the numbers of kicks so far, forwards and backwards. eliminated,
+    lifetimes : arrays that receive the eliminated boxes and their lifetimes.
     """
     before, events = np.empty((_ROWS, FEW)), np.empty((2, FEW))
     n_eliminated = n_kicks = 0
@@ -575,7 +575,7 @@ def _start(lanes, kicks, lane, forcings, points, is_line, box, way):
 def _coordinate(corners, box):
     """Return x or y of the middle of a box on a polygon, its change with σ, and a bound on errors.
 
-    It bounds the sum of both rounding errors and those of x - 1/4 and y - x.
+    The bound covers the sum of the rounding errors of both results, of x - 1/4 and of y - x.
     """
     at = int(box[8])
     part, width, z = 2 * box[0] - at, 2 * box[1], corners[at]
@@ -619,7 +619,7 @@ def _replay(kicks, lanes, lane):
 def _slope(forcings, a, b, x, y):
     """Choose γ, a multiple of 2⁻²⁰, so that V becomes ≤ 0 in both directions if possible.
 
-    See `nasm.converse_kam.transversal`. Proofs are valid whatever the choice.
+    See `nasm.converse_kam.transversal`. Proofs are valid for any choice.
     """
     bound = 2 + _strength(forcings, 0, a, b) * _trigonometry(x - 0.25)[2]
     y_ahead = y + _strength(forcings, 0, a, b) * _trigonometry(x - 0.25)[1]
@@ -658,7 +658,7 @@ def _summed(k, bound, state):
 def _shears(forcings, a, b, x, y):
     """Choose g = -p/t, -q/t where V crosses zero, so that the orbit hardly depends on κ there.
 
-    x and y begin on a symmetry line; x is shifted by -1/4. Proofs are valid whatever the choice.
+    x and y begin on a symmetry line; x is shifted by -1/4. Proofs are valid for any choice.
     """
     v, w, t, z = 1.0, abs(_strength(forcings, 0, a, b)) / 2, 0.0, 1.0
     p = zp = q = zq = 0.0
@@ -686,11 +686,11 @@ def _trigonometry(x):
 
 @njit(forceinline=True, error_model="numpy")
 def _kick(k, f, g, blur, scale, state):
-    """Kick a box with a strength, on lanes or floats; the method is that of `transport`.
+    """Apply one kick to a box, for lanes or floats; the method is that of `transport`.
 
-    The strength differs from k + σ_α f + σ_β g by at most blur. p is the response to σ_α, q that to
-    σ_β. zp, … are the last differences of p, …; lt, ltt, … are the sums in Q; mt, mp, mq are the
-    largest |t|, |p|, |q| so far.
+    The strength of the kick differs from k + σ_α f + σ_β g by at most blur. p is the response to
+    σ_α, q that to σ_β. zp, … are the last differences of p, …; lt, ltt, … are the sums in Q; mt,
+    mp, mq are the largest |t|, |p|, |q| so far.
     """
     x, y, v, w, V, W, t, zt, p, zp, q, zq = state[:12]
     tt, ztt, tp, ztp, tq, ztq, pp, zpp, pq, zpq, qq, zqq = state[12:24]

@@ -78,7 +78,7 @@ def last_barriers(
 
 
 def labels(forcings: Iterable[tuple[str, float, Sequence[float]]], parameter: str) -> Labels:
-    """Return the coordinates for a list of (family, parameter, profile), see `last_barriers`."""
+    """Return the coordinates for a list of (family, parameter, profile); see `last_barriers`."""
     families, parameters, profiles = zip(*forcings, strict=True)
     exact = (", ".join(f"{strength:.17g}" for strength in profile) for profile in profiles)
     rms = [np.mean(np.square(profile)) ** 0.5 for profile in profiles]
@@ -120,8 +120,8 @@ def against_constant(
     Parameters
     ----------
     name, forcings, parameter
-        As for `last_barriers`. Each forcing of the family "climb" is replaced by the result of a
-        random climb that starts from it, see `random_climb`; its parameter is the seed.
+        As for `last_barriers`. A forcing of the family "climb" is the start of a random climb (see
+        `random_climb`), whose result replaces it; the parameter of the forcing is the seed.
     golden : float
         The critical strength of constant kicks; scales up to 1.001 times this are searched.
     tries : int

@@ -58,8 +58,8 @@ def last_barriers(
     fractions : sequence of Fraction
         Rational frequencies Ω = p/q.
     n_phases : int
-        Number of phases φ0 for each Ω, at least 2. They span [0, 1/(2q)]; phases outside it are
-        images of phases inside.
+        Number of phases φ0 for each Ω, at least 2. They span [0, 1/(2q)]; phases outside this
+        interval are images of phases inside it.
     irrational : sequence of float
         Irrational frequencies.
     angles : sequence of float
@@ -143,7 +143,7 @@ def ripples(fractions: Sequence[Fraction], depths: Sequence[float], tol: float) 
 def breakups(vectors: Sequence[RotationVector], angles: Sequence[float], tol: float) -> Job:
     """Return the Job of the cube `tori`: tori continued to their breakup.
 
-    `upper` is a scale at which no torus of that Ω exists, whatever its ω.
+    At the scale `upper` no torus of frequency Ω exists, for any ω.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
 """Metadata of cubes: they follow from the cube and its code, and are written before any tile.
 
-The first driver to write the group's zarr.json creates the cube; any other driver must agree with
-it. A second file, NAME.zarr/digests.json, holds the same attributes, and a digest of each file that
-does not belong to a tile. It shows whether metadata or coordinates were changed, and which
-settings the cube has. If both files are lost, the checksums in the commit records show with which
-settings the tiles were computed.
+The first driver to write the group's zarr.json creates the cube; the settings of any other driver
+must agree with it. A second file, NAME.zarr/digests.json, contains the same attributes, and a
+digest of each file that does not belong to a tile. It shows whether metadata or coordinates were
+changed, and which settings the cube has. If both files are lost, the checksums in the commit
+records show with which settings the tiles were computed.
 """
 
 import dataclasses
@@ -145,12 +145,12 @@ def _provenance(computed_by: str, call: str) -> dict[str, str]:
 
 
 def _check_settings(place: Place, cube: "Cube") -> dict[str, Any]:
-    """Return the attributes of the stored cube, or {} if missing; raise Refused if it differs."""
+    """Return the attributes of the stored cube, or {}; raise Refused if its settings differ."""
     attributes = _noted(place, cube.name)[0] or _attributes(place, cube.name)
     if {"config_hash": cube.config_hash, "store_format": FORMAT}.items() <= attributes.items():
         return attributes
     if not attributes:
-        for file in ("zarr.json", ".zgroup", ".zarray"):  # of another program, in zarr 3 or 2
+        for file in ("zarr.json", ".zgroup", ".zarray"):  # another program's files, in zarr 3 or 2
             with suppress(ValueError, RecursionError):
                 if json.loads(place.read(f"{cube.name}.zarr/{file}", MAX_METADATA)):
                     raise _not_ours(place, cube.name)
@@ -325,7 +325,7 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
     }
     buffers: dict[str, Any] = {}
     with warnings.catch_warnings(), usual_codecs():
-        # Zarr 3 has no standard for consolidated metadata yet, but without them readers are warned.
+        # Zarr 3 has no standard for consolidated metadata yet, but without them xarray warns.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         xr.DataTree.from_dict(groups).to_zarr(MemoryStore(buffers), **options)
     files = {key: buffer.to_bytes() for key, buffer in buffers.items()}

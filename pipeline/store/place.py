@@ -41,11 +41,11 @@ class Refused(Exception):
 
 
 class StoreFailed(OSError):
-    """The disk or the object store failed during a sweep. Committed tiles are kept."""
+    """The disk or the object store failed during a sweep. Committed tiles are preserved."""
 
 
 def printable(text: str) -> str:
-    """Return the text as one line, without control characters, which a foreign store may contain.
+    """Return the text as one line: spaces replace control characters, e.g. from a foreign store.
 
     Examples
     --------
@@ -112,7 +112,7 @@ class Place:
     def write(
         self, key: str, data: bytes, mode: Literal["create", "overwrite"] = "overwrite"
     ) -> None:
-        """Write a file, completely or not at all; in the mode "create" only if it is missing."""
+        """Write a file completely or not at all; in mode "create", only if it does not exist."""
         with store_errors(self), suppress(AlreadyExistsError):
             self.objects().put(key, data, mode=mode)
 

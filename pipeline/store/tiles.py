@@ -46,7 +46,7 @@ FORMAT = 2
 """Version of the format of cubes; version 1 had no checksum of a tile's data."""
 
 _CRC_BYTES = 4  # size of the checksum after the numbers of a chunk
-_MAX_REASON = 500  # maximum number of characters stored of the reason for a failure
+_MAX_REASON = 500  # maximum length of the stored reason for a failure, in characters
 
 DAMAGED = ArithmeticError, AttributeError, FileNotFoundError, LookupError, RecursionError
 DAMAGED += TypeError, ValueError  # type: ignore[assignment]
@@ -115,7 +115,7 @@ def _attributes(array: Array) -> dict[str, Any]:
 
 
 def _dims(array: Array) -> list[str]:
-    """Return the names of an array's dimensions; TypeError (see DAMAGED) if they are missing."""
+    """Return an array's dimension names; raise TypeError (see DAMAGED) if they are missing."""
     metadata: Any = array.metadata
     return list(metadata.dimension_names)
 
@@ -194,7 +194,10 @@ def _listed(place: Place, array: Array, times: FloatArray | None = None) -> Bool
 
 
 def _index(texts: Sequence[str], shape: Sequence[int]) -> tuple[int, ...] | None:
-    """Parse an index into an array of this shape; None if it is invalid, as for a foreign file."""
+    """Parse an index into an array of this shape.
+
+    Return None if the index is invalid, e.g. in the name of a foreign file.
+    """
     if len(texts) == len(shape) and all(map(str.isdecimal, texts)):
         index = tuple(map(int, texts))
         return index if all(i < n for i, n in zip(index, shape, strict=True)) else None
@@ -239,8 +242,8 @@ def commit(
     place, name, index
         Where the cube is stored, its name, and the index of the tile.
     arrays : mapping of str to ndarray
-        The values of each variable; `certificates`, if there are any, are bytes, which are written
-        to a separate file.
+        The values of each variable; the optional entry `certificates` consists of bytes, which
+        are written to a separate file.
     seconds : float
         CPU seconds that the tile took.
 
@@ -296,8 +299,8 @@ def _checksum(
 ) -> int:
     """Compute the CRC-32 of a tile.
 
-    It covers the cube's settings, the code that computed it, and the tile's place, values and
-    certificates.
+    The CRC-32 covers the cube's settings, the code that computed the cube, and the tile's place,
+    values and certificates.
     """
     cube = _attributes(arrays[COMMIT])["cube"]
     decisive = cube.get("config_hash"), cube.get("computed_by"), tile_at(arrays, index)
@@ -308,7 +311,7 @@ def _checksum(
 
 
 def chunk(place: Place, key: str, array: Array, block: tuple[int, ...]) -> Any:
-    """Read a chunk of the array `key`; ValueError with the reason if it is damaged or lost."""
+    """Read a chunk of array `key`; raise ValueError with the reason if it is damaged or lost."""
     with store_errors(place):
         try:
             place.objects().head(chunk_key(array, block))  # otherwise zarr would return fill values

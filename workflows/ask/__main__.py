@@ -7,8 +7,8 @@ circles; converse KAM then tests whether a family of invariant graphs may persis
 KAPPA ... is one period of the forcing, first kick first: 0.3 0.2 0.25, or a text file of such
 strengths. They are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. For a file with
 one forcing per line the answers form a table. With more than 64 kicks only transport is tested.
-Within a relative distance of a few 10⁻⁵ of the boundary the answer is UNDECIDED; the exit code is 0
-for all three answers. One or two kicks take about two CPU seconds; the first run
+Within a relative distance of a few times 10⁻⁵ of the boundary the answer is UNDECIDED; the exit
+code is 0 for all three answers. One or two kicks take about two CPU seconds; the first run
 on a machine also compiles the kernels, which takes half a minute more. The portrait, or the table,
 is written to OUT.
 """

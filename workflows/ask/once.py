@@ -1,4 +1,4 @@
-"""A finite sequence of kicks (aperiodic forcing): may a barrier persist? For `workflows.ask`."""
+"""The answer of `workflows.ask` for a finite sequence of kicks (aperiodic forcing)."""
 
 import numpy as np
 

@@ -156,10 +156,9 @@ def _carried(*cases):
 def largest_amplitude():
     """Find the largest max y - min y over circles, before the first and the second kick.
 
-    On each of six rays these are the last circle, at 0.999 of its breakup or as close to the
-    breakup as it can be certified, and the circles of seven fixed ω at smaller scales, where they
-    exist. A circle
-    and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
+    The circles on each of six rays are the last circle, at 0.999 of its breakup or as close to the
+    breakup as it can be certified, and the circles of seven fixed ω at smaller scales at which they
+    are certified. A circle and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
     """
     others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]
     heights = []

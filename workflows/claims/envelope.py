@@ -2,7 +2,7 @@
 
 The rays are those of the fundamental domain 0° ≤ φ ≤ 45°; all others are their images. CB_gt has a
 cusp at 45°, where the last circles alternate faster and faster; rays next to it are spaced
-logarithmically, down to a fraction of a degree. ω in [0, 1] represents ±ω and all ω + 2n.
+logarithmically, down to a fraction of a degree from it. ω in [0, 1] represents ±ω and all ω + 2n.
 """
 
 import numpy as np
@@ -19,8 +19,8 @@ def ranges(circles, barrier):
     from, to : angles of the first and the last ray of the range, degrees.
     circle : exact text of ω; "" where the methods do not identify it.
     bracket : the largest (upper - lower)/value; NaN if any is unknown.
-    each of NAMES : smallest distance by which this circle of the paper's six breaks before CB_gt,
-        relative to CB_gt; NaN if no ray has a value.
+    each of NAMES, the paper's six circles : smallest distance from its breakup to CB_gt, relative
+        to CB_gt; NaN if no ray has a value.
     """
     domain, short = _shortfalls(circles, barrier)
     table, names = short.transpose("angle", "circle").to_pandas(), domain.circle.values

@@ -1,7 +1,7 @@
 """Claims about the map (Sec. II) and its symmetries (Sec. III).
 
 The equations are tested in the form of the paper, for period two, on random forcings and points
-with |κ_i| ≤ 2 and |x|, |y| ≤ 1. These tests prove nothing.
+with |κ_i| ≤ 2 and |x|, |y| ≤ 1. Such tests are not a proof.
 """
 
 import numpy as np
@@ -104,7 +104,7 @@ def generating_function(kappa, x, y):
     return change
 
 
-# The image (κ', x', y') of (κ, x, y); and its orbit after n steps, in terms of that of (κ, x, y).
+# The image of (κ, x, y), and the orbit of the image after n steps, from the orbit of (κ, x, y).
 _SYMMETRIES = {
     "refl": (lambda kappa, x, y: (kappa, -x, -y), lambda n, x, y: (-x, -y)),
     "trans": (lambda kappa, x, y: (kappa, x + 2, y - 1), lambda n, x, y: (x + 2 - 2 * n, y - 1)),
@@ -167,7 +167,7 @@ def _deviation(function, image, expected):
 
 
 def ome5_deviations():
-    """Measure how far ω at S_κ2(z₀) and at S_κ2⁻¹(z₀), with the kicks swapped, is from ω at z₀."""
+    """Find how much ω at S_κ2(z₀) and S_κ2⁻¹(z₀), with the kicks swapped, differs from ω at z₀."""
     kappa, x, y = ROBUST
     moved = [omega(kappa[::-1], *image(kappa[1], x, y)) for image in (kick, unkick)]
     return [float(np.abs(after - omega(*ROBUST)).max()) for after in moved]

@@ -15,7 +15,7 @@ def law(barrier, fluxes, measured):
 
     one_cantorus is ΔW divided by the number of last circles per unit of y: the circles of ω and
     2 - ω and, on the axes, the circles degenerate with these. ratio is D divided by one_cantorus;
-    prefactor is one_cantorus divided by excess^3.01172, close to the breakup.
+    prefactor is one_cantorus/excess^3.01172 at the excess `NEAREST`, close to the breakup.
     """
     of_flux = fluxes.flux / xr.where(barrier.tied.sel(angle=fluxes.angle) != "", 4, 2)
     prefactor = of_flux.sel(excess=NEAREST, drop=True) / NEAREST**ETA

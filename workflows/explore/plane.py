@@ -26,8 +26,8 @@ from workflows.shared.verdict_sentences import scale_text
 
 _PIXELS = 640  # along each side, until the browser reports its size
 _MAX_PIXELS = 1024
-_GROUND_PIXELS = 256  # of the grey areas, along each side; the boundary line hides their edge
-_MAX_FIELDS = 8  # number kept for all tabs, in case a view is shown again
+_GROUND_PIXELS = 256  # along each side of the grey areas, whose edge the boundary line hides
+_MAX_FIELDS = 8  # maximum number stored for all tabs, in case a view is shown again
 _MAX_CELL_PIXELS = 3  # cells of OUT up to this size are not recomputed
 _MIN_EXCESS = 1e-3  # relative distance from the boundary that is resolved between rays
 _ON_BOUNDARY = "on the boundary, or very close to it"
@@ -272,7 +272,8 @@ def _view(plot):
 def _cubes(place, plane):
     """Yield the cubes of OUT that belong to this plane: a list of Fields, and the barrier or None.
 
-    If OUT is refused, yield no cubes, so that the page computes everything, and raise the reason.
+    If OUT is refused, yield no cubes, so that the page computes everything; then raise the error
+    that states the reason.
     """
     try:
         yield _fields(place, plane)

@@ -22,12 +22,12 @@ from workflows.shared.verdict_sentences import forcing_text, lifetime_text
 
 _PIXELS = 560  # along each side, until the browser reports its size
 _MAX_PIXELS = 1200
-_MAX_STEPS = 5000  # of the orbit of the longest-lived start
+_MAX_STEPS = 5000  # maximum number of steps of the longest-lived start's orbit
 _DOT_SPACING = 8  # pixels between dots of that orbit, on average, so that they do not form a line
-_MAX_POINTS = 5000  # of a circle in the box
-_FINE_POINTS = 2**15  # of a whole circle
-_PROFILE_STARTS = 200  # on a vertical line
-_MAX_Q = 34  # of the convergents whose orbits are shown
+_MAX_POINTS = 5000  # maximum number of points drawn of a curve in the box
+_FINE_POINTS = 2**15  # minimum number of points of a whole circle
+_PROFILE_STARTS = 200  # number of starts on the vertical line
+_MAX_Q = 34  # largest denominator of the convergents whose orbits are shown
 _BESIDE, _NARROW = 110, "@media (max-width: 600px) { :host { display: none } }"
 _BAR = "ω, rotation number per step; grey: chaotic"
 _LOBES = "#E69F00", "#56B4E9"  # also the colours of the unstable and the stable manifold
@@ -223,7 +223,7 @@ def _profile(plot, source):
 
 
 def _box(plot):
-    """Return left, bottom, width and height of the view, at most one unit cell."""
+    """Return left, bottom, width and height of the view, limited to one unit cell."""
     (left, right), (bottom, top) = widgets.sides_of(plot)
     return left, bottom, min(right - left, 1.0), min(top - bottom, 1.0)
 

@@ -45,7 +45,7 @@ def copy_button(state):
 
 
 def _verdict_and_seconds(client, kappa):
-    """Return the verdict and the time it took; wait first, as workers cannot be interrupted."""
+    """Wait, as workers cannot be interrupted; then return the verdict and its computing time."""
     time.sleep(_START_DELAY)
     results = spread(client(), deque([(None, _timed, kappa)]), priority=1)
     return next(result[1] for result in results if result)

@@ -62,7 +62,7 @@ def boxes(state, labels, **options):
 
 
 def picture(state, names, labels, max_zoom=ZOOM[1], **options):
-    """Return a figure that shows two ranges of the state, "ab" or "xy", and can be reset.
+    """Return a figure whose axes show two ranges of the state, "ab" or "xy"; it can be reset.
 
     labels : labels of its axes. max_zoom : largest ranges, relative to the initial ones.
     """
@@ -122,7 +122,7 @@ def rounded(event, pixel):
 
 
 def pixels_of(plot, largest, default=None):
-    """Return the numbers of rows and columns of pixels inside the axes, each 1 to `largest`.
+    """Return the numbers of pixel rows and columns inside the axes, each from 1 to `largest`.
 
     Until the browser reports them, return `default`.
     """

@@ -33,7 +33,7 @@ class Work:
         self.closed, self._lanes = True, []
 
     def latest(self, name, kernels="verdict"):
-        """Return a Latest; the page shows its `name` while it computes, e.g. "portrait".
+        """Return a Latest; the page shows its `name`, e.g. "portrait", while it computes.
 
         kernels : name of the kernels that it waits for; None to start at once.
         """
@@ -134,12 +134,12 @@ class Latest:
 
 
 def spread(client, calls, max_workers=inf, priority=0):
-    """Yield (key, result) of each call on the workers as it ends, and None while waiting.
+    """Run calls on the workers; yield (key, result) as each one ends, and None while waiting.
 
     client : dask Client. calls : deque of (key, function, *args). max_workers, priority : as for
     `submit.as_completed`. Four calls are in flight for each worker, so that the scheduler
-    always has a call that it prefers to calls of a lower priority. All calls in flight are
-    cancelled when this generator is closed.
+    always has one to run before any call of a lower priority. All calls in flight are cancelled
+    when this generator is closed.
     """
     for item in as_completed(
         client, lambda: calls.popleft() if calls else None, 4, max_workers, _YIELD_SECONDS, priority

@@ -52,7 +52,7 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
         style.legend_below(time, 2, 2)
     else:
         x, y = escaping
-        size = 1 + 12 / np.sqrt(x.size)  # a few small points would be lost in the portrait
+        size = 1 + 12 / np.sqrt(x.size)  # a few small points would be hard to see
         axes.plot(x % 1, cell(y), **dots(_ESCAPING, size))
         axes.plot([], [], label="escaping orbit", **dots(_ESCAPING, 9))
         time.plot(y, color=_ESCAPING, lw=0.3, marker=".", ms=size, rasterized=True)
@@ -104,7 +104,7 @@ def _mark(axes, forcing, breakup, size):
 
 
 def draw_once(kappa, survivor, y, lives):
-    """Draw the kicks, shading those that eliminate the longest-lived start, and lifetimes.
+    """Draw the kicks, shading those that eliminate the longest-lived start; also draw lifetimes.
 
     survivor : `converse_kam.symmetry_line.LongestLived`. y, lives : y and lifetimes of the starts
     on the line of `survivor`; the lifetime of a start that survives is inf.

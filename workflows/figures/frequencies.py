@@ -12,7 +12,7 @@ _BEYOND = 1.15  # upper end of the axis, relative to the top of the highest brac
 
 
 def draw_frequencies(cube):
-    """Draw the scale of the last breakup against Ω, and the brackets of convergents by their q."""
+    """Draw the scale of the last breakup against Ω, and the brackets of convergents."""
     limits, fractions = _brackets(cube)
     figure, (wide, near) = panels(1, 2, 12, 5.4, sharey=True)
     of, words = r"$\Omega = p/q$, ", "bracket of the phase with the smallest scale"
@@ -33,7 +33,7 @@ def draw_frequencies(cube):
     wide.set(xlabel=r"frequency $\Omega$", ylabel="scale $s$ of the last breakup")
     outer_legend(figure, 2)
     _draw_convergents(near, limits, fractions)
-    # The axis ends above all brackets; labels at its end give the largest values above the end.
+    # The axis ends above all brackets; where `most` is beyond its end, a label gives the value.
     top = _BEYOND * np.fmax(limits.upper.max(), fractions.upper.max())
     for Ω, most in fractions.most[fractions.most > top].items():
         side, x = ("left", 5) if np.mean(wide.get_xlim()) > Ω else ("right", -5)
@@ -98,7 +98,7 @@ def _draw_convergents(axes, limits, fractions):
 
 def _comparison(limits, fractions):
     """Describe how the brackets of the convergents compare with the brackets of their limits."""
-    overlap, inside, outside = [], [], []  # q of convergents
+    overlap, inside, outside = [], [], []  # denominators q of convergents
     for _, lower, upper, near in _convergents(limits, fractions):
         for q, least, first, *_ in near.itertuples():
             overlap += [q] if least < upper and lower < first else []

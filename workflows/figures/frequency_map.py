@@ -8,7 +8,7 @@ _FEW_DIGITS = "0.85"
 
 
 def draw_frequency_map(cube):
-    """Draw ω of each start (grey if few digits are shared) and the number of shared digits."""
+    """Draw ω of each start, grey if few digits are reliable, and the number of reliable digits."""
     wide, tall = (float(np.ptp(cube[f"{name}_bounds"].values)) for name in "xy")
     height = min(max(tall / wide, 0.4), 2)
     least = cube.attrs["regular_digits"]

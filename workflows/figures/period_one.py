@@ -39,7 +39,7 @@ def primary_caption(primary):
 
 
 def draw_secondary_points(secondary):
-    """Draw where secondary points exist and are stable, and the estimate's error, Fig. 4."""
+    """Draw where secondary points exist and are stable, and the error of the estimate, Fig. 4."""
     figure, (axes,) = panels(1, 1, 7.5, 6)
     exists = secondary.z.notnull()
     shown = secondary.where(exists, drop=True) if exists.any() else secondary
@@ -68,7 +68,7 @@ def draw_secondary_points(secondary):
 
 
 def _square_of_residue(secondary):
-    """Return R², to be contoured; dims (kappa2, kappa1).
+    """Return R², from which contours are drawn, as an array over (kappa2, kappa1).
 
     Where a pair of orbits is born nearer to (1/2, 0), one of the pair becomes the nearest orbit: R
     jumps to 0, and R² grows linearly from there. R² is extrapolated backwards by one cell, so that

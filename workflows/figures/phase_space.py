@@ -15,7 +15,7 @@ _SURVIVORS = 48  # maximum number of points drawn for the longest-lived start
 
 
 def ends(orbits):
-    """Return ω of the first and last colours: 0 and P/2, or its extremes if only a part is shown.
+    """Return ω of the first and last colours: 0 and P/2, or the extremes of ω in a zoomed view.
 
     orbits : Dataset returned by `workflows.shared.phase_space.portraits`.
     """

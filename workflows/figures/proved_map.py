@@ -20,7 +20,7 @@ def draw_proved_map(whole, triangles, barrier):
     """Draw the plane with all images under its symmetries, and CB_gt by residues as a line.
 
     whole : cells of the whole plane. triangles : `proved_triangles`. barrier : CB_gt in the part of
-    the plane whose images are the whole.
+    the plane whose images cover the whole plane.
     """
     plane, figure, (axes,) = plane_of(whole.attrs), *panels(1, 1, 7.5, 7.4)
     reach = float(whole[whole.proved.dims[0]][-1]) + 0.5 / whole.attrs["cells"]

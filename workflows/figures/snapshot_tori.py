@@ -1,10 +1,10 @@
-"""Mean distances and exponents on snapshot tori, and when graphs are excluded, in ramps."""
+"""Mean distances and exponents on snapshot tori in ramps, and when graphs are excluded."""
 
 import numpy as np
 
 from workflows.figures.style import VERMILION, colour_of, legend_below, panels
 
-_GOLDEN, _COLOURS = VERMILION, {1: colour_of(0), 0: colour_of(1)}  # by `winds`
+_GOLDEN, _COLOURS = VERMILION, {1: colour_of(0), 0: colour_of(1)}  # keys: values of `winds`
 _KINDS = {1: "torus that winds around", 0: "torus in islands"}
 _EVENTS = {  # marker, whether it is filled, label
     "excluded": ("v", True, "graphs through it excluded"),
@@ -108,7 +108,7 @@ def _draw_delays(axes, cube):
 
 
 def _strength(cube, kicks):
-    """Return κ of the kicks of the ramp that is kept; NaN for inf."""
+    """Return κ from the number of kicks after κ_G, in the ramp of (a) to (c); NaN for inf."""
     kappa = cube.attrs["critical_scale"] + cube.attrs["kept_rate"] * kicks
     return kappa.where(np.isfinite(kappa))
 

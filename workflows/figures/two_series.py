@@ -54,7 +54,7 @@ def _canvas():
 
 
 def _name_fractions(axes, table):
-    """Name fractions above the axes, smallest q first, except those too close to a named one."""
+    """Name fractions above the axes, smallest q first; skip those too close to a named one."""
     gap, named = 0.04 if style.in_column() else 0.017, {}
     for exact in sorted(table.delay.values, key=lambda exact: Fraction(exact).denominator):
         tau = float(Fraction(exact))

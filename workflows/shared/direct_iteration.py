@@ -82,7 +82,7 @@ def direct_bias(cube: xr.Dataset, steps: ArrayLike) -> xr.DataArray:
     Parameters
     ----------
     cube : xarray.Dataset
-        `escape_time`, dims (ensemble, angle, excess). Values not computed count as no escape.
+        `escape_time`, dims (ensemble, angle, excess). A missing value counts as no escape.
     steps : int array
         The step numbers N.
 
@@ -104,8 +104,8 @@ def direct_bias(cube: xr.Dataset, steps: ArrayLike) -> xr.DataArray:
 def exponent(n: FloatArray, bias: FloatArray) -> tuple[float, float]:
     """Fit bias ~ n^(-1/η) by a straight line through the logarithms.
 
-    Return η and its standard error; both are NaN if fewer than four biases are known, or if they
-    do not fall.
+    Return η and its standard error; both are NaN if fewer than four biases are known, or if the
+    biases do not fall.
     """
     slope, error = power_law.exponent(n, bias)
     return (-1 / slope, error / slope**2) if slope < 0 else (np.nan, np.nan)

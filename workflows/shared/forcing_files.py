@@ -40,9 +40,9 @@ def numbers_in(content: bytes) -> list[float]:
 def forcings_in(content: bytes) -> tuple[list[FloatArray], bool]:
     """Return the forcings in a text file, and True if it is a table with one forcing per line.
 
-    A file with one number per line, or with a single line, is one forcing. In a table, commas or
-    spaces separate the numbers, lines may differ in length, and column names in the first line are
-    skipped. For anything else, raise ValueError with the line number.
+    A file with one number per line, or with a single line, contains one forcing. In a table, commas
+    or spaces separate the numbers, lines may differ in length, and column names in the first line
+    are skipped. For anything else, raise ValueError with the line number.
     """
     lines = [(n, _words(line)) for n, line in enumerate(_decoded(content).splitlines(), 1)]
     lines = [(n, words) for n, words in lines if words]
@@ -69,7 +69,7 @@ def _decoded(content: bytes) -> str:
 
 
 def _words(line: str) -> list[str]:
-    """Return the words of a line before a #, separated by spaces, commas or semicolons."""
+    """Return the words of a line up to any #; spaces, commas or semicolons separate them."""
     numbers = line.partition("#")[0].strip(" \t,;")
     return re.split(r"[\s,;]+", numbers) if numbers else []
 

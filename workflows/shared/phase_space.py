@@ -26,7 +26,7 @@ CELL: Box = (0.0, -0.25, 1.0, 1.0)
 
 _N_ORBITS, _STEPS = 80, 600
 _MIN_AVERAGED, _MAX_AVERAGED = 2000, 10**5  # steps over which ω is averaged
-_MAX_KICKS = 10**8  # which take a second or two
+_MAX_KICKS = 10**8  # iterating these takes a second or two
 _MAX_POINTS = 2 * 10**5  # enough for a screen
 
 
@@ -55,14 +55,15 @@ def portraits(
     every : int, optional
         Number of kicks from one point to the next; by default those of one step.
     first : int
-        Number of points computed for each orbit before the first yield, in the box or not.
+        Number of points, in the box or outside, computed for each orbit before the first yield.
 
     Yields
     ------
     xarray.Dataset
-        `x`, `y` and `which`, the number of the orbit, dim (point); `start_x`, `start_y`, `omega`,
-        NaN if chaotic, and `near`, ω reduced to [0, P/2] since ±ω and ω + P·n are equivalent, dim
-        (orbit). ω is averaged over as many steps as are drawn, 2000 to 10⁵.
+        `x`, `y` and `which`, the number of the orbit, have dim (point). `start_x`, `start_y`,
+        `omega` (NaN if chaotic) and `near` have dim (orbit); `near` is ω reduced to [0, P/2], since
+        ±ω and ω + P·n are equivalent. ω is averaged over as many steps as are drawn, but at least
+        2000 and at most 10⁵.
     """
     kappa = forcing(kappa)
     starts = np.concatenate([_starts(box), np.reshape(added, (-1, 2))]).T

@@ -28,8 +28,9 @@ def ray_angles(plane: Plane, n: int, n_cusp_rays: int) -> FloatArray:
         Number of rays, evenly spaced from 0 to 180 degrees, or to 360 where κ and -κ are not
         equivalent.
     n_cusp_rays : int
-        For two kicks: extra rays on either side of the cusps at 45° and 135°, spaced
-        logarithmically from 2 to 0.02 degrees away. The rays of the cusps themselves are included.
+        For two kicks, number of extra rays on either side of each cusp, at 45° and 135°. Their
+        distances from it are spaced logarithmically from 2 to 0.02 degrees. The rays of the cusps
+        themselves are included.
 
     Returns
     -------

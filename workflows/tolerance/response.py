@@ -67,7 +67,7 @@ def steps(period):
 
 
 def finer(circle, period, mode):
-    """Return circle (text, per period) and mode that h renormalisations map to the given ones."""
+    """Return the circle (text, per period) and mode that h renormalisations map to those given."""
     omega, h = parse(circle), steps(period)
     a, b, c = map(fibonacci, (h - 1, h, h + 1))
     sign = 1 if float(omega) > period / 2 else -1  # take ω per kick, or 1 - ω, whichever is near γ
@@ -87,8 +87,8 @@ def modes(period):
 def growth(period, mode):
     """Return the growth of ln |response| in h renormalisations, and whether the sign changes.
 
-    The growth is returned for the longest orbits and for the next shorter ones; NaN if there are no
-    shorter ones.
+    The growth is returned first for the longest orbits, then for the next shorter ones; the latter
+    value is NaN if there are no shorter orbits.
     """
     h, (_, image) = steps(period), finer("gamma", period, mode)
     pairs = [

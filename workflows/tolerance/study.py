@@ -54,8 +54,8 @@ def laws(cube):
     when longer orbits are used. measured : from the losses of the last circle under a ripple of the
     cube, and of the `finer` circle under the renormalised ripple; its error is that of the losses
     plus the larger of two terms: the change from a larger ripple, and 2.5 times the first loss.
-    orbits : the shortest period at which orbits resolve the ripple to which a ripple of 1% is
-    renormalised.
+    orbits : the shortest period of orbits that resolve the ripple into which renormalisation turns
+    a ripple of 1%.
 
     Corrections are large. For P = 4 the law extrapolates from a ripple of 0.3% to a loss of
     0.00173, where residues of the finer circle, with periods up to 46 000, give 0.00301, and that

@@ -52,7 +52,7 @@ def judged(name):
 
 
 def direct(n_orbits, reach, precision="double"):
-    """Return the method of direct iteration; |y_n - y_0| > reach counts as transport."""
+    """Return the method of direct iteration; leaving [-reach, 0.3 + reach] counts as transport."""
 
     def run(ray, n_max):
         settings = n_orbits, (-reach, 0.3 + reach), precision
@@ -76,7 +76,7 @@ def _bound_and_value(scale):
 
 
 def crossing(ray, q_max):
-    """Return the scale of the last crossing of residues, and its change from the one before."""
+    """Return the scale of the last crossing of residues, and its change from the previous one."""
     _, scales = periodic.crossings(ray.omega, ray.profile, q_max)
     return ((scales[-1], abs(scales[-1] - scales[-2])) if scales.size else (nan, nan),)
 
@@ -110,8 +110,8 @@ def birkhoff(ray, n):
     """Find the last scale at which converse KAM's longest-lived orbit looks quasiperiodic.
 
     An orbit looks quasiperiodic if its rotation number is known to five digits and is not a
-    fraction with q ≤ 200, as it is in islands. That does not show that a circle exists: island
-    chains of longer period and cantori look the same.
+    fraction with q ≤ 200; in islands it is such a fraction. This does not show that a circle
+    exists: island chains of longer period and cantori look the same.
     The search stays within 10% of the value from converse KAM, because regular orbits also exist
     beyond the breakup. The result is NaN if the ray has no dominant symmetry line.
     """
