@@ -1,6 +1,7 @@
 """Checks of arguments: public functions check each argument once; kernels rely on these checks.
 
-This module also computes the checksum of certificates. Their checker uses its own code for this.
+This module also computes the checksum of certificates; the certificate checker uses its own code
+to compute it.
 """
 
 import hashlib
@@ -29,7 +30,7 @@ __all__ = [
 ]
 
 MAX_DENOMINATOR = 10**6
-"""Largest denominator of a fraction passed as an argument."""
+"""Largest denominator allowed in a fraction passed as an argument."""
 
 
 def _scalar(value: object) -> Any:
@@ -104,12 +105,12 @@ def count(name: str, value: object, low: int, high: int) -> int:
 
 
 def real(name: str, value: object, *ends: float) -> float:
-    """Check that `value` is a real number, within `ends` if passed, and return it as a float.
+    """Check that `value` is a real number, within `ends` if given, and return it as a float.
 
     Raises
     ------
     ValueError
-        If `value` is not such a number, or if it is a long double, which a float may not represent.
+        If `value` is not such a number, or if it is a long double, which a float may round.
 
     Examples
     --------
@@ -251,7 +252,7 @@ def points(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 def with_sha256(certificate: dict[str, Any]) -> dict[str, Any]:
-    """Add to a certificate the SHA-256 of its JSON text, so that any changed digit is detected.
+    """Return the certificate with the SHA-256 of its JSON text, which reveals any changed digit.
 
     Examples
     --------

@@ -5,7 +5,8 @@
 An escape from y_0 in [0, 0.3] out of the window (-2, 2.3) shows global transport (Proposition 1 of
 arXiv:1606.04824, Sec. V.B), as long as every invariant circle has an amplitude below 1. The
 criterion is one-sided: n* = inf only means that nothing escaped up to n_max. The boundary of the
-set {n* ≤ N} lies outside the true one, at a distance that decreases only as N^(-1/3.012).
+set {n* ≤ N} is outside the boundary of global transport, by a distance that decreases only as
+N^(-1/3.012).
 
 n* of an ensemble is effectively random: different floating-point arithmetic yields a different
 value of the same order of magnitude.
@@ -17,9 +18,9 @@ quarter turn,
     y' = y - κ u·p(u²),   X' = r + y',       since sin 2πx = -sin 2πu = -2πu·p(u²)
 
 where p is the polynomial of `nasm.arithmetic.sine`; the kernel uses its coefficients multiplied by
--κ. The test for escape is made once per block of steps, with the largest |y| in the block. If that
-is beyond the nearer end of the window, the block is repeated step by step, so escape times are
-exact. In single precision p has degree 4.
+-κ. The test for escape is made once per block of steps, with the largest |y| in the block. If this
+value is beyond the nearer end of the window, the block is repeated step by step, so escape times
+are exact. In single precision p has degree 4.
 """
 
 from collections.abc import Sequence
@@ -46,7 +47,7 @@ PAPER_WINDOW = (-2.0, 2.3)
 """Window (lo, hi) of Sec. V.B: starts fill 0 ≤ y ≤ 0.3, and |y_n - y_0| > 2 shows transport."""
 
 MAX_STEPS = 10**12
-"""Maximum n_max, which takes 64 orbits half a day; floats represent integers exactly up to 2⁵³."""
+"""Maximum n_max: 64 orbits then take half a day; floats represent integers exactly up to 2⁵³."""
 
 MAX_SINGLE_STEPS = 10**6
 """Maximum n_max in single precision: rounding errors of 3·10⁻⁸ per kick add up to 3·10⁻⁵ in y."""
@@ -316,7 +317,7 @@ def critical_scale(
     Returns
     -------
     CriticalScale
-        upper: k_N, where an escape was seen. value: the extrapolated scale. error: the bias,
+        upper: k_N, at which an escape was observed. value: the extrapolated scale. error: the bias,
         upper - value, plus its difference from the predicted bias. lower is NaN, because the
         absence of escapes shows nothing. omega is None. The value is NaN with status NOT_CONVERGED
         if the error would exceed the value, because the law does not hold yet (use more steps or
@@ -394,8 +395,8 @@ def boundary(
     -------
     ndarray, shape of angles
         Distance from the origin at which the ray first passes from a cell without transport into
-        one with it, to within one cell. NaN if the ray meets no such pair of cells in the plane, or
-        if the first cell with transport directly follows an unknown cell.
+        a cell with transport, to within one cell. NaN if the ray meets no such pair of cells in the
+        plane, or if the first cell with transport directly follows an unknown cell.
 
     Raises
     ------
@@ -614,7 +615,7 @@ def _escape_times(c, x0, y0, n_max, lo, hi, only_first, block_steps, max_chunk_s
 
 @kernel
 def _first_escapes(c, x, y, sizes, n_max, lo, hi, block_steps, max_chunk_steps, escapes):
-    """Write the first escape times of nested ensembles (columns) for each forcing (rows)."""
+    """Write first escape times to `escapes`: a row for each forcing, a column for each ensemble."""
     times = np.empty(x.size)
     for i in range(c.shape[0]):
         first, start = np.inf, 0

@@ -3,15 +3,14 @@
 Between neighbours p/q and p'/q', |pq' - p'q| = 1, all fractions have periods of q + q' or longer,
 and the simplest is the *mediant* (p + p')/(q + q'). A path of mediants leads to every ω. If the
 circle of ω exists, the residues of the minimax orbits along the path decay to 0. At the breakup of
-a noble circle they stay near 0.25 (Greene). Below and above the breakup, the values of ln(R/0.25)
-of two neighbours add up, approximately, to that of their mediant. So no circle exists between
-neighbours with large residues, and beyond the last breakup typically a hundred mediants exclude all
-ω.
+a noble circle they stay near 0.25 (Greene). Below and above the breakup, ln(R/0.25) of a mediant is
+approximately the sum of the values of its two neighbours. So no circle exists between neighbours
+with large residues, and beyond the last breakup typically a hundred mediants exclude all ω.
 
 The orbit of a mediant is obtained by joining the orbits of its neighbours (`nasm.action`). The
 search does not decide everything: a circle within a relative distance δ of its breakup is resolved
-only by periods of order 1/δ. But the tree has no gaps, whereas converse KAM samples starts, and its
-survivors may be confined to intervals of width 10⁻⁶ for three kicks or more.
+only by periods of order 1/δ. But the tree has no gaps. Converse KAM, by contrast, samples starts;
+for three kicks or more, those that survive may be confined to intervals of width 10⁻⁶.
 """
 
 from collections.abc import Sequence
@@ -239,7 +238,7 @@ def circle_exists(
     -------
     bool
         True if the residues of the last three minimax orbits show a decrease. False otherwise,
-        and if long orbits are lost, which happens far beyond the breakup.
+        or if long orbits are lost, which happens far beyond the breakup.
 
     Examples
     --------
@@ -268,7 +267,7 @@ def circle_exists(
             return False
         # Where two orbits exchange roles, residues pass through 0: three may be small by chance.
         is_small = max(residues[-3:]) < settings.small_residue
-        if is_small and (_fall(residues) or residue == 0):  # 0: it vanishes to rounding
+        if is_small and (_fall(residues) or residue == 0):  # R vanishes to rounding
             return True
     return _fall(residues)
 

@@ -11,10 +11,10 @@ the kicks in reverse order, so the stable manifold is the image of an unstable o
 
 The manifolds of neighbouring points of the orbit cross at the points of two homoclinic orbits: one
 minimizes the action, the other is a minimax orbit. Between one point of the minimizing orbit and
-the next they enclose two lobes of equal area, the *turnstile*: in each step of T one lobe passes
-upwards and the other downwards. Both homoclinic orbits are limits of periodic orbits of
-(np + p')/(nq + q'), where p'/q' is the Farey neighbour of p/q above or below it, so the area is
-that of `flux.action_difference`.
+the next, the manifolds enclose two lobes of equal area, the *turnstile*: in each step of T one lobe
+passes upwards and the other downwards. Both homoclinic orbits are limits of periodic orbits of
+rotation number (np + p')/(nq + q'), where p'/q' is the Farey neighbour of p/q above or below it, so
+the area is given by `flux.action_difference`.
 
 MacKay, Meiss & Percival, Physica D 13 (1984) 55; 27 (1987) 1.
 """
@@ -43,7 +43,7 @@ __all__ = ["ManifoldSettings", "Turnstile", "stable", "turnstile", "unstable"]
 
 @dataclass(frozen=True)
 class ManifoldSettings:
-    """Settings of how manifolds begin and how far they are followed.
+    """Settings that determine how manifolds begin and how far they are followed.
 
     Attributes
     ----------

@@ -2,7 +2,7 @@
 
     κ(a, b) = origin + a·first + b·second,     three vectors of length P
 
-The (κ1, κ2) plane of the paper has origin (0, 0), first (1, 0) and second (0, 1); that of a
+The (κ1, κ2) plane of the paper has origin (0, 0), first (1, 0) and second (0, 1); the plane of a
 rotating map, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), has first (1, …, 1) and second (cos 2π(φ0 + nΩ))_n
 (arXiv:1606.04824, Eqs. (4) and (53)).
 
@@ -118,7 +118,10 @@ class Plane:
 
     @property
     def record(self) -> dict[str, str]:
-        """Attributes for results: `plane`, its fields as JSON; `plane_hash`, from their SHA-256."""
+        """Attributes that describe the plane in results.
+
+        `plane` contains the fields as JSON; `plane_hash` is derived from their SHA-256.
+        """
         fields = asdict(self)
         return {"plane": json.dumps(fields), "plane_hash": with_sha256(fields)["sha256"][:12]}
 
@@ -181,7 +184,7 @@ class Plane:
 
     @cached_property
     def exact_symmetries(self) -> tuple[tuple[bool, int, int], ...]:
-        """Those `symmetries` under which forcings and images are equivalent to the last bit.
+        """The `symmetries` that map each forcing to one that is equivalent to the last bit.
 
         For the planes of this module, all are exact.
 
@@ -212,7 +215,7 @@ class Plane:
     def wedge(self) -> tuple[float, float]:
         """Smallest range of angles whose images by `exact_symmetries` are all rays, in degrees.
 
-        Between mirrors it extends from one to the next.
+        If some `exact_symmetries` are mirrors, the range extends from one mirror axis to the next.
 
         Examples
         --------
@@ -334,7 +337,7 @@ def rotating(frequency: Fraction | str, phase: Fraction | str | int = 0) -> Plan
 
 
 def _cosine(turn: Fraction) -> float:
-    """Compute cos 2πt of a Fraction t from 0 to 1/2; its value at 1/2 - t is exactly opposite."""
+    """Compute cos 2πt of a Fraction t from 0 to 1/2; at 1/2 - t the result is exactly opposite."""
     if turn > Fraction(1, 4):
         return -_cosine(Fraction(1, 2) - turn)
     rest = Fraction(1, 4) - turn
@@ -342,7 +345,7 @@ def _cosine(turn: Fraction) -> float:
 
 
 def three_kicks(third: float) -> Plane:
-    """Return the plane of (κ1, κ2, third), three kicks the last of which is fixed.
+    """Return the plane of the forcings (κ1, κ2, third), whose third kick is fixed.
 
     Examples
     --------

@@ -23,8 +23,9 @@ from nasm.types import FloatArray
 __all__ = ["eliminates", "longest_lived", "longest_lived_start"]
 
 LONGEST_LIFETIME = 1.6
-"""Product of the relative distance beyond the breakup and the steps that converse KAM needs to
-eliminate all starts. It is about twice `transversal.EXCESS_BOUNDS`, as some starts last longer."""
+"""Product of the relative distance beyond the breakup and the number of steps that converse KAM
+needs to eliminate all starts. It is about twice `transversal.EXCESS_BOUNDS`, because some starts
+last longer than these bounds imply."""
 
 
 def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLived:
@@ -43,8 +44,8 @@ def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLi
     Returns
     -------
     LongestLived
-        Its `kicks` is inf if a start survives n_max steps on the dominant line or, if there is no
-        such line, on every transversal tried.
+        Its attribute `kicks` is inf if a start survives n_max steps on the dominant line or, if
+        there is no such line, on every transversal tried.
 
     Examples
     --------
@@ -91,8 +92,8 @@ def longest_lived_start(kappa: ArrayLike, n_max: int) -> tuple[float, float, flo
 def eliminates(kappa: ArrayLike, n_max: int) -> bool:
     """Return True if converse KAM eliminates all starts within n_max steps.
 
-    The starts are on the dominant line or, without such a line, on a transversal. Their elimination
-    is strong evidence, not a proof, that no circle exists.
+    The starts are on the dominant line or, if there is no such line, on a transversal. Their
+    elimination is strong evidence, not a proof, that no circle exists.
 
     Examples
     --------
@@ -124,8 +125,8 @@ def candidates(
         Largest distance of a noble number from the average, in turns per period. The average is
         accurate to six digits.
     number : int
-        Maximum number of noble numbers, and of those from `half_shift_nobles`; the simplest are
-        returned.
+        Maximum number of noble numbers from `nobles_near`, and likewise from `half_shift_nobles`;
+        the simplest are returned.
 
     Returns
     -------

@@ -127,8 +127,8 @@ def shift(
     Notes
     -----
     For P = 2 this swaps κ1 and κ2: S_κ1 ∘ T_{κ1κ2} = T_{κ2κ1} ∘ S_κ1. The paper's form with S_κ2⁻¹
-    is equivalent: S_κ1(z) = S_κ2⁻¹(T z), one step later. Its Eq. (28) has S_κ2 where S_κ2⁻¹ is
-    meant.
+    is equivalent: S_κ1(z) = S_κ2⁻¹(T z), one step later. In the paper's Eq. (28), S_κ2 should read
+    S_κ2⁻¹.
 
     Examples
     --------
@@ -271,7 +271,7 @@ def symmetry_lines(kappa: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArr
     y, lines = floats("y", y), []
     other = (site + strengths.size / 2) % strengths.size
     for centre, a in product((site, other), (0.0, 0.5)):
-        point = a + y * (centre % 1), y  # between two sites, x_c is the mean of x at both
+        point = a + y * (centre % 1), y  # between two sites, x_c is the mean of their x
         for strength in strengths[: int(np.ceil(centre))][::-1]:
             point = unkick(strength, *point)
         lines.append(np.broadcast_arrays(*point))
@@ -424,8 +424,8 @@ def _distance_to_antiperiodic(kappa: FloatArray) -> float:
 def _shortest(kappas: FloatArray) -> tuple[int, int, FloatArray]:
     """Return (period, spacing, rows) for the shortest period of the forcings in the rows.
 
-    The spacing is that of the kicks whose signs must be alternated to reach this period; 0 if no
-    signs change.
+    The spacing is that of the kicks whose signs must be alternated to reach this period; it is 0
+    if no signs change.
     """
     exact = (
         (length, spacing, rows) for change, length, spacing, rows in _shorter(kappas) if change == 0
@@ -438,8 +438,9 @@ def _shorter(kappas: FloatArray) -> Iterator[tuple[float, int, int, FloatArray]]
 
     `change` is the largest change of a strength that is needed to reach that period; the other
     values are as in `_shortest`. To reach a shorter period, either the forcings themselves are
-    made periodic, or, for each spacing m, their alternated form: in it every second sign is changed
-    at the sites m apart that include the largest |κ|, and all other strengths are 0.
+    made periodic, or, for each spacing m, their alternated form. This form contains only the kicks
+    at those sites m apart that include the site of the largest |κ|, with every second sign changed;
+    all other strengths are 0.
     """
     period, size = kappas.shape[1], np.abs(kappas)
     largest = int(size.max(axis=0).argmax())

@@ -1,8 +1,8 @@
 """Numbers as text: parse "0.525", "3/8" and "1e-3", and write values with their errors.
 
-Strings may come from untrusted sources, and a short one can denote a number too large to compute
-with: 1e-99999999 has a denominator of 10⁸ digits. Digits are therefore counted before a string is
-converted.
+Strings may come from untrusted sources, and a short string can denote a number too large to
+compute with: 1e-99999999 has a denominator of 10⁸ digits. Digits are therefore counted before a
+string is converted.
 """
 
 import re

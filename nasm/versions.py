@@ -16,9 +16,9 @@ def show_versions() -> None:
     """Print the versions that a bug report needs, one per line.
 
     These are the versions of this program, of Python, and of all libraries that the program or one
-    of its extras may use; a library that is absent is marked "not installed". The machine is named,
-    too. `digest` identifies the source files of `nasm`: it differs from the digest of the release
-    if the files were edited.
+    of its extras may use; a library that is absent is marked "not installed". The machine and its
+    number of cores are printed, too. `digest` identifies the source files of `nasm`: it differs
+    from the digest of the release if the files were edited.
 
     Examples
     --------

@@ -1,10 +1,11 @@
 """Jobs for `pipeline.fill`: each consists of one cube and the functions that compute its tiles.
 
-Arguments are checked here. A cube has the same name and settings as the one that a command
-computes, so that `fill` resumes what `python -m workflows.NAME` has begun, and vice versa.
+The functions of this module check their arguments. A cube has the same name and settings as the one
+that a command computes, so that `fill` resumes what `python -m workflows.NAME` has begun, and vice
+versa.
 
-A plane is a Plane, or a string as for the --plane option, like "rotating:1/3"
-(`nasm.planes.parse`). Angles are directions of rays in the plane, in degrees.
+A plane is given as a Plane, or as a string that the --plane option accepts, like "rotating:1/3"
+(see `nasm.planes.parse`). Angles are directions of rays in the plane, in degrees.
 """
 
 import functools
@@ -53,7 +54,7 @@ def _recorded(maker: Callable[P, Job]) -> Callable[P, Job]:
 
 
 def _text(argument: object) -> str:
-    """Return an argument as a short string: the value of a list or number, else a name or type."""
+    """Return a short text for an argument: its value if it is plain data, else its name or type."""
     if isinstance(argument, np.ndarray | np.generic):
         argument = argument.tolist()
     if argument is None or isinstance(argument, str | float | int | list | tuple | range | dict):

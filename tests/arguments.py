@@ -54,7 +54,7 @@ TOLERANCES = {"distance": 0.01, "budget": 0.1}
 AXES = {"lo": 0, "hi": 1, "text": "0:1:4"}
 GOOD = FORCINGS | NUMBERS | STARTS | COUNTS | TOLERANCES | AXES
 
-# Arguments of functions that need other values than those above.
+# Arguments of functions that need values other than those above.
 OTHERS = {
     escape.first_escape: {"x": np.zeros(5)},
     orbits.orbit: {"x": np.zeros(2)},

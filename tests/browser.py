@@ -22,7 +22,7 @@ PATIENCE = 100_000  # milliseconds; kernels may have to be compiled first
 
 @pytest.fixture(scope="session")
 def served(store):
-    """Yield the address and the process of an explorer of `store`; stop it with Ctrl-C."""
+    """Yield the address and process of an explorer of `store`; afterwards, stop it with Ctrl-C."""
     command = [sys.executable, "-m", "workflows.explore", "--port", "0", "--no-browser"]
     command += ["--out", str(store), "--workers", "1"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
@@ -55,7 +55,7 @@ def store(tmp_path_factory, here, workers):
     angles = Rays(first.plane).missing(View(first.a, first.b, (27, 27)))
     job = last_barrier(first.plane, angles, 0.1)
 
-    def alike(coords, settings):  # repeats the first ray: computing all would take seconds
+    def alike(coords, settings):  # repeats the first ray, as computing all rays takes seconds
         one = job.compute({"angle": coords["angle"][:1]}, settings)
         return {name: values.repeat(coords["angle"].size, -1) for name, values in one.items()}
 
@@ -107,7 +107,7 @@ def wait(tab, condition, argument=None, timeout=PATIENCE):
 
 
 def ready(tab, but="nothing"):
-    """Wait until nothing is being computed, except what `but` names, as in "this|that"."""
+    """Wait until nothing is being computed except the tasks named in `but`, e.g. "this|that"."""
     wait(tab, """(but) => {
         const line = Bokeh.documents[0].get_model_by_name("status").text
         const words = line.match(/>(.*?)( …)?</)[1].replace(/ \\(.*?\\)/g, "")
@@ -151,7 +151,7 @@ def drag(tab, label, start, end, happened):
 
 
 def zoom(tab, label, at, *turns):
-    """Turn the wheel at a place in a picture; -600 zooms in by a factor of ten."""
+    """Turn the mouse wheel at a place in a picture; -600 zooms in by a factor of ten."""
     tab.mouse.move(*spots(tab, label, at)[0])
     for turn in turns:
         tab.mouse.wheel(0, turn)

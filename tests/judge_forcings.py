@@ -11,9 +11,9 @@ following, by methods independent of the search for the last barrier:
    "proof", interval arithmetic proves transport (`nasm.proofs.transport`);
 3. in rows with the method "residues" or "proof", the circle `omega` breaks at `value`, as shown
    by Greene's residues of the minimax orbits of its convergents. This module computes them with its
-   own code, starting from the circle below. The scales at which the residues of two convergents
-   agree converge to `value` (by Aitken's extrapolation; `error` is three times the larger of its
-   last two changes).
+   own code, starting from a circle just below the breakup. The scales at which the residues of two
+   convergents agree converge to `value` (by Aitken's extrapolation; `error` is three times the
+   larger of its last two changes).
 
 Two options judge new rows:
 
@@ -57,13 +57,13 @@ def circle_below(omega, start, profile, breakup, distance):
 
 
 def is_circle(omega, kappa):
-    """Return True if Newton's method, from a long periodic orbit, certifies the circle of ω."""
+    """Return True if Newton's method, started at a long periodic orbit, certifies ω's circle."""
     u = hull(omega, kappa)
     return u is not None and circles.invariant_circle(omega, kappa, 65_536, u).certified
 
 
 def hull(omega, kappa):
-    """Return the deviations of a long periodic orbit with one site held fixed, shape (P, n).
+    """Return the deviations, shape (P, n), of a long periodic orbit with one site held fixed.
 
     Return None if the orbit is lost.
     """
@@ -100,7 +100,7 @@ def hull(omega, kappa):
 def hold(kappa, p, q, u):
     """Apply Newton's method in place to a chain of Pq sites x_n = np/Pq + u_n; site 0 is fixed.
 
-    Returns whether it converges, the force on site 0, and Greene's residue.
+    Returns whether the method converges, the force on site 0, and Greene's residue.
     """
     n_sites = kappa.size * q
     force, inverse, curvature = np.empty(n_sites), np.empty(n_sites), np.empty(n_sites)
@@ -116,7 +116,7 @@ def hold(kappa, p, q, u):
         for n in range(1, n_sites):
             pivot = curvature[n] - before
             if pivot < 1e-9:
-                pivot = 1.0  # not convex here: step downhill
+                pivot = 1.0  # the action is not convex here: step downhill
             before = inverse[n] = 1 / pivot
             along = force[n] = (force[n] + along) * before
         step = largest = 0.0
@@ -266,10 +266,10 @@ class MinimaxOrbits:
 
 
 def breakup(omega, start, profile, near, tolerance=1e-5):
-    """Locate the breakup of a circle near a scale, by residues, from a certified circle below it.
+    """Locate the breakup of a circle near a scale, by residues.
 
-    Returns the value, its error and the scale of the certified circle; all are NaN if the residues
-    do not converge.
+    The search starts from a certified circle below the breakup. It returns the value, its error and
+    the scale of that circle; all are NaN if the residues do not converge.
     """
     for distance in NEAREST:
         below, u = circle_below(omega, start, profile, near, distance)
@@ -308,7 +308,7 @@ def _has_circle(omega, start, profile, scale, breakup):
 
 
 def doubts(row):
-    """List, in sentences, what the methods do not confirm about a row."""
+    """Return a list of sentences that state what the methods do not confirm about a row."""
     start = np.zeros(len(row.profile)) if row.start is None else np.array(row.start)
     profile, result = np.array(row.profile), []
     if row.image_of is not None:

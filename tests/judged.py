@@ -33,7 +33,7 @@ class Row:
 
     @property
     def image_of(self):
-        """The row of which this is an exact image, by number, and the operations; or None."""
+        """The number of the row that this is an exact image of, and the operations; or None."""
         if not self.method.startswith("image of "):
             return None
         number, operations = self.method.removeprefix("image of ").split(": ")
@@ -52,7 +52,7 @@ def spelled(strengths):
 
 
 def table():
-    """Return the Rows of the table by their numbers."""
+    """Return a dict of the Rows of the table, with their numbers as keys."""
     lines = [line for line in TABLE.read_text().splitlines() if not line.startswith("#")]
     rows = {}
     for cells in csv.DictReader(lines):
@@ -72,7 +72,7 @@ def table():
 
 
 def image(row, operations):
-    """Return profile and start of an image of a row's ray, and the factor and shift of its scales.
+    """Return the image of a row's ray (profile, start), and the factor and shift of its scales.
 
     A barrier of the row that breaks at s has an image that breaks at factor·s - shift.
 

@@ -72,7 +72,7 @@ def free_ports(n):
 
 @contextmanager
 def environment(address):
-    """Set the variables from which obstore takes the server's address and a user's credentials."""
+    """Set the variables from which obstore reads the server's address and a user's credentials."""
     variables = {
         "AWS_ENDPOINT_URL": address,
         "AWS_ALLOW_HTTP": "true",

@@ -1,8 +1,8 @@
 """Test that bad arguments are refused with messages that state the value and the remedy.
 
-The tables below are grouped by argument. A row names the functions that take the argument, bad
-values of it, and a part of the message, where {name} and {value} stand for the argument's
-name and value, and … for any text. To add a case, add a value to a row, or add a row for its
+The tables below are grouped by argument. Each row lists functions that take the argument,
+bad values for it, and a part of the message, in which {name} and {value} stand for the argument's
+name and value, and … stands for any text. To add a case, add a value to a row, or add a row for its
 argument; `arguments.py` supplies valid values of all other arguments.
 """
 
@@ -320,7 +320,7 @@ def functions_of(argument):
     return {f for f in ours if [*inspect.signature(f).parameters][:1] == [argument]}
 
 
-# A torus has a pair of rotation numbers; no_answer passes its argument on unchecked.
+# Exceptions: a torus has a pair of rotation numbers; no_answer passes its argument on unchecked.
 WITH_OMEGA = functions_of("omega") - {periodic.torus_scale, no_answer}
 _barrier = proofs.barrier
 WITH_OMEGA -= {_barrier.inequalities, _barrier.turns}  # their callers check omega

@@ -1,4 +1,4 @@
-"""The command `ask`: files and tables of forcings, JSON output, and periods too long to search."""
+"""Test the command `ask`: files and tables of forcings, JSON, and periods too long to search."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Captions of results with little to report contain no nan, and percentages in plain digits."""
+"""Captions of results with little to report contain no nan and give percentages in plain digits."""
 
 import numpy as np
 import pytest

@@ -34,7 +34,7 @@ def random_box(rng):
 
 
 def orbit(a, box, place, n):
-    """Return x_k and κ_k, k < n, of the orbit from a place in the box; callers use 300 bits."""
+    """Return x_k and κ_k, k < n, of the orbit from `place` in the box; callers use 300 bits."""
     y, delta, k0, h0, k1, h1, *shears = map(checker.ball, box)
     moved = [s * h for s, h in zip(place[1:], (h0, h1), strict=True)]
     x = [checker.ball(a), checker.ball(a) + y + place[0] * delta]

@@ -1,4 +1,4 @@
-"""A sweep that runs as it would on a cluster and writes to an object store.
+"""Test a sweep that runs as it would on a cluster and writes to an object store.
 
 Scheduler, workers and driver are separate processes that communicate over TLS. The object store is
 a real S3 server.
@@ -39,7 +39,7 @@ def least_residue(kappa):
 
 
 def residues(side):
-    """Return a Job in which each forcing is a tile of its own."""
+    """Return a Job in which each forcing is a separate tile."""
     return pipeline.over_plane(least_residue, "two-kicks", f"0:1:{side}", f"0:1:{side}", tile=1)
 
 
@@ -101,7 +101,7 @@ def committed(place):
 def sweep_with_interruptions(folder, side):
     """Interrupt a sweep in four ways, and let it finish.
 
-    Returns its cube, the report of the last driver, and any damage found in the cube.
+    Returns the swept cube, the report of the last driver, and any damage found in the cube.
     """
     with seaweed.serving(folder) as (kill_server, start_server), cluster(folder) as here:
         url = "s3://cubes/run"

@@ -1,4 +1,4 @@
-"""Diffusion rates compared with theory, between equivalent forcings, and between sets of orbits."""
+"""Compare diffusion rates with theory, between equivalent forcings, and between sets of orbits."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_the_error_matches_the_scatter_of_results_from_other_orbits():
     assert scatter == pytest.approx(np.mean([each.error for each in results]), rel=0.3)
 
 
-def test_no_rate_is_returned_with_a_barrier_or_an_accelerator_mode():
+def test_no_rate_is_returned_if_a_barrier_or_accelerator_mode_exists():
     inside = [critical_scale(ray(angle), 1e-2).lower * ray(angle) for angle in (0.0, 30.0, 45.0)]
     results = [diffusion(kappa, 64, 2**17) for kappa in inside]
     assert {each.status for each in results} == {Status.NOT_CONVERGED}

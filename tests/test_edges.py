@@ -73,8 +73,8 @@ def faces():
                 yield f"{module.name}.{function.__name__}", function
 
 
-# Kernels convert nothing and are not tested. Functions that compute for seconds are tested only for
-# refusing bad arguments.
+# Kernels do not convert arguments and are not tested. For functions that take seconds, the tests
+# only check that bad arguments are refused.
 KERNELS = {maps.kick, maps.unkick}
 SLOW = {barriers.boundary, barriers.critical_scale, proofs.bracket.critical_scale}
 SLOW |= {proofs.barrier.proved_lower, proofs.transport.prove, proofs.transport.proved_upper}
@@ -137,7 +137,7 @@ def test_masked_values_and_strings_are_refused_and_the_argument_is_named(functio
 
 
 def kinds_of(value):
-    """Yield the numbers of `value` as an array, as a list, and in small dtypes that hold them."""
+    """Yield the numbers of `value` as an array, as a list, and in small dtypes that fit them."""
     array = np.asarray(value)
     yield array
     yield array.tolist()

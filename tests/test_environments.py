@@ -50,7 +50,7 @@ def test_with_a_closed_or_full_stream_no_command_crashes_or_loses_results(redire
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
 def test_a_command_finishes_even_if_the_reader_of_its_output_goes_away(tmp_path, stream):
-    """As with `| head -1`, the command completes its work, which determines the exit code."""
+    """Under `| head -1`, for example, the command completes its work, which sets the exit code."""
     script = f"""
 import click, sys
 from workflows.shared.cli import COMMON
@@ -104,7 +104,7 @@ def test_an_import_on_windows_states_why_it_fails(package):
 
 @pytest.mark.parametrize("name", commands())
 def test_a_path_may_begin_with_a_tilde_for_the_home_directory(tmp_path, monkeypatch, name):
-    """Shells do not expand ~ after --out=, so that commands must expand it.
+    """Shells do not expand ~ after --out=, so commands must expand it.
 
     Otherwise they would create a folder named ~, and a careless `rm -r ~` would delete the home
     directory instead.

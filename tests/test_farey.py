@@ -49,7 +49,8 @@ def test_the_tree_finds_circles_that_searches_for_survivors_miss(case):
     ],
 )
 def test_residues_that_pass_through_0_are_not_mistaken_for_a_circle(profile, omega, scale, exists):
-    # In each case the residues of two or three convergents fall; those of ten are needed to decide.
+    # In each case the residues of two or three convergents fall; a decision needs the residues of
+    # ten convergents.
     kappa = scale * np.array(profile)
     assert farey.circle_exists(omega, kappa) == exists
     assert oracles.residues_fall(omega, kappa, 3000) is exists

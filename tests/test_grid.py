@@ -24,7 +24,7 @@ def test_tiles_cover_every_cell_exactly_once(rows, columns, height, width):
     assert (visits == 1).all()
 
 
-def test_centres_lie_in_the_middle_of_their_cells():
+def test_each_centre_is_the_middle_of_its_cell():
     assert Axis(-1, 1, 4).centres.tolist() == [-0.75, -0.25, 0.25, 0.75]
     assert Axis(-1, 1, 4).bounds.tolist() == [[-1, -0.5], [-0.5, 0], [0, 0.5], [0.5, 1]]
 

@@ -20,7 +20,7 @@ PACKAGES = {module.removesuffix(".__init__") for module in MODULES if "__init__"
 
 @cache
 def imports(module):
-    """Return the names of everything that the module imports, also inside functions.
+    """Return the names of everything that the module imports, including imports inside functions.
 
     `from a import b` counts as a.b, and also as a unless a is a package.
     """

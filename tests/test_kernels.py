@@ -1,4 +1,4 @@
-"""Kernels on disk are never stale and safe with many writers; failing to save them is no error."""
+"""Kernels on disk are never stale and tolerate many writers; failure to save them is not fatal."""
 
 import errno
 import os
@@ -44,7 +44,7 @@ def turned(x):
 print(turned(0.1))
 """
 
-# The same program, but it loads an edited version of that file, and then undoes the edit.
+# The same program, except that it loads an edited version of `sine.py` and then undoes the edit.
 EDITING = """
 import importlib, os, warnings
 from pathlib import Path
@@ -72,7 +72,7 @@ assert "sources of nasm have changed" in str(given[0].message)
 
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
-    """Yield the kernel directory as a new process sets it, and a function to set another one."""
+    """Yield the kernel directory that a new process would use, and a function that sets another."""
 
     def at(folder):
         monkeypatch.setattr(config, "CACHE_DIR", str(folder))
@@ -243,7 +243,7 @@ def _no_locks(*_, **__):
     raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
 
-def _no_flock(*_, **__):  # what filelock 3.12 raises on a file system without locks
+def _no_flock(*_, **__):  # filelock 3.12 raises this error on a file system without locks
     raise NotImplementedError("FileSystem does not appear to support flock")
 
 

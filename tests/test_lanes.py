@@ -83,7 +83,7 @@ def test_operations_on_few_lanes_agree_with_the_first_of_many_lanes():
 
 
 @pytest.mark.parametrize("name", ["maximum", "minimum"])
-def test_the_second_argument_is_returned_if_either_is_nan(name):
+def test_maximum_and_minimum_return_the_second_argument_if_one_is_nan(name):
     nans, ones = np.full(LANES, np.nan), np.ones(LANES)
     assert_same_bits(on_lanes(name, nans, ones, C), ones)
     assert_same_bits(on_lanes(name, ones, nans, C), nans)

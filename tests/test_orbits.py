@@ -153,7 +153,7 @@ def test_portrait_shows_one_cell():
 @pytest.mark.parametrize("every", [None, 1])
 def test_passages_are_the_points_of_the_orbits_in_the_box(every):
     y = np.arange(30) / 31
-    left, bottom, width, height = box = (0.8, -0.3, 0.45, 0.4)  # across the edges of the cell
+    left, bottom, width, height = box = (0.8, -0.3, 0.45, 0.4)  # crosses edges of the cell
     which, xs, ys, (x_next, y_next) = passages(KAPPA, np.full(30, 0.1), y, 40, box, every)
     x, y = orbit(KAPPA, 0.1, y, 40, every)
     u, v = (x - left) % 1, (y - bottom) % 1

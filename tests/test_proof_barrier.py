@@ -19,8 +19,8 @@ from nasm.proofs.barrier import prove, proved_lower
 from nasm.symmetries import ray
 
 GAMMA = parse("gamma")
-# Breakups on rays, computed by `barriers.critical_scale`. Circles are to be proved below them;
-# above them nothing may be proved.
+# Breakups on rays, computed by `barriers.critical_scale`. `prove` must accept circles below their
+# breakup, and nothing above it.
 LAST = [
     ((1.0, 0.0), "[0;2,(1)]", 0.4858177030222401),
     (tuple(ray(20.0)), "[0;(1)]", 0.5770384095194057),
@@ -346,7 +346,10 @@ def test_a_bound_outside_its_strip_is_refused():
     pytest.param(0.9716, 7 * 2**19, marks=pytest.mark.release),  # needs 4 GB of memory
 ])  # fmt: skip
 def test_the_golden_circle_is_proved_as_close_to_its_breakup_as_published(kappa, n):
-    """Figueras, Haro and Luque (2017) proved this circle at 0.9716 (0.99996 of the breakup)."""
+    """Figueras, Haro and Luque (2017) proved that this circle exists at κ = 0.9716.
+
+    This is 0.99996 of its breakup.
+    """
     omega, near_kappa, u = near((1.0,), "gamma", 0.971635406, 1 - kappa / 0.971635406)
     assert near_kappa == pytest.approx(kappa, abs=1e-9)
     assert prove(omega, (kappa,), start=u, n=n).proved

@@ -77,7 +77,7 @@ def test_cells_outside_the_theorem_are_not_proved(kappa):
     assert prove_cell(kappa, 2.0**-7).outcome is Outcome.SCOPE
 
 
-NAMES = "t", "p", "q", "tt", "tp", "tq", "pp", "pq", "qq"  # terms of first and of second order
+NAMES = "t", "p", "q", "tt", "tp", "tq", "pp", "pq", "qq"  # first- and second-order terms
 KNOWN = [(name, f"z{name}", f"l{name}") for name in NAMES]
 KERNEL = audit.Kernel(
     functions=(
@@ -109,7 +109,7 @@ def test_half_of_a_kick_on_the_symmetry_line_counts_whatever_its_sign(a, k0):
     after, cosine = dict(zip(KERNEL.names, state, strict=True)), math.cos(2 * math.pi * a)
     assert bad == 0
     assert after["lp"] == pytest.approx(2.0**-8 * cosine / 2)
-    assert after["W"] == pytest.approx(k0 * cosine / 2 + 2.0**-8 / 2)  # including h0's payment
+    assert after["W"] == pytest.approx(k0 * cosine / 2 + 2.0**-8 / 2)  # with the payment for h0
 
 
 def test_a_kick_of_cells_allows_for_what_it_has_to_and_no_more():

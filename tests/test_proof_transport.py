@@ -46,7 +46,7 @@ def of_rounding(coefficients, u):
 def worst_error(polynomial, series, is_odd, pieces=8192):
     """Bound |computed - exact| of Σ c_k u²ᵏ (times u if `is_odd`) on 0 ≤ u ≤ 1/4.
 
-    The polynomial minus the series is a polynomial, bounded piece by piece by its mean-value form.
+    The polynomial minus the series is a polynomial; its mean-value form bounds it on each piece.
     u = 1/4 - |r| has an error of at most 2⁻⁵⁶, and is exact for |r| ≥ 1/8.
     """
     ulp, tail = arb(2) ** -53, arb(10) ** -40  # the series' next term is below 10⁻⁵⁰
@@ -443,7 +443,7 @@ def test_below_the_breakup_of_random_rays_nothing_is_proved():
 
 
 def test_proved_upper_is_above_the_breakup_and_near_it_for_any_estimate():
-    proved_upper(ray(20), BREAKUPS[20], 0.01)  # compile it
+    proved_upper(ray(20), BREAKUPS[20], 0.01)  # compile the kernels
     scale, proof = proved_upper(ray(20), BREAKUPS[20], 0.5)
     assert proof.proved
     assert proof.kappa == tuple((scale * ray(20)).tolist())

@@ -10,7 +10,7 @@ def disc(n):
 
 
 def refined_disc(coarse, levels, tile):
-    """Return ((field, level), number of cells computed) of a refined disc, 1 inside, 2 outside."""
+    """Return ((field, level), number of computed cells) of a disc; field is 1 inside, 2 outside."""
     computed = {}
 
     def compute(level, tiles):

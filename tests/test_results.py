@@ -1,4 +1,4 @@
-"""Results of methods can be compared, even if they contain arrays or NaN, and print readably."""
+"""Results can be compared, even if they contain arrays or NaN, and they print readably."""
 
 import copy
 import pickle
@@ -73,7 +73,7 @@ def test_a_critical_scale_without_a_value_prints_the_reason_and_a_remedy():
 
 
 @pytest.mark.parametrize("value", [1e-300, 1e300, 0.0, -2.0, 12345.6])
-def test_critical_scales_of_any_size_print(value):
+def test_critical_scales_of_any_magnitude_can_be_printed(value):
     for error in (0.0, 1e-3, np.inf, np.nan, 1e300):
         assert "CriticalScale(" in repr(CriticalScale(value, error, value, value, None, Status.OK))
 

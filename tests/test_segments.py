@@ -32,8 +32,8 @@ def test_a_segment_and_the_ray_through_its_breakup_point_agree(segment):
 @given(st.floats(5, 40), st.floats(-0.25, 0.3), st.floats(-0.2, 0.25))
 @example(None, 0.1, -0.1)  # a segment with three kicks
 def test_segments_from_inside_end_on_the_boundary_of_their_circle(angle, kappa1, kappa2):
-    # Some segments begin above the diagonal κ1 = κ2; where they cross it, the minimax orbit changes
-    # centre.
+    # Some segments begin above the diagonal κ1 = κ2; where they cross it, the centre of the minimax
+    # orbit changes.
     omega, profile = ("gamma", ray(angle)) if angle else ("[1;3,(1)]", ASYMMETRIC)
     along_ray = periodic.critical_scale(omega, profile, 1000 if angle else 300)
     end, start = along_ray.value * profile, np.array([kappa1, kappa2, 0.2][: profile.size])

@@ -1,4 +1,4 @@
-"""The self-consistent map compared with the literature, and aperiodic forcings with phases."""
+"""Test the self-consistent map against the literature, and aperiodic forcings with phases."""
 
 from concurrent.futures import ThreadPoolExecutor
 from math import cos, fsum, hypot, pi, sin
@@ -47,7 +47,7 @@ def test_a_repeated_forcing_eliminates_starts_as_the_periodic_map_does():
 
 
 def asymptotic_circle(kappa, omega=0.618, n=4096):
-    """Return the curve that tends to y = omega as the kicks fade, and dx/dangle along it."""
+    """Return x, y and dx/dangle on the curve that tends to y = omega as the kicks fade."""
     angle = np.arange(n) / n
     x, y = aperiodic.asymptotic(kappa, 0.0, 0.0, angle, np.full(n, omega))
     return x, y, 1 + fourier.derivative(x - angle)
@@ -82,7 +82,7 @@ def test_asymptotic_circles_converge_as_the_kicks_fade_and_preserve_area():
     kappa = 0.5 * np.exp(-np.arange(200) / 5)
     _, y, dx = asymptotic_circle(kappa)
     assert np.mean(y * dx) == pytest.approx(0.618, abs=1e-12)
-    n = np.arange(10, 101, 10)  # the truncation error grows by a factor n on the way back
+    n = np.arange(10, 101, 10)  # iterating back amplifies the truncation error n-fold
     errors = [np.abs(asymptotic_circle(kappa[:k])[1] - y).max() for k in n]
     assert np.polyfit(n, np.log(errors / n), 1)[0] == pytest.approx(-1 / 5, rel=0.05)
 
@@ -101,7 +101,7 @@ def test_an_asymptotic_circle_is_excluded_until_it_has_unfolded():
 def test_five_particles_move_as_in_the_literature():
     gamma, kappa, theta = np.array([0.3, 0.1, -0.2, 0.0, 0.4]), 0.4, (0.2 - 0.5) * TWO_PI
     result = evolve(X[:5], 0.1 * Y[:5], gamma, kappa, 15, 0.2, 0.03)
-    x, y = X[:5] * TWO_PI, 0.1 * Y[:5] * TWO_PI  # radians, and kicks that pull towards θ
+    x, y = X[:5] * TWO_PI, 0.1 * Y[:5] * TWO_PI  # in radians; the kicks pull towards θ
     for n in range(15):
         eta = fsum(g * sin(a - theta) for g, a in zip(gamma, x, strict=True))
         slope = -fsum(g * cos(a - theta) for g, a in zip(gamma, x, strict=True))

@@ -31,7 +31,7 @@ def dumb_separations(kappa, x, y, u, v):
 
 
 def until_for_good(is_small):
-    """Return the number of entries up to the last True; inf if it is the last entry."""
+    """Return the number of entries up to the last True; inf if the last entry is True."""
     known = np.flatnonzero(is_small)
     number = known[-1] + 1 if known.size else 0
     return np.inf if number == is_small.size else number
@@ -135,7 +135,7 @@ def test_a_torus_folds_before_it_is_excluded_and_before_its_distances_exceed_the
     assert beyond.any()
 
 
-def test_a_torus_in_an_island_keeps_its_distances_though_no_graph_passes_through_it():
+def test_distances_change_little_on_a_torus_in_an_island_despite_its_folds():
     kappa = 0.5 + 1e-3 * np.arange(1001)
     followed = snapshot.separations(kappa, *snapshot.torus(0.5, 0.03, 256))
     assert followed.folded.min() == 0
@@ -152,7 +152,7 @@ def test_vectors_without_length_and_ensembles_without_points_are_refused(name, v
         snapshot.separations(**good | {name: value})
 
 
-def test_the_study_dates_the_golden_torus_as_plain_loops_do():
+def test_the_study_of_the_golden_torus_agrees_with_plain_loops():
     settings = study.Settings(n_starts=2, n_points=32)
     cube = study.snapshots(np.array([1e-2]), 1e-2, settings).isel(start=0, rate=0)
     assert float(cube.omega) == pytest.approx((3 - 5**0.5) / 2, abs=1e-9)
@@ -196,6 +196,6 @@ def test_the_numbers_can_refute_the_claims(cube, expected):
     *lines, _ = study.findings(cube).splitlines()
     if expected:
         assert [words in line for words, line in zip(expected, lines, strict=True)] == [True] * 3
-    else:  # the island's delay does not count, and half of the pairs are not most of them
+    else:  # the delay in the island does not count, and half of the pairs is not a majority
         assert "Supported: it does so later in 4 of 4" in lines[0]
         assert "Not supported" in lines[2]

@@ -88,7 +88,7 @@ def test_a_newton_step_of_a_circle_costs_n_log_n():
 
 
 def test_fill_adds_less_than_a_millisecond_per_tile_to_the_sweep(here, tmp_path):
-    """Both the sweep alone and `fill` store results; both times include the worker threads."""
+    """The sweep alone and `fill` both store results; each time includes the worker threads."""
     side, places = 20, (tmp_path / str(n) for n in range(100))
 
     def swept():

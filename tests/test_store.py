@@ -156,7 +156,7 @@ def test_tiles_that_do_not_fit_are_refused_but_fill_values_are_stored(on_disk):
     assert np.isnan(store.read(on_disk, "toy").wave).all()
 
 
-def test_foreign_files_do_not_count_as_tiles_whatever_their_timestamps(on_disk):
+def test_neither_foreign_files_nor_timestamps_affect_which_tiles_count(on_disk):
     fill(on_disk, toy.cube())
     for name in (".DS_Store", "0/7", "0/1/x", "x/y/z", "0/9/9", "1/2/3", "0/1/-4", "0/-3/1"):
         put(on_disk, f"toy.zarr/{COMMIT}/c/{name}", bytes(20))
@@ -374,7 +374,7 @@ LOST += [(key, lost) for key in ("wave/zarr.json", f"{COMMIT}/zarr.json") for lo
 
 
 @pytest.mark.parametrize("case", thirds(LOST))
-def test_lost_metadata_are_restored_tiles_kept_and_other_settings_refused(on_disk, case):
+def test_lost_metadata_are_restored_only_by_a_run_with_the_same_settings(on_disk, case):
     plan, (key, lost) = toy.cube(tile=5, depth=3), case
     fill(on_disk, plan)
     put(on_disk, f"toy.zarr/{key}", lost)
@@ -499,7 +499,7 @@ def test_a_lost_server_is_awaited_and_finally_reported_in_one_message(tmp_path, 
         place = store.place_of("s3://cubes/run")
         fill(place, plan, [(0, 0)])
         kill()
-        # The server is started again after 5 s and takes another 5 to 20 s until it is ready; with
+        # The server is started again after 5 s and needs another 5 to 20 s to become ready; with
         # its default of ten retries, obstore would give up after 2 to 8 s.
         back = Timer(5, start)
         back.start()
@@ -569,7 +569,7 @@ def test_status_counts_tiles_and_failures_and_reports_reasons(place):
     assert contents(place) == before
 
 
-def test_the_rate_is_that_of_recent_tiles_and_damaged_cubes_hide_no_others(on_disk):
+def test_status_gives_the_rate_of_recent_tiles_despite_a_damaged_cube(on_disk):
     tiles = list(np.ndindex(4, 3))
     fill(on_disk, toy.cube(), tiles)
     for i, (row, column) in enumerate(tiles):

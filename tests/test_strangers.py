@@ -43,7 +43,7 @@ def change(place, edit):
 
 
 def messages_about(place):
-    """Return what `status`, `verify` and `read` report on the toy cube: a sentence each, or ""."""
+    """Return one sentence, or "", from each of `status`, `verify` and `read` on the toy cube."""
     (state,) = store.status(place)
     (damage,) = list(store.verify(place, "toy")) or [((), "")]
     try:
@@ -76,7 +76,7 @@ def pickled(path):
 
 @pytest.mark.parametrize("where", ["evil", "tiles/evil", "in a group"])
 def test_no_pickle_in_a_store_is_executed(place, tmp_path, monkeypatch, where):
-    """This is so even with versions of numcodecs that unpickle any data."""
+    """No pickle is executed even by versions of numcodecs that unpickle any data."""
     monkeypatch.setattr("numcodecs.pickles.ALLOW_UNSAFE_PICKLE_DECODE", True, raising=False)
     evil = Path(place.cube("toy"), where)
     evil.mkdir()
@@ -256,7 +256,7 @@ def test_certificates_whose_boxes_have_invalid_lifetimes_are_not_checked(lives):
         proved.seconds_to_check({"lives": lives})
 
 
-def test_the_longest_function_anywhere_determines_a_certificate_s_cost():
+def test_the_longest_function_in_a_certificate_determines_its_cost():
     short, long = [[0], [0]], [[0], [0] * 1000]
     cost = {
         name: proved.seconds_to_check({"kappa": ["0x1p0"], "moves": {"numbers": numbers}})

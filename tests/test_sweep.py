@@ -102,7 +102,7 @@ def test_a_tile_that_kills_its_workers_harms_no_other_tile(client, tmp_path, mon
     if attempts == 1:
         monkeypatch.setattr(sweeps, "_ATTEMPTS_ALONE", 1)
     outcome = toy.run(client, tmp_path, toy.cube(poison=[0.0, -1.0], pids=str(tmp_path / "pids")))
-    # There were the first worker, one for each attempt, and one for the other tiles of the batch.
+    # The workers were the first one, one per attempt, and one for the batch's other tiles.
     assert len({*(tmp_path / "pids").read_text().split()}) == 2 + attempts
     assert list(outcome.failed) == [(0, 0)]
     assert "its worker died" in outcome.failed[0, 0]
@@ -128,7 +128,7 @@ ctrl_c = partial(os.kill, os.getpid(), signal.SIGINT)
 
 def test_ctrl_c_drains_the_sweep_unless_ignored_and_the_next_run_resumes(here, tmp_path, capsys):
     plan = toy.cube(5, 5, tile=1)
-    # A program that was started with Ctrl-C ignored keeps ignoring it.
+    # A program that was started with SIGINT ignored continues to ignore Ctrl-C.
     previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
     outcome = toy.watched_sweep(here, tmp_path / "ignored", plan, {5: ctrl_c})
     signal.signal(signal.SIGINT, previous)
@@ -182,7 +182,7 @@ def test_the_most_expensive_tiles_come_first_and_cheap_ones_share_batches():
     first, second, *others = _pack(np.array([0.0] * 1000 + [9.0, 0.2, 0.2]), 2)
     assert first.tolist() == [1000]
     assert (set(second[:2].tolist()), len(second)) == ({1001, 1002}, 33)
-    assert max(map(len, others)) < 200  # because committing tiles takes time, too
+    assert max(map(len, others)) < 200  # committing tiles takes time, too
 
 
 def test_tiles_of_the_same_cost_come_in_random_order():
@@ -200,7 +200,7 @@ def test_sweeps_in_a_series_share_one_progress_line_and_repeat_no_tile(here, tmp
             for wanted in ({(0, 0)}, {(1, 0), (2, 0)}):
                 sweep(here, place, toy.job(), progress, wanted)
             begun = progress.begun
-            sweep(None, place, toy.job(), progress, {(1, 0)})  # without requesting workers
+            sweep(None, place, toy.job(), progress, {(1, 0)})  # requests no workers
             assert progress.begun == begun
         assert progress.done == pytest.approx(begun)
         assert 0 < progress.used < progress.wall
@@ -214,12 +214,12 @@ def test_sweeps_in_a_series_share_one_progress_line_and_repeat_no_tile(here, tmp
 
 def test_a_store_deleted_during_a_sweep_ends_it_with_one_message(here, tmp_path):
     plan, out, away = toy.cube(5, 5, tile=1), tmp_path / "out", tmp_path / "away"
-    # A worker may see files that another worker has just written to `out`, without metadata.
+    # A worker may find that another worker has created `out` again, without metadata.
     message = "out: .* does not exist|was moved, or deleted|out/toy.zarr are damaged"
     with pytest.raises((store.StoreFailed, store.Refused), match=message):
         toy.watched_sweep(here, out, plan, {5: partial(out.rename, away)})
     assert len(toy.commit_times(out)) <= 2  # tiles that the workers were writing
-    for place in (away, out):  # `out` may contain tiles that were in flight, without metadata
+    for place in (away, out):  # `out` may contain tiles that were in flight, but no metadata
         assert toy.watched_sweep(here, place, plan).remaining == 0
         toy.assert_complete(place, plan)
 

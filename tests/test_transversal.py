@@ -25,7 +25,8 @@ def elimination_time(kappa, site, x, y, n_kicks):
 
 @pytest.mark.parametrize("kappa", FORCINGS)
 def test_a_start_is_eliminated_once_its_orbit_is_not_minimizing(kappa):
-    # Check the definition by the second variation of the piece |k| < n, not by tangent vectors.
+    # Check the definition by the second variation on the part |k| < n of the orbit, not by tangent
+    # vectors.
     period, rng = len(kappa), np.random.default_rng(len(kappa))
     n_max, eliminated = 25, 0
     for x, y in rng.uniform(0, 1, (40, 2)):

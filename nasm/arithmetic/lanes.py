@@ -1,14 +1,15 @@
 """Lanes: 64 orbits in one value, for kernels that advance many orbits in lockstep.
 
 A `Lanes` is LLVM's vector <64 x double>, or <64 x float> for an array of float32. The compiler
-splits it across the machine's registers (8 with AVX-512, 16 with AVX2). This results in as
-many independent chains of operations, which hide the latency of the arithmetic. Scalars would be at
-the mercy of the auto-vectoriser. `load_few` loads fewer lanes, for kernels with many variables.
+splits it across several machine registers (8 with AVX-512, 16 with AVX2). Each register carries an
+independent chain of operations, and together the chains hide the latency of the arithmetic. The
+speed of scalar code would depend on the auto-vectoriser. `load_few` loads fewer lanes, for kernels
+with many variables.
 
 `+ - * /` work on lanes, and between lanes and a float, which is broadcast to all lanes. `fma`,
 `rint`, `fabs`, `copysign`, `maximum` and `minimum` take lanes or floats, so that a formula written
-once compiles to both: lanes and scalar code agree to the last bit, on every machine (a processor
-without fma falls back on a slow library call with the same result).
+once compiles for lanes and for scalars. Both versions agree to the last bit on every machine (a
+processor without fma falls back on a slow library call with the same result).
 
 The functions of this module work only inside `numba.njit` functions. Without the compiler, under
 NUMBA_DISABLE_JIT, importing the module raises an ImportError.

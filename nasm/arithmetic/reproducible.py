@@ -3,7 +3,7 @@
 NumPy computes exp, log, powers and `geomspace` of arrays by different formulas on processors with
 AVX-512, and BLAS adds the terms of a matrix product in an order that depends on the processor. The
 functions of `math`, which kernels also call, are not affected. The values and coordinates of cubes
-are computed without those functions of NumPy and without matrix products, except for proofs, whose
+are computed without these NumPy functions and without matrix products, except for proofs, whose
 results depend on computing time anyway. Values and coordinates agree on all x86-64 processors with
 AVX2 and FMA, given the same version of the C library.
 """
@@ -31,7 +31,7 @@ def geometric(first: float, last: float, n: int) -> FloatArray:
 
 
 def powers(values: ArrayLike, exponent: float) -> FloatArray:
-    """Compute values**exponent for a few numbers; each takes 0.1 µs.
+    """Compute values**exponent for a few numbers, in 0.1 µs each.
 
     Examples
     --------

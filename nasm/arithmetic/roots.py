@@ -2,8 +2,8 @@
 
 The root stays between two points at which the function has opposite signs. The next point is found
 by inverse quadratic interpolation if the last three points are suitable, and by bisection
-otherwise. The function is evaluated about as often as by Brent's method in scipy.optimize, which
-takes 0.3 s to import.
+otherwise. The method evaluates the function about as often as Brent's method in scipy.optimize, a
+module that takes 0.3 s to import.
 """
 
 from collections.abc import Callable

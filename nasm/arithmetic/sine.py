@@ -8,7 +8,8 @@ product 2πx is rounded before it is reduced, so that libm's sin(2π·x) is wron
 Of all such polynomials whose constant term is exactly 1, this one has the smallest maximum of the
 *absolute* error in sin 2πu on |u| ≤ 1/4. Its coefficients were found by Remez exchange in 60-digit
 arithmetic with the weight 2πu, then rounded to double. The error is 1.10e-16 before rounding;
-`tests/test_sine.py` finds its extrema. With rounding in the evaluation, |error of sin2pi| ≤ 4e-16.
+`tests/test_sine.py` finds the extrema of this error. Including the rounding in the evaluation,
+|error of sin2pi| ≤ 4e-16.
 
 Both functions take floats or arrays, in plain NumPy and inside Numba kernels. sin2pi is odd and
 cos2pi even to the last bit, so that the map's reflection symmetry is not broken by rounding.
@@ -56,7 +57,7 @@ def _sin2pi_quarter(u):
 
 @register_jitable
 def sin2pi(x: float | FloatArray) -> FloatArray:
-    """Compute sin 2πx, x in turns; absolute error ≤ 4e-16 for |x| < 2⁵². Odd to the last bit.
+    """Compute sin 2πx, x in turns, odd to the last bit; absolute error ≤ 4e-16 for |x| < 2⁵².
 
     Examples
     --------
@@ -71,7 +72,7 @@ def sin2pi(x: float | FloatArray) -> FloatArray:
 
 @register_jitable
 def cos2pi(x: float | FloatArray) -> FloatArray:
-    """Compute cos 2πx, x in turns; absolute error ≤ 4e-16 for |x| < 2⁵². Even to the last bit.
+    """Compute cos 2πx, x in turns, even to the last bit; absolute error ≤ 4e-16 for |x| < 2⁵².
 
     Examples
     --------

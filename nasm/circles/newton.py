@@ -9,9 +9,9 @@ The sites of a circle's orbits are x_j = h_j(θ), j = 0, …, P - 1 within a per
 The unknowns are the deviations u_j on a grid of n points, an array of shape (P, n). They are unique
 up to a shift θ → θ + constant, which ⟨u_0⟩ = 0 fixes.
 
-Newton's step is Levi and Moser's (Proc. Sympos. Pure Math. 69 (2001) 733). Write the correction of
-u_j as h_j' w_j. The linearised equations, multiplied by h_j', telescope up to terms of the size of
-E²:
+The Newton step is that of Levi and Moser (Proc. Sympos. Pure Math. 69 (2001) 733). Write the
+correction of u_j as h_j' w_j. The linearised equations, multiplied by h_j', telescope up to terms
+of the size of E²:
 
     c_j (w_{j+1} - w_j) - c_{j-1} (w_j - w_{j-1}) = -h_j' E_j,        c_j = h_j' h_{j+1}'.
 
@@ -192,14 +192,14 @@ def invariant_circle(
     Returns
     -------
     InvariantCircle
-        If it is not certified, its status says why.
+        The circle; if it is not certified, its status gives the reason.
 
     Notes
     -----
-    An existing circle may be missed with too few modes or a bad start; `barriers.last_circle`
-    finds the one next to a known breakup, on 10⁵ points or more. A certified circle exists as far
-    as floating-point arithmetic on 4n points can show. This is not a proof, and resonances of ω
-    beyond the modes of that grid are not detected, for example if ω is very close to a fraction.
+    An existing circle may be missed with too few modes or a bad start; `barriers.last_circle` finds
+    the circle next to a known breakup, on 10⁵ points or more. A certified circle exists as far as
+    floating-point arithmetic on 4n points can show. This is not a proof, and resonances of ω beyond
+    the modes of that grid are not detected, for example if ω is very close to a fraction.
 
     Examples
     --------
@@ -290,10 +290,10 @@ def polish(
     u: FloatArray,
     settings: NewtonSettings = DEFAULT_NEWTON_SETTINGS,
 ) -> bool:
-    """Iterate Newton's method from u, in place, until max |E_j| < 10⁻⁹ before a step.
+    """Iterate Newton's method from u, in place, until a step starts with max |E_j| < 10⁻⁹.
 
     The iteration also ends when max |E_j| is below 10⁻⁸ and no longer decreases. This function is
-    meant for circles of 10⁵ modes or more, whose small divisors let rounding errors into the
+    meant for circles of 10⁵ modes or more, whose small divisors amplify rounding errors in the
     updates of u.
 
     Returns
@@ -512,7 +512,7 @@ def _newton(omega, kappa, u, settings):
 
 @kernel(error_model="numpy")
 def _iterate(kappa, angles, turn, kept, u, max_steps, max_update, max_tail):
-    """Take Newton steps to an outcome; return its index in _OUTCOMES, and the initial error."""
+    """Take Newton steps to a clear outcome; return its index in _OUTCOMES and the initial error."""
     workspace = _workspace(*u.shape)
     first = last_error = last_change = 1.0
     for step in range(max_steps):
@@ -557,8 +557,8 @@ def _workspace(n_sites, n):
 def _chain_step(kappa, angles, turn, kept, u, workspace):
     """Take one Newton step in place, as described in the docstring of this module.
 
-    Returns max |E|, the largest update, min h', the twist, and the tail; all but the update are
-    those of u before the step.
+    Returns max |E|, the largest update, min h', the twist, and the tail; all except the update
+    refer to u before the step.
     """
     n_sites, n = u.shape
     own, modes, values, line = workspace

@@ -1,7 +1,7 @@
 """Circles mapped by symmetries to other parameters (Sec. VI.C of the paper).
 
 If T∘K(θ) = K(θ + ω), and a change of variables C turns T into T', then C∘K is a circle of T'. Here
-K is given by the deviations u_j of its sites (see `circles`), in terms of which the paper's
+K is given by the deviations u_j of its sites (see `circles`). In terms of these, the paper's
 compositions are
 
     S∘S:               (κ) → (κ, κ),          ω → 2ω:       u_j(θ) = u(θ + jω)           (49)
@@ -28,7 +28,7 @@ __all__ = ["alternate", "interleave", "negate", "repeat", "shift"]
 
 
 def repeat(circle: InvariantCircle, times: int) -> InvariantCircle:
-    """Return the circle of the same map with its forcing repeated `times` times; ω → times·ω.
+    """Return the circle under the forcing repeated `times` times; ω → times·ω.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Aperiodic forcing, N kicks with phases: orbits that escape, graphs that do not persist.
+"""Aperiodic forcing by N kicks with phases: orbits that escape and graphs that do not persist.
 
     y_{n+1} = y_n + (κ_n/2π) sin 2π(x_n - θ_n),     x_{n+1} = x_n + y_{n+1},     n = 0, …, N - 1
 
@@ -6,23 +6,22 @@ The recorded field of `nasm.self_consistent` is such a sequence of kicks. A phas
 kicks only shifts x, and θ_n = nΩ yields the standard map in x - nΩ, y - Ω. In terms of
 X_n = x_n - θ_n,
 
-    X_{n+1} - 2X_n + X_{n-1} = (κ_n/2π) sin 2πX_n - (θ_{n+1} - 2θ_n + θ_{n-1}):
+    X_{n+1} - 2X_n + X_{n-1} = (κ_n/2π) sin 2πX_n - (θ_{n+1} - 2θ_n + θ_{n-1}),
 
-only changes in the speed of the phase matter.
+so only changes in the speed of the phase matter.
 
 The sequence of kicks does not repeat, so there are no invariant circles. A barrier is a rotational
 curve and its images, one before each kick. If all N + 1 of them are graphs of Lipschitz functions
 of x, the distance between two neighbouring points, followed along their orbits, yields a solution
 ξ_n > 0 of the linearised chain (see `nasm.converse_kam.symmetry_line`). The criterion of
-`nasm.converse_kam.transversal`, applied to a start before the kick of a site, then shows that no
+`nasm.converse_kam.transversal`, applied to a start before kick `site`, then shows that no
 such family of graphs passes through the start if for some n
 
     v_{n+1} = (2 + κ_n cos 2π(x_n - θ_n)) v_n - v_{n-1} ≤ 0,   v_site = 0,  v_{site+1} = 1,
 
-or if the same holds backwards, or if the inequality for sums given in that module holds. Before
-each kick, all graphs cross the line x = a: if all starts on this line are eliminated, no family of
-graphs exists. By the symmetry
-y → y + 1, it suffices to take y from 0 to 1.
+or if the same inequality holds for the backward chain, or if that module's inequality for sums
+holds. Before each kick, all graphs cross the line x = a: if all starts on this line are eliminated,
+no family of graphs exists. By the symmetry y → y + 1, it suffices to take y from 0 to 1.
 
 The absence of such graphs does not show transport. For aperiodic forcing no theorem like
 Birkhoff's says that barriers are graphs: `asymptotic` computes curves that are practically circles
@@ -38,8 +37,8 @@ the limits of sampling:
   have circles.
 - Ω irrational: no invariant torus y = g(x, φ) exists that is Lipschitz in x. Such a torus would be
   a family of graphs for every φ0, so one φ0 and one line suffice: the line with the shortest
-  lifetimes. Tori that fold are not excluded: only the continuation of tori, and orbits that escape,
-  suggest that no such tori exist.
+  lifetimes. Tori that fold are not excluded: the only evidence against them comes from the
+  continuation of tori and from orbits that escape.
 """
 
 from dataclasses import dataclass, replace
@@ -92,10 +91,10 @@ class AperiodicSettings:
     max_lines : int
         Maximum number of lines that `last_survivor` searches.
     middle_kicks : int
-        All lines but the first are before kicks whose distance from the middle is less than this.
+        All lines but the first are before kicks fewer than this many kicks from the middle.
     lower_ratios : tuple of float
         `critical_scale` looks for a lower scale without survivors at these multiples of the lowest
-        one so far, in this order.
+        such scale found so far, in this order.
 
     Examples
     --------
@@ -158,7 +157,7 @@ def escape_time(
 def elimination_time(
     kappa: ArrayLike, theta: ArrayLike, site: int, x: ArrayLike, y: ArrayLike
 ) -> FloatArray:
-    """Compute when each start (x, y) before the kick of `site` is eliminated; see the module.
+    """Compute when each start (x, y) before kick `site` is eliminated; see the module docstring.
 
     Parameters
     ----------
@@ -214,8 +213,8 @@ def longest_lived(
     x, y : float
         The start, y in [0, 1].
     time : float
-        Kicks in either direction; inf for a start that survives all N kicks, which need not be the
-        longest-lived one.
+        Kicks in either direction; inf if the start survives all N kicks. It then need not be the
+        longest-lived start.
 
     Notes
     -----
@@ -264,13 +263,13 @@ def last_survivor(
     effort : int
         As for `longest_lived`.
     settings : AperiodicSettings
-        The lines, and the search on them.
+        Settings of the lines and of the search on them.
 
     Returns
     -------
     LongestLived
-        That start. If a start survives all N kicks on each line, the survivor on the first line is
-        returned instead; then a family of graphs may or may not exist.
+        The start described above. If a start survives all N kicks on each line, the survivor on
+        the first line is returned instead; then a family of graphs may or may not exist.
 
     Examples
     --------
@@ -328,9 +327,9 @@ def critical_scale(
 ) -> CriticalScale:
     """Compute the lowest scale at which no family of graphs survives the N kicks κ = s·profile.
 
-    1. Bisect between a scale at which starts survive the middle quarter of the kicks, and one at
-       which none does. Using a quarter leaves a margin: a start that a search misses may have a
-       longer lifetime than the longest-lived one found, but seldom one four times as long.
+    1. Bisect between a scale at which a start survives the middle quarter of the kicks and a scale
+       at which no start does. Using a quarter leaves a margin: a start that a search misses may
+       have a longer lifetime than the longest-lived one found, but seldom one four times as long.
     2. Starts next to orbits that minimize the action have longer lifetimes than others, so the
        scales with survivors do not form an interval: search up to 15% lower, and begin again from
        the lowest scale without survivors.
@@ -410,7 +409,7 @@ def asymptotic(
     kappa → limit and theta → 0 fast enough, K_0 converges as N grows: it is the asymptotic circle
     of Canadell & de la Llave (Physica D 310 (2015) 104). K_0 is not invariant, but its images
     converge to an invariant circle, and it bounds the same area as that circle. It may fold; see
-    the module.
+    the module docstring.
 
     Parameters
     ----------
@@ -489,7 +488,8 @@ def _elimination_times(kappa, theta, site, x, y, one_is_enough):
 
 @njit(nogil=True)
 def _elimination_time(kappa, theta, site, x, y):
-    # 2 + κ cos … bounds the sum only if there are graphs before and after this one: not at site 0.
+    # 2 + κ cos … bounds the sum only if there are graphs before and after this one, and
+    # there is no graph before that of site 0.
     bound = 2 + kappa[site] * cos2pi(x - theta[site]) if site > 0 else np.inf
     if bound <= 0:
         return 1.0

@@ -23,12 +23,13 @@ largest action. Therefore the *transversal* is a chain of straight pieces throug
 before the kick of one site, in order of ω. If all minimax orbits are on one symmetry line, the
 transversal is that line.
 
-1. Start with the orbits of ω = 0, 1, … and P/2 per period. The symmetries y → y + 1 and
+1. Start with the minimax orbits of ω = 0, 1, … and P/2 per period. The symmetries y → y + 1 and
    (x, y) → (-x, -y) continue this curve to all ω.
 2. The longest-lived start is on a piece between two orbits, p/q and p'/q'. Bend the piece through
    the minimax orbit of (p + p')/(q + q'), at the point of this orbit nearest to the piece in units
    of the gap.
-3. Repeat step 2 as long as the longest-lived start survives, and its lifetime resolves the change.
+3. Repeat step 2 as long as the longest-lived start survives, and its lifetime is long enough
+   to resolve the change.
    This leads down the Farey tree, to minimizing orbits on the curve, and to the circle that breaks
    last.
 
@@ -105,8 +106,8 @@ class TransversalSettings:
     period_factor : float
         Longest period of the minimax orbits by which pieces are bent, divided by √n_max.
     short_lifetime : float
-        If the longest lifetime, in kicks, is at most this, the transversals of all sites are
-        compared to find the one on which it is shortest.
+        If the longest lifetime, in kicks, does not exceed this value, the transversals of all sites
+        are compared to find the one whose longest lifetime is shortest.
     typical_excess : float
         Typical C in s/s_c - 1 ≈ C/T; used only to choose the next scale.
     bracket_width : float
@@ -152,7 +153,7 @@ def longest_lived(
     until: float = math.inf,
     settings: TransversalSettings = DEFAULT_SETTINGS,
 ) -> LongestLived:
-    """Find the longest-lived start on the transversals that the module describes.
+    """Find the longest-lived start on the transversals described in the module docstring.
 
     Parameters
     ----------
@@ -200,7 +201,7 @@ class Transversal:
     site : int
         Index of the kick, from 0.
     kappa : ndarray, shape (P,)
-        The forcing from that site on.
+        The forcing, rotated to begin with the kick of that site.
     orbits : list of (Fraction, ndarray)
         ω of each minimax orbit, and the sites of the orbit from `site` on; in order of ω.
     minimax : callable
@@ -328,8 +329,8 @@ def upper_scale(
     Raises
     ------
     ValueError
-        If profile is zero, tiny or too long, start differs from it in length, or n_max or n_sites
-        is out of range.
+        If profile is zero, tiny or too long, if start and profile differ in length, or if n_max or
+        n_sites is out of range.
 
     Examples
     --------
@@ -375,7 +376,7 @@ def upper_scale(
                 step_ratio = min(1.5 * step_ratio, 0.3)
         if longest is None:  # no trial has lowered `upper`
             longest = longest_at(upper, 16 * n_max)
-        # By the law, the breakup is this far below `upper`.
+        # By the law s/s_c - 1 ≈ C/T, the breakup is about this far below `upper`.
         step_ratio = settings.typical_excess / longest.kicks * profile.size
     return upper, longest
 
@@ -414,7 +415,7 @@ def _longest_lived(kappa, n_steps, sites, until, settings):
 
 
 def _transversals(kappa, sites, min_gap):
-    """Yield the transversal of each site, through its first orbits.
+    """Yield the initial transversal of each site, which passes through the first orbits.
 
     The corners are placed in gaps wider than min_gap times the widest gap.
     """
@@ -476,12 +477,13 @@ def longest_period(n_steps: float, settings: TransversalSettings = DEFAULT_SETTI
 def _first_orbits(kappa, minimax):
     """Return (ω, sites) of the minimax orbits of ω = 0, 1, … and P/2.
 
-    They extend to ω = P if one end is not its own image under (x, y) → (-x, -y).
+    The list extends to ω = P if the orbit at either end is not its own image under
+    (x, y) → (-x, -y).
     """
     period = kappa.size
     omegas = sorted({*map(Fraction, range(period // 2 + 1)), Fraction(period, 2)})
-    # Far beyond the breakup, x_before also replaces orbits that cannot be found: orbits half a turn
-    # away from it would be minimizing, and survive.
+    # Far beyond the breakup, x_before is also used in place of orbits that cannot be found; orbits
+    # half a turn away from x_before would be minimizing, and would survive.
     orbits, x_before = [], 0.5 if kappa[0] > 0 else 0.0
     for omega in omegas:
         orbits.append((omega, minimax(omega, x_before)))
@@ -506,8 +508,8 @@ def _place(omega, sites):
 def _minimax(ordered, period, site, min_gap, omega, target):
     """Return the sites of the minimax orbit of p/q before the kick of `site`.
 
-    They start with the site nearest to x = target, relative to the width of its gap. ordered : a
-    function that returns `ordered_orbits` of ω. min_gap : as for `_transversals`.
+    The first of these sites is the one nearest to x = target, relative to the width of its gap.
+    ordered : a function that returns `ordered_orbits` of ω. min_gap : as for `_transversals`.
     """
     p, q = omega.numerator, omega.denominator
     rotation = np.arange(period * q) * (p / (period * q))
@@ -535,7 +537,7 @@ def elimination(
     """Compute when each start before kick 0 is eliminated, and its slope γ.
 
     When a start is eliminated, the solution V of the linearised chain with V_0 = 1, V_{-1} = 1 - γ
-    has become ≤ 0 in both directions, or does so soon after: the two sums in the docstring of the
+    has become ≤ 0 in both directions, or will soon become so: the two sums in the docstring of the
     module are at least 1 + κ_0 cos 2πx_0 + γ and 1 - γ, or v or u has become negative.
 
     Parameters
@@ -554,7 +556,7 @@ def elimination(
     Returns
     -------
     times : ndarray, shape (n,)
-        Kicks in either direction; inf if more than n_kicks.
+        Number of kicks in either direction that eliminate the start; inf if more than n_kicks.
     slopes : ndarray, shape (n,)
         γ; 0 for survivors.
 
@@ -595,7 +597,7 @@ def _advance(ahead, behind, state):
 
 @njit(nogil=True)
 def _replay(ahead, behind, state, lane, bound):
-    """Return the number of the kick that eliminates the start, from 1 in this block, and γ."""
+    """Return the number of the eliminating kick, counted from 1 in this block, and γ."""
     x, y, v, w, p, q, u, z, total_v, total_u = load_state(state, lane, 10, 1)
     for n in range(ahead.shape[0]):
         v_before, u_before = v, u

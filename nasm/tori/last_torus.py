@@ -94,7 +94,7 @@ def last_critical_scale(
     tol: float = 0.01,
     settings: LastTorusSettings = DEFAULT_SETTINGS,
 ) -> tuple[CriticalScale, float]:
-    """Bracket the breakup of the last torus on (κ̄, Δκ) = s·(mean, amplitude), Ω irrational.
+    """Bracket the breakup of the last torus on (κ̄, Δκ) = s·(mean, amplitude) for irrational Ω.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def upper_scale(
     n_kicks: int = 8_000,
     settings: LastTorusSettings = DEFAULT_SETTINGS,
 ) -> float:
-    """Compute a scale at which no torus that is a graph exists, whatever its ω; Ω is irrational.
+    """Compute a scale at which no torus that is a graph exists for any ω, with Ω irrational.
 
     Parameters are those of `last_critical_scale`.
 

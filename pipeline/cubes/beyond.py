@@ -41,7 +41,7 @@ def escape_times(
     Parameters
     ----------
     scales : mapping of float to float
-        The scale s_c of the breakup on each ray, by its angle in degrees.
+        The scale s_c of the breakup on each ray; the key is the ray's angle in degrees.
     excesses : sequence of float
         Scales relative to s_c, minus 1, in increasing order.
     name, plane, sizes, n_max
@@ -73,7 +73,8 @@ def flux(
     Parameters
     ----------
     circles : mapping of float to str
-        The exact rotation number of the last circle on each ray, by its angle in degrees.
+        The exact rotation number of the last circle on each ray; the key is the ray's angle in
+        degrees.
     q_max : int
         Longest period of the orbits.
     plane, scales, excesses
@@ -149,7 +150,7 @@ def diffusion(
 
 
 def steps_beyond(excess: FloatArray) -> FloatArray:
-    """Estimate the steps until the first of some hundred orbits escapes, by the fit 200/excess³."""
+    """Estimate the steps until one of a few hundred orbits escapes, by the fit 200/excess³."""
     return 200 / excess**3
 
 

@@ -5,8 +5,8 @@ angle), where a row is a circle or a frequency; a cube without rows has the dim 
 in degrees. See arXiv:1606.04824, Sec. VI.
 
 Next to cusps, and for rotation numbers with large quotients, continuation runs out of modes before
-it reaches the tolerance. There, residues of long orbits reach the tolerance; the variable `method`
-names the method that gave the answer.
+it reaches the tolerance. In these cases, residues of long orbits reach the tolerance. The variable
+`method` names the method that gave the answer.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -84,7 +84,7 @@ def continued_or_by_residue(
 
 
 _CONTINUED = f"{continuation.METHOD}, else {periodic.METHOD}"
-# The function of each method, and its cheapest settings.
+# For each method, its function and the settings that take the least time.
 _METHODS: dict[str, tuple[Callable[..., CriticalScale], Settings]] = {
     _CONTINUED: (continued_or_by_residue, {"tol": 0.1, "q_max": 10}),
     periodic.METHOD: (periodic.critical_scale, {"q_max": 10}),
@@ -127,7 +127,7 @@ def by_continuation(
 
 
 def _predict_continuation(seconds: float, coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds from the tail of ω and the mean per ray of the paper's six circles.
+    """Predict CPU seconds from the tail of ω and the mean time per ray of the paper's circles.
 
     Golden circles take two thirds as long as the mean. Circles with a tail of fours, whose breakup
     is resolved only with more modes, take 2.6 times as long as golden ones.
@@ -158,7 +158,7 @@ def by_residue(
 
 
 def by_escape(plane: Plane, angles: Sequence[float], n_max: int, n_orbits: int) -> Job:
-    """Return the Job of the cube `transport`: onset of transport, by iterating n_max steps.
+    """Return the Job of the cube `transport`: the onset of transport within n_max steps.
 
     Examples
     --------

@@ -4,7 +4,7 @@ A cube consists of a lazy xarray template (variables, dims, coordinates, units),
 tile along each tiled dimension, and the settings that determine its values. Two cubes with the same
 `config_hash` contain the same numbers, no matter who computes them, or in what order; see
 `nasm.arithmetic.reproducible`. Only bounds that are proved within a time limit depend on the
-machine. A cube without tiles, see `untiled`, is identified by its settings alone, which are known
+machine. A cube without tiles (see `untiled`) is identified by its settings alone, which are known
 before it is computed.
 """
 
@@ -35,7 +35,7 @@ _COMMON_ATTRIBUTES = {
     "map": "y' = y + κ_n/(2π) sin 2πx, x' = x + y' mod 1; κ_n has the period of the forcing",
 }
 _ANCILLARY = "error", "digits", "lower", "upper", "period", "level", "status", "method"
-"""Names of variables that describe the main variable, the first one that is not listed here."""
+"""Names of variables that describe the main variable, i.e. the first variable not listed here."""
 
 Coords: TypeAlias = dict[str, np.ndarray]
 """The values of each coordinate in one tile: numbers or strings."""
@@ -63,7 +63,7 @@ class Cube:
     tile : dict of str to int
         Number of cells of a tile along each tiled dim. A tile is the unit of work and of storage.
     settings : dict
-        All that determines the values besides the coordinates; it must be JSON-serializable.
+        Everything besides the coordinates that determines the values; must be JSON-serializable.
 
     Examples
     --------
@@ -266,7 +266,7 @@ def blank(
 
 
 NOT_COMPUTED = -128
-"""Code of a value that is not computed, and of lost or missing chunks: the smallest int8."""
+"""Code of values that are not computed or whose chunks are lost or missing: the smallest int8."""
 
 NO_MEAN = "not a quantity: do not interpolate or average it"
 _STATUSES = list(Status)

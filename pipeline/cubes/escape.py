@@ -2,8 +2,8 @@
 
 The forcings fill a plane, which is computed in full or by levels of refinement; for rays, see
 `pipeline.cubes.beyond`.
-{n* ≤ N} is the region of global transport within N steps, for every N ≤ n_max.
-arXiv:1606.04824, Eq. (4), Proposition 1 and Sec. V.B.
+{n* ≤ N} is the region of global transport within N steps, for every N ≤ n_max;
+see arXiv:1606.04824, Eq. (4), Proposition 1 and Sec. V.B.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Sweeps of a user's own function of a forcing over a plane of forcings."""
+"""Sweeps that evaluate a user's own function over a plane of forcings."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -36,7 +36,7 @@ def over_plane(
     plane : Plane
         The plane of forcings.
     coords : dict of str to xr.Variable
-        Coordinates along the plane's axes, see `escape.axes_of_plane`.
+        Coordinates along the plane's axes; see `escape.axes_of_plane`.
     tile : int
         Cells along each side of a tile.
     seconds : float

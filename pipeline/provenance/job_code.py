@@ -27,7 +27,7 @@ class Code:
 
     @property
     def computed_by(self) -> str:
-        """The code in one line: digests of this process's files, and versions of its libraries."""
+        """The code as one line: digests of this process's files, and versions of the libraries."""
         own = [f"own code {self.own}"] if self.own else []
         return ", ".join([f"mathematics {digest(self.modules)}", *own, VERSIONS])
 
@@ -70,7 +70,7 @@ def code_of(function: Callable[..., Any]) -> Code:
 
 
 def _functions(function: Any) -> list[Any]:
-    """Return the function without its wrapper, or all functions in a partial of these packages."""
+    """Return the unwrapped function, or all functions in a partial that is not the user's own."""
     if isinstance(function, partial) and not is_own(module_of(function)):
         parts = [function.func, *function.args, *function.keywords.values()]
         return [each for part in parts if callable(part) for each in _functions(part)]

@@ -20,7 +20,7 @@ _LIBRARIES = "llvmlite", "numba", "numpy", "rocket-fft", "scipy", "xarray", "zar
 
 
 def _read(suffix: str) -> dict[str, bytes]:
-    """Return the contents of files with a suffix, by module; an __init__ counts as its package."""
+    """Return the contents of files with a suffix, by module; an __init__ represents its package."""
     paths = [*_ROOT.glob(f"nasm/**/*{suffix}"), *_ROOT.glob(f"pipeline/cubes/**/*{suffix}")]
     files = {}
     for path in sorted(paths):
@@ -29,11 +29,11 @@ def _read(suffix: str) -> dict[str, bytes]:
     return files
 
 
-# The files are read at import: a process that runs while they are edited uses the old ones.
+# The files are read at import: a process that is running while they are edited uses the old text.
 _SOURCES, _STUBS = _read(".py"), _read(".pyi")
 
 PROGRAM = f"{DISTRIBUTION} {__version__}"
-"""This program and its version: the attribute `source` of cubes."""
+"""Name and version of this program, stored as the attribute `source` of cubes."""
 
 VERSIONS = ", ".join(f"{library} {version(library)}" for library in _LIBRARIES)
 """Versions of the libraries that affect the numbers, in one line."""
@@ -69,7 +69,7 @@ def digest(modules: tuple[str, ...]) -> str:
 
 @cache
 def closure(modules: tuple[str, ...]) -> tuple[str, ...]:
-    """List the given modules, all that they import, even indirectly, and their packages.
+    """List the given modules, all modules that they import, even indirectly, and their packages.
 
     Examples
     --------
@@ -168,7 +168,7 @@ def home(name: str) -> set[str]:
 
 @cache
 def _exports(package: str) -> dict[str, str]:
-    """Return the full names of what a package exports, according to its stub."""
+    """Return the full name of each name that a package exports, according to its stub."""
     return {
         alias.asname or alias.name: f"{package}.{node.module}.{alias.name}"
         for node in ast.parse(_STUBS.get(package, b"")).body

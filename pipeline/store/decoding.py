@@ -38,7 +38,7 @@ MAX_TEXT = 2**17
 
 _MAX_ARRAYS = 1000
 _MAX_FILL = 100  # characters of a fill value
-_CODECS = {  # in the order in which they encode values
+_CODECS = {  # each sequence in order of encoding
     (values, *packed, *checked)
     for values in ("bytes", "vlen-utf8")
     for packed in ([], ["zstd"])

@@ -1,9 +1,9 @@
 """The state of the cubes in a store: progress of sweeps (`status`), damaged tiles (`verify`).
 
 A tile is done if its commit record and all its data exist. If only the record exists, the data of
-the tile are lost. A tile without a record failed at its last attempt if the store holds a reason;
-otherwise it has not been tried yet, or is not wanted. A tile is damaged if it has a record, but a
-chunk is lost, or does not match its own checksum or the checksum in the record.
+the tile are lost. A tile without a record failed at its last attempt if the store contains a reason
+for the failure; otherwise it has not been tried yet, or is not wanted. A tile is damaged if it has
+a record, but a chunk is lost, or does not match its own checksum or the checksum in the record.
 """
 
 from collections.abc import Iterator, Sequence
@@ -82,7 +82,7 @@ def _state(place: Place, name: str) -> State:
     has_record = np.isfinite(committed)
     failed: list[tuple[int, ...]] = []
     for file in place.files(f"{name}.zarr/.failed"):
-        with suppress(ValueError, IndexError):  # the file is foreign
+        with suppress(ValueError, IndexError):  # the file belongs to no tile
             index = tuple(map(int, file["path"].rpartition("/")[2].split(".")))
             failed += [] if has_record[index] else [index]
     files = {i: place.read(tiles.failure_key(name, i)) for i in sorted(failed)[:_MAX_REASONS]}
@@ -93,7 +93,7 @@ def _state(place: Place, name: str) -> State:
     rate = float((recent.size - 1) / span) if span > 0 else nan
     n_done, n_tiles = int(done.sum()), done.size
     with suppress(ValueError):  # if no number is stored, all tiles are wanted
-        # A number below that of the done tiles is outdated, e.g. in a copy of a running sweep.
+        # A number smaller than n_done is outdated, e.g. in a copy of a running sweep.
         if n_done <= (wanted := int(place.read(tiles.wanted_key(name)))) <= n_tiles:
             n_tiles = wanted
     return State(name, n_tiles, n_done, int(has_record.sum()) - n_done, len(failed), reasons, rate)
@@ -102,13 +102,13 @@ def _state(place: Place, name: str) -> State:
 def verify(place: Place, name: str, repair: bool = False) -> Iterator[tuple[tuple[int, ...], str]]:
     """Yield (index, fault) for each damaged tile of the cube, in tile order.
 
-    The index () stands for metadata, coordinates, and a cube without tiles. The next run of the
+    The index () denotes the metadata, the coordinates, or a cube without tiles. The next run of the
     cube's command rewrites these; until then its tiles are not verified.
 
     Parameters
     ----------
     place : Place
-        Where the cube is kept.
+        Where the cube is stored.
     name : str
         Name of the cube.
     repair : bool

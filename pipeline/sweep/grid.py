@@ -2,7 +2,8 @@
 
 A tile is the unit of work and of storage: one task, one file for each variable, and one for its
 commit record. An axis LO:HI:N consists of N cells of equal width, each represented by its
-centre. Halving the cells of an axis preserves their edges, so that levels of refinement nest.
+centre. Cutting each cell of an axis in half preserves the edges, so that levels of
+refinement nest.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 MAX_CELLS = 2**20
 """Maximum number of cells of an axis."""
 
-_MIN_TILES = 4096  # with fewer tiles, a thousand workers would not finish almost together
+_MIN_TILES = 4096  # with fewer tiles, many of a thousand workers would be idle at the end
 _MAX_TILE_SECONDS = 3  # maximum predicted CPU time of a tile made of smaller ones
 _N_SAMPLED = 32  # number of tiles whose costs are predicted
 
@@ -148,7 +149,7 @@ def tile_coords(cube: "Cube", indices: IntArray) -> Iterator[tuple[tuple[int, ..
 
 
 def join_tiles(job: "Job") -> "Job":
-    """Double the tiles of a job along all dims, repeatedly, as long as at least 4096 tiles remain.
+    """Repeatedly double the size of a job's tiles along all dims while at least 4096 tiles remain.
 
     Doubling ends before any tile of a sample would take more than 3 s of predicted CPU time. The
     result depends on the job alone, so that the command that began a cube can resume it.

@@ -67,7 +67,7 @@ class Progress(AbstractContextManager):
         self.begun = 0.0  # predicted CPU seconds of all tiles of the sweeps that have begun
         self.done = 0.0  # predicted CPU seconds of the completed tiles
         self.n_batches = 0  # completed batches of tiles
-        self.used = self.wall = 0.0  # CPU seconds and seconds that these batches took
+        self.used = self.wall = 0.0  # CPU and elapsed seconds of these batches
         self.working = 0.0  # seconds in which workers had work
         self.warming: float | None = None  # when workers began to load the kernels of a sweep
         self.start = self.latest = clock()

@@ -103,7 +103,7 @@ def boundary_cells(answers: BoolArray) -> BoolArray:
     Parameters
     ----------
     answers : ndarray of bool, shape (questions, rows, columns)
-        The answers of each cell.
+        The answer to each question in each cell.
     """
     size = (1, 3, 3)
     highest = maximum_filter(answers, size=size, mode="nearest")

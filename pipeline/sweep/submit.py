@@ -45,7 +45,7 @@ def as_completed(
     each, most : int
         Maximum number of calls in flight, for each worker and in total.
     look : float
-        Seconds to wait for the end of a call.
+        Seconds to wait for a call to end before None is yielded.
     priority : int
         Priority of the calls; higher ones run first.
 

@@ -9,8 +9,8 @@
 4. Tiles whose worker died are suspects: they are rerun alone at the end. A tile whose worker dies
    again, or that raises an error, has failed: it stays missing, the store keeps the reason, and
    the sweep continues with the others.
-5. At the end, list the missing tiles once more, to find tiles that were lost, e.g. with a file
-   system that was unmounted.
+5. At the end, list the missing tiles once more, to find tiles that were lost, e.g. because a file
+   system was unmounted.
 6. On Ctrl-C, submit no more batches, wait for the tiles in flight, and report what remains. If the
    store fails, stop at once: on a full disk all tiles would fail in turn.
 
@@ -50,14 +50,14 @@ COMMIT_SECONDS = 0.003
 
 _MIN_BATCH_SECONDS = 0.5  # predicted CPU time of a batch: long compared with 2 ms of scheduling
 _BATCH_SECONDS_PER_WORKER = 0.005  # so that the driver spends less than half its time scheduling
-_MAX_PREDICTED = 10_000  # tiles; a prediction takes a millisecond, while workers wait
+_MAX_PREDICTED = 10_000  # tiles; each prediction takes a millisecond, during which workers wait
 _SIGHT = 2  # seconds that a file system shared by several machines may take to show a file
 _ATTEMPTS_ALONE = 2  # worker deaths after which a tile has failed; the first may have another cause
 
 
 @dataclass(frozen=True)
 class _Report:
-    """What a worker did with a batch."""
+    """The outcome of a batch on a worker."""
 
     failed: dict[tuple[int, ...], str]  # {tile index: reason}
     used: float  # CPU seconds
@@ -66,7 +66,7 @@ class _Report:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a sweep did.
+    """The outcome of a sweep.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ def sweep(
     ClusterError
         If no worker is fit to compute.
     ConnectionError
-        If the scheduler or all workers are lost. Whatever is raised, committed tiles are kept.
+        If the scheduler or all workers are lost. Committed tiles are kept in all these cases.
     """
     name = job.cube.name
     store.create(place, job.cube, job.code.computed_by, call)
@@ -271,7 +271,7 @@ def _compute_batch(
                 store.commit(place, name, index, arrays, time.thread_time() - start)
         except (store.StoreFailed, store.Refused, KeyboardInterrupt, SystemExit):
             raise  # it is not the tile's fault
-        except BaseException as exception:  # dask would hang on one that is not an Exception
+        except BaseException as exception:  # dask would hang if it were not an Exception
             reason = "".join(format_exception_only(exception))
             errors[index] = store.record_failure(place, name, index, reason)
     return _Report(errors, time.thread_time() - used, time.monotonic() - began)
@@ -279,14 +279,15 @@ def _compute_batch(
 
 @cache
 def _call_once(warm_up: bytes) -> None:
-    """Compile kernels, once in each process, so that the time does not count towards a tile."""
+    """Compile kernels once in each process, so that compilation does not count towards a tile."""
     pickle.loads(warm_up)()
 
 
 def _complaint(place: Place, name: str, config_hash: str, code: Code, computed_by: str) -> str:
     """Return why this worker must not compute the cube; "" if it may.
 
-    computed_by : the value on the driver, whose files and libraries may differ from the worker's.
+    computed_by : `code.computed_by` on the driver, whose files and libraries may differ from the
+    worker's.
     """
     ours, theirs = code.computed_by.split(", "), computed_by.split(", ")
     if ours != theirs:

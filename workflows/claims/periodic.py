@@ -24,7 +24,7 @@ def periodic_claims():
     # The boundary between complex and real eigenvalues has measure zero: no sample is on it.
     stable = np.abs(np.linalg.eigvals(tangents).imag).min(axis=-1) > 0
     wrong = int((stable != ((printed > 0) & (printed < 2))).sum())
-    # P3 takes points I, II, III, IV to II, I, IV, III; P4 to III, IV, I, II.
+    # P3 maps points I, II, III, IV to II, I, IV, III; P4 maps them to III, IV, I, II.
     permutations = ((-1, -1), [1, 0, 3, 2]), ((1, -1), [2, 3, 0, 1])
     asymmetry = max(
         np.abs(fixed_points.primary_residue(*(kappas.T * signs).T) - residue[order]).max()
@@ -58,7 +58,7 @@ def _carried_orbits():
 
 
 def _period(kappa, x, y, p, q):
-    """Return how closely an orbit closes after q steps with p turns, and its residue."""
+    """Return by how much an orbit fails to close after q steps and p turns, and its residue."""
     period = np.tile(kappa, q)
     end_x, end_y = step(period, x, y)
     return max(abs(end_x - p - x), abs(end_y - y)), fixed_points.residue(period, x, y)
@@ -103,7 +103,7 @@ def _secondary_orbits():
 
 
 def cubic_estimates(epsilon):
-    """Return z² by (38b), and its printed and corrected estimates, at κ1 = κ2 = 4 + epsilon."""
+    """Return z² by Eq. (38b) and its printed and corrected estimates, at κ1 = κ2 = 4 + epsilon."""
     kappa = 4 + epsilon
     exact = float(fixed_points.secondary(kappa, kappa)[0][0]) ** 2
     denominator = kappa - kappa**2 / 2 + kappa * (1 - kappa / 2) ** 3

@@ -55,7 +55,7 @@ def result_claims(circles, barrier, tori, three):
 
 
 def _known_limits():
-    """Compare breakups by continuation with those that follow from reductions of the map."""
+    """Compare breakups computed by continuation with those derived from reductions of the map."""
     half, full = KAPPA_G[0] / 2, KAPPA_G[0] * np.sqrt(2)
     cases = [(0, name, half) for name in NAMES[:2]] + [(90, name, half) for name in NAMES[:2]]
     cases += [(45, "2gamma", full), (135, "2gamma+1", full)]

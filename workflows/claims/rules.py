@@ -32,7 +32,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Erratum:
-    """An equation as printed and as it should read; place and command as in a Claim."""
+    """An equation as printed and as it should read; `place` and `command` are as in a Claim."""
 
     place: str
     printed: str

@@ -57,7 +57,7 @@ def examine(cubes, rays, n_max, n_orbits):
     barrier = unfolded(cubes["barrier"], rays)
     tori, angles = cubes["tori"], cubes["tori"].angle.values
     three = by_phase({phase: unfolded(cubes[phase], angles) for phase in _THREE})
-    # With κ1, κ2 = κ̄ ± Δκ a ray at ψ in (κ̄, Δκ) becomes one at 45° - ψ, √2 times as long.
+    # With κ1, κ2 = κ̄ ± Δκ a ray at ψ in (κ̄, Δκ) becomes a ray at 45° - ψ, √2 times as long.
     two = unfolded(cubes["barrier"], 45 - angles)
     scale, upper = two.critical_scale.values / np.sqrt(2), two.upper.values / np.sqrt(2)
     tori, three = (with_ratio(cube, scale, "that of two kicks") for cube in (tori, three))
@@ -75,7 +75,7 @@ def examine(cubes, rays, n_max, n_orbits):
 
 
 def recorded(claims, errata):
-    """Return claims, in the form of `as_texts`, and all errata as a Dataset for `judgement`."""
+    """Return a Dataset of claims (as returned by `as_texts`) and all errata, for `judgement`."""
     values, verdicts = zip(*claims.values(), strict=True)
     off = {name: [getattr(one, name) for one in errata] for name in _OFF}
     return dataset(

@@ -24,9 +24,9 @@ def breakups(plane, angles):
 
 
 def on_the_diagonal(bias, critical):
-    """Fit η to κ_N - κ_c on the diagonal (Fig. 7), for the lower and for the upper half of N.
+    """Fit η to κ_N - κ_c on the diagonal (Fig. 7), for small and for large N separately.
 
-    bias : from `direct_bias`, including the angle 45. critical : scale of the breakup at 45°.
+    bias : result of `direct_bias`, including the angle 45°. critical : scale of the breakup at 45°.
     """
     kappa_c = critical * np.sqrt(0.5)
     distance = kappa_c * bias.sel(angle=45.0).isel(ensemble=-1).transpose("n").values

@@ -2,9 +2,9 @@
 
 A view is computed in blocks that are 27, 9, 3 and finally 1 pixel wide. Whether orbits escape in a
 block is partly a matter of chance. Far outside the boundary they escape quickly; a block without an
-escape costs all N steps. So such a block is not subdivided if its neighbours have no escape either.
-Single pixels are computed along the boundary; elsewhere only those with the earliest escapes, up to
-a cost of 0.3 s.
+escape costs all N steps, so it is not subdivided if its neighbours have no escape either. Single
+pixels are computed along the boundary; elsewhere, only the pixels with the earliest escapes are
+computed, up to a cost of 0.3 s.
 """
 
 from collections import deque
@@ -21,10 +21,10 @@ from workflows.explore.work import spread
 BLOCKS = (27, 9, 3, 1)  # pixels along each side
 _CUT = 3  # number of parts into which each side of a block is divided
 ORBITS = 64
-_FIRST_STEPS = 1000  # of the first pass, if N is larger
+_FIRST_STEPS = 1000  # steps of the first pass, if N is larger
 _MIN_BATCH, _MAX_BATCH = 0.02, 0.1  # CPU seconds of a task
 _SPARE = 0.3  # CPU seconds for single pixels that are not at the boundary
-_ROUNDING = 1e-9  # relative to a block
+_ROUNDING = 1e-9  # rounding error allowed for, relative to the size of a block
 _FIRST_PAUSE, _MAX_PAUSE = 0.3, 2.0  # seconds between pictures; the pause doubles each time
 
 
@@ -37,7 +37,7 @@ class View:
     shape: tuple[int, int]  # rows, columns: multiples of 27
 
     def centres(self, block=1):
-        """Return the coordinates a and b of the centres of blocks, two vectors."""
+        """Return the coordinates a and b of the centres of blocks, as two vectors."""
         sides = zip((self.a, self.b), self.shape[::-1], strict=True)
         return [lo + (np.arange(n // block) + 0.5) * block * (hi - lo) / n for (lo, hi), n in sides]
 
@@ -56,7 +56,7 @@ class Field:
     steps: int
     cells: int = 1  # cells that share a value, along each side
     stays: float = 1.1  # cells up to this size, in pixels of a view, are not recomputed
-    apart: int = 1  # like `cells`, away from the boundary of {n* ≤ steps}
+    apart: int = 1  # like `cells`, but away from the boundary of {n* ≤ steps}
 
     def on(self, view, steps):
         """Return known times up to `steps` at the pixels of a view, and the cell size in pixels.
@@ -64,11 +64,11 @@ class Field:
         Times are NaN where they are not known.
         """
         column, row = map(_cells, (self.a, self.b), view.centres())
-        part = self.times[: row.max() + 1, : column.max() + 1]  # read from disk here
+        part = self.times[: row.max() + 1, : column.max() + 1]  # this reads from disk
         times = np.pad(part, (0, 1), constant_values=np.nan)[np.ix_(row, column)]
         times[np.isinf(times) & (self.steps < steps)] = np.nan
         cell = max((self.a[1] - self.a[0], self.b[1] - self.b[0]) / view.pixel)
-        # With fewer steps the boundary lies elsewhere, where cells may share a value.
+        # With fewer steps the boundary is elsewhere, possibly where cells share a value.
         return times, cell * max(self.cells, self.apart if steps < self.steps else 1)
 
     def at(self, a, b):
@@ -87,7 +87,8 @@ def computed(client, plane, view, steps, fields):
     """Yield (times, block, progress): pictures of the view, from coarse to fine.
 
     client : function → dask Client. plane, view, steps, fields : as for `Quadtree`; times, block :
-    as `Quadtree.picture`; progress : text. It also yields None, at least ten times a second.
+    as returned by `Quadtree.picture`; progress : text. The generator also yields None, at least ten
+    times a second.
     """
     tree = Quadtree(plane, view, steps, fields)
     if not np.isnan(tree.final).any():
@@ -111,7 +112,7 @@ def computed(client, plane, view, steps, fields):
 
 
 class Quadtree:
-    """The escape times of a view, from blocks to pixels.
+    """The escape times of a view, refined from blocks to single pixels.
 
     A Quadtree determines what is computed next, and returns the picture.
 
@@ -121,7 +122,7 @@ class Quadtree:
     def __init__(self, plane, view, steps, fields):
         self.plane, self.view, self.steps = plane, view, steps
         # `final` contains the known times that are fine enough; `backdrop` also contains coarser
-        # ones, which are shown meanwhile; `_coarse` is the cell size of the latter.
+        # ones, which are shown meanwhile; `_coarse` is the cell size of the best coarser field.
         self.final, self.backdrop = np.full((2, *view.shape), np.nan)
         self._coarse = np.inf
         for field in fields:

@@ -14,8 +14,8 @@ _RAY = "the ray"
 def panel(state, work):
     """Return the controls, with a plot of the residues along the path below them.
 
-    The residues are those of the convergents of the last circle at the point that is selected when
-    playing begins.
+    The residues are those of the convergents of the last circle at the point selected when playing
+    begins.
     """
     options = [_RAY, *symbols(state.plane.axes, plain=True)]
     along = Select(title="Play along", options=options, value=_RAY, width=110)

@@ -64,7 +64,7 @@ _HEADERS = {
 class Shared:
     """The objects that all tabs share.
 
-    plane : the plane of forcings. place : where the cubes to show are stored; only read.
+    plane : the plane of forcings. place : where the cubes to be shown are stored; it is only read.
     rays : Rays, the boundary computed so far.
     fields : {(View, N): Field}, the complete fields, the newest last.
     client : function that waits for the connection and returns the dask Client.
@@ -80,7 +80,7 @@ class Shared:
         self.preparing = "starting the workers"
 
     def client(self):
-        """Return the client, once its workers have the kernels of escape times and portraits."""
+        """Return the client once the kernels of escape times and portraits have been loaded."""
         self.loaded["portrait"].wait()
         return self._connected()
 
@@ -216,7 +216,7 @@ def server_of(shared, sockets, port):
 
 
 class _Ours(HostMatches):
-    """Matches requests to these hosts, made by a page of the same host or by following a link.
+    """A rule for requests to these hosts from a page of the same host or by following a link.
 
     Browsers state in the headers where a request comes from and what it is for.
     """
@@ -231,7 +231,7 @@ class _Ours(HostMatches):
 
 
 class _Guarded(OutputTransform):
-    """Adds the security headers of the page to every response."""
+    """A transform that adds the security headers of the page to every response."""
 
     def transform_first_chunk(self, status_code, headers, chunk, finishing):
         headers.update(_HEADERS)
@@ -239,7 +239,7 @@ class _Guarded(OutputTransform):
 
 
 class _Refusal(RequestHandler):
-    """Refuses a request, and explains how to reach the page."""
+    """A handler that refuses a request and explains how to reach the page."""
 
     def initialize(self, port):
         self.port = port

@@ -1,4 +1,4 @@
-"""The state of one tab, a point in a plane of forcings, N and two views; and the tab's address.
+"""The state of one tab (a point in a plane of forcings, N, and two views) and the tab's address.
 
 The address contains the point, and each part of the state that differs from its initial value:
 `k1=0.3&k2=0.2&a=0.1:0.3&b=0:0.2&omega=gamma&orbits=0.5,0.3;0.5,0.4&show=boundary,cycles`.
@@ -30,7 +30,7 @@ class State:
     """The state of one tab.
 
     plane : nasm.planes.Plane. point : (a, b), its coordinates. steps : int, N of {n* ≤ N}.
-    a, b : (low, high), the ranges shown of the plane. x, y : those shown of phase space.
+    a, b : (low, high), the displayed ranges of the plane. x, y : the same for phase space.
     omega : text of the ω whose circle is followed, or "". orbits : added starts ((x, y), …).
     fraction : text of the p/q whose periodic orbits are shown, or "".
     show : frozenset of the names in LINES and ORBITS that are shown.
@@ -65,7 +65,7 @@ class State:
             callback()
 
     def move(self, a, b):
-        """Go to another point; raise ValueError if its strengths are not finite or too large."""
+        """Go to another point; raise ValueError if its strengths are too large or not finite."""
         point = float(a), float(b)
         forcing(point)  # check the coordinates before the plane multiplies them
         forcing(self.plane.forcing(*point))
@@ -93,7 +93,7 @@ class State:
     def boundary(self):
         """The point at which the last circle breaks on the ray through the chosen point.
 
-        None if the verdict contains no breakup, or if rays of the plane do not begin at κ = 0.
+        It is None if the verdict contains no breakup or if rays of the plane do not begin at κ = 0.
         """
         scale = self.verdict.boundary.value if self.verdict else np.nan
         if any(self.plane.origin) or not np.isfinite(scale):

@@ -63,7 +63,7 @@ def describe_circles(circles):
 def draw_tips(residues, circles, barrier):
     """Draw the cusps at 45° and 135° (Fig. 9): residues as lines, continuation as points.
 
-    Rays without an answer are marked by ×.
+    A × marks each ray on which a method has no answer for some circle.
     """
     figure, tips = style.panels(1, 2, 11, 6.2)
     silent = circles.critical_scale.isnull() | residues.critical_scale.isnull()
@@ -107,7 +107,7 @@ def tips_caption(residues, circles):
 
 
 def draw_circles(axes, breakdown, **more):
-    """Draw the curve of each ω around the plane, where it is known to 2%."""
+    """Draw CB_ω of each circle around the plane, where the scale is known to 2%."""
     (x, y), reflection = planes.outline(style.known(breakdown)), planes.whole_of(breakdown)
     circles = breakdown.circle.values
     for i, (text, look) in enumerate(zip(circles, _looks(circles, reflection), strict=True)):

@@ -9,7 +9,7 @@ from workflows.figures import planes, style
 
 
 def draw_last_barrier(barrier):
-    """Draw CB_gt, the last circles by angle, and the cusp for two kicks, otherwise the bracket."""
+    """Draw CB_gt, the last circles by angle, and the cusp (two kicks) or bracket (otherwise)."""
     figure, plane, strip, cusp = _canvas(around=barrier.angle[-1] > 180)
     reflection = planes.whole_of(barrier)
     styles = style.circle_styles(barrier.circle.values, reflection)
@@ -31,7 +31,7 @@ def draw_last_barrier(barrier):
 
 
 def _canvas(around):
-    """Return a figure and its axes; those of the plane are wide, or square if `around`."""
+    """Return a figure and its axes; the axes of the plane are wide, or square if `around`."""
     if style.in_column():
         figure = style.canvas(0, 0, 2.3 if around else 2)
         return figure, *figure.subplots(3, height_ratios=[2 if around else 1.3, 1, 1])

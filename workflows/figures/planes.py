@@ -30,12 +30,12 @@ def of_two_kicks(dataset):
 
 
 def whole_of(dataset):
-    """Return the sum of ω and its image under the plane's symmetries, or 0 without an image."""
+    """Return the sum of ω and its image under the plane's symmetries, or 0 if there is no image."""
     return max(shift for *_, shift in plane_of(dataset.attrs).symmetries)
 
 
 def in_plane(dataset):
-    """Return the two coordinates, or variables, that place a dataset in its plane."""
+    """Return the two coordinates or variables that give the position of a dataset in its plane."""
     return [dataset[name] for name in plane_of(dataset.attrs).axes]
 
 
@@ -50,7 +50,7 @@ def label_plane(axes, dataset):
 def outline(curve, factor=1):
     """Return both coordinates of a curve on rays, times a factor, for all angles of the plane.
 
-    If its rays end at 180°, the other half is (-x, -y), by symmetry.
+    If the rays of the curve end at 180°, the other half is (-x, -y), by symmetry.
     """
     x, y = (factor * part for part in in_plane(curve))
     if curve.angle[-1] > 180:

@@ -58,7 +58,7 @@ def _draw_largest_kick(axes, rows, curve, i, options):
 
 
 def _draw_points(axes, rows, values, lower, upper, i, options):
-    """Draw values with their brackets; if only one end is known, draw this end."""
+    """Draw values with their brackets; if only one end of a bracket is known, draw that end."""
     marker = {"marker": _MARKERS[i % len(_MARKERS)], "ms": 4, "ls": ""}
     axes.plot(rows.frequency, values, **marker, **options)
     ends = lower.values, upper.values

@@ -117,7 +117,10 @@ def where_above(angle, ratio):
 
 
 def _tips(axes, inner):
-    """Return insets that magnify the corners on both axes, from `inner` to 1; () in a column."""
+    """Return insets that magnify the corners on both axes, from `inner` to 1.
+
+    A figure for one journal column has no insets: the result is ().
+    """
     if in_column():
         return ()
     right, top = axes.inset_axes([0.7, 0.7, 0.27, 0.27]), axes.inset_axes([0.06, 0.7, 0.27, 0.27])

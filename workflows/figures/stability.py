@@ -1,4 +1,4 @@
-"""Figures, of up to three panels, that show where each method fails; and their captions."""
+"""Figures of up to three panels that show where each method fails, and their captions."""
 
 import numpy as np
 from matplotlib.ticker import NullFormatter
@@ -57,7 +57,7 @@ def _nearest(study, holds):
 
 
 def _mark_silent(axes, x, colour):
-    """Mark with × on the lower axis where a method has no answer."""
+    """Draw a × on the lower axis at each x where a method has no answer."""
     below = {"transform": axes.get_xaxis_transform(), "clip_on": False, "zorder": 4}
     if len(x):  # an unclipped line without points would appear in the corner of the figure
         axes.plot(x, np.zeros(len(x)), "x", color=colour, ms=5, **below)
@@ -115,7 +115,7 @@ def _past_boundary(study):
 
 
 def _draw_fractions(axes, study):
-    """Draw breakups by continuation and residues, with errors, and the certified circles below."""
+    """Draw breakups by residues and continuation (with errors), and scales of certified circles."""
     for i, quotient in enumerate(study.quotient.values):
         part, colour = study.isel(quotient=i), COLOURS[i]
         place = study.q * 1.08**i

@@ -16,9 +16,9 @@ from nasm.numbers import NAMES, moebius, parse
 from workflows.figures.files import write
 
 # Blue, orange, green, sky, red, violet, indigo: at least 17 apart in CIE Lab, as seen with
-# deuteranopia or protanopia, and as far from black, white and the greys below.
+# deuteranopia or protanopia. Black, white and the greys below are at least as far from each.
 COLOURS = ["#0072B2", "#E69F00", "#358600", "#56B4E9", "#8B0000", "#8A2BE2", "#332288"]
-VERMILION = "#D55E00"  # for what must stand out; never for a circle
+VERMILION = "#D55E00"  # for elements that must stand out, but never for a circle
 
 INSIDE, NO_ESCAPE = "0.84", "0.95"
 """Greys: where a barrier exists, and where there is no barrier but no orbit escapes either."""
@@ -26,8 +26,8 @@ INSIDE, NO_ESCAPE = "0.84", "0.95"
 MARKERS = "o^sDvP*<>X"
 _DASHES = ["-", (0, (5, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (2, 1)), (0, (6, 1, 1, 1, 1, 1))]
 _DASHES += [(0, (9, 2)), (0, (1, 1)), (0, (9, 2, 1, 2)), (0, (4, 1, 4, 3)), (0, (3, 1, 1, 1))]
-# Number of markers and dashes that ω alone determines; the others distinguish circles that would
-# look alike.
+# The first _KINDS markers and dashes are chosen by ω alone; the others distinguish circles that
+# would otherwise look alike.
 _KINDS = 5
 
 
@@ -67,7 +67,7 @@ def _look(colour, kind):
 def circle_styles(circles, whole=0):
     """Return {ω: its style} of all circles of a figure, sorted by ω.
 
-    No two agree in colour and marker, nor in colour and dash.
+    No two circles share both colour and marker, or both colour and dash.
 
     circles : texts of ω, "" if it is not known; a circle and its image are listed as one class.
     Of circles that would look the same, the one with the shortest text has the style of
@@ -122,10 +122,10 @@ def in_column():
 
 
 class _Canvas(FigureCanvasAgg):
-    """A canvas that parses each formula once, which takes 10 ms.
+    """A canvas that parses each formula only once, because parsing takes 10 ms.
 
-    A parser of Matplotlib remembers formulas, but every renderer has its own parser, and while a
-    figure is laid out and saved it gets a dozen renderers.
+    A parser of Matplotlib caches formulas, but every renderer has its own parser, and a dozen
+    renderers are created while a figure is laid out and saved.
     """
 
     _parser = None
@@ -145,7 +145,7 @@ def canvas(width, height, tall):
 
 
 def panels(rows, columns, width, height, stack=True, **settings):
-    """Return a figure of this size and its axes; `stack` allows stacking them in a column."""
+    """Return a figure of this size and its axes; `stack` allows stacking the panels in a column."""
     count, shape = rows * columns, height / rows / (width / columns)
     if in_column() and count > 1 and stack:
         rows, columns, width, height = count, 1, COLUMN, COLUMN * count * min(shape, _TALLEST)
@@ -154,7 +154,7 @@ def panels(rows, columns, width, height, stack=True, **settings):
 
 
 def key(axes, marks, hollow=""):
-    """Add marks to the legend, {format of a line: label}; the markers in `hollow` are hollow."""
+    """Add marks, {format of a line: label}, to the legend; markers in `hollow` are drawn hollow."""
     for mark, words in marks.items():
         face = "none" if mark in hollow else None
         axes.plot([], [], mark, color="0.4", mfc=face, lw=1, label=words)
@@ -168,7 +168,7 @@ def name_circles(axes, styles, **more):
 
 
 def legend_below(axes, columns=2, in_column_columns=1, **style):
-    """Draw the legend of one of several panels below it; set the panel's labels and ticks first."""
+    """Draw the legend of one of several panels below that panel; set its labels and ticks first."""
     figure, columns = axes.figure, in_column_columns if in_column() else columns
     ticks = axes.bbox.y0 - axes.xaxis.get_tightbbox().y0  # height of ticks and label, in pixels
     below = ScaledTranslation(0, -ticks / figure.dpi - 0.05, figure.dpi_scale_trans)
@@ -253,7 +253,7 @@ def finish(figure):
 
 
 def _show_whole_markers(figure):
-    """Leave markers at the edge of the axes unclipped, after dropping the points outside."""
+    """Drop points outside the axes, and do not clip markers at the edge of the axes."""
     for axes in figure.axes:
         for line in axes.lines:
             if line.get_transform() != axes.transData:
@@ -267,7 +267,7 @@ def _show_whole_markers(figure):
 
 
 def _close_up(figure):
-    """Move outer legends next to the axes: axes with equal scales leave gaps there."""
+    """Move outer legends next to the axes, to close the gaps that axes with equal scales leave."""
     boxes = [axes.get_tightbbox() for axes in figure.axes]
     for legend in figure.legends:
         box, gap = legend.get_window_extent(), figure.dpi / 20
@@ -284,7 +284,7 @@ def _close_up(figure):
 def frame(figure):
     """Return the part of a laid-out figure to be saved, in inches: all except blank margins.
 
-    Axes of equal scales may leave such margins. A figure for a column keeps its width.
+    Axes with equal scales may leave such margins. A figure for a column keeps its width.
     """
     box = figure.get_tightbbox().padded(_MARGIN)
     return Bbox.from_extents(0, box.y0, COLUMN, box.y1) if in_column() else box
@@ -353,7 +353,7 @@ def arcs(angle, names):
 
 
 def draw_points(axes, x, y, classes, styles, size=3, **more):
-    """Draw points (x, y), each in the style of the class of its circle, see `circle_styles`."""
+    """Draw points (x, y), each in the style of the class of its circle (see `circle_styles`)."""
     for text, style in styles.items():
         selected = np.equal(classes, text)
         dots = style | {"ls": "", "mew": 0.5, "ms": size / 2 if in_column() else size, **more}
@@ -369,14 +369,14 @@ def draw_brackets(axes, x, lower, upper, colour):
 
 
 def mark_gaps(axes, x, silent, label="no answer"):
-    """Mark by × at the bottom where a method has no answer, and explain × in the legend."""
+    """Draw × at the bottom wherever a method has no answer, and explain × in the legend."""
     if np.any(silent):
         where = {"transform": axes.get_xaxis_transform(), "ls": "", "marker": "x", "ms": 5}
         axes.plot(x[silent], np.full(np.sum(silent), 0.03), color="0.3", label=label, **where)
 
 
 def power(n):
-    """Return n in TeX as 10^5, 5·10^5, …; small numbers and those with more digits unchanged."""
+    """Return n in TeX as 10^5, 5·10^5, …; return n unchanged if it is small or has more digits."""
     if n < 1000 or n % 10 ** (len(str(n)) - 2):
         return str(n)
     exponent = len(str(n)) - 1

@@ -53,8 +53,8 @@ def symmetric_dataset(n_orbits, n_max):
     """Iterate T under four forcings related by symmetry.
 
     The Dataset contains x, y with dims (forcing, step, orbit); marked_x, marked_y (forcing, step,
-    marked); and `difference`, the largest distance of marked orbits from the images of the first
-    forcing's orbits.
+    marked); and `difference`, the largest distance of the marked orbits from the images of those of
+    the first forcing.
     """
 
     def iterated(x, y):

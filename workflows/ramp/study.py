@@ -1,4 +1,4 @@
-"""Lifetimes of invariant graphs, and escapes, in ramps and as a function of smoothness."""
+"""Lifetimes of invariant graphs and escape times, in ramps and as a function of smoothness."""
 
 import numpy as np
 
@@ -78,7 +78,7 @@ def irregular(ripples, kicks):
 
 
 def _shapes(n):
-    """Return {kind: f_n}, where f_n is from -1 to 1."""
+    """Return {kind: f_n}, where -1 ≤ f_n ≤ 1."""
     phase, odd = n * _GOLDEN % 1, range(1, 60, 2)
     shapes = {"period two": 1 - 2 * (n % 2), "cosine": np.cos(2 * np.pi * phase)}
 

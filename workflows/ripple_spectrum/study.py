@@ -15,7 +15,7 @@ _N_MODES = 8  # number of modes whose resonances are marked
 
 
 def with_loss(cube, golden):
-    """Add the losses of the scale, and of its bounds, relative to κ_G."""
+    """Add the losses 1 - κ_c/κ_G of the critical scale and of its bounds."""
     labels = {
         "loss": ("critical_scale", "loss of the threshold, 1 - κ_c/κ_G"),
         "least_loss": ("upper", "loss at the upper bound"),
@@ -43,9 +43,10 @@ def adiabatic_bound(frequency, depth):
 
 
 def prediction(fractions, depths, n):
-    """Predict κ_c by small divisors, and its bound for slow ripples, at the given Ω and in between.
+    """Predict κ_c by small divisors, and bound it for slow ripples, at the given Ω and in between.
 
-    The attribute `golden` is κ_G, at which the golden circle of constant kicks breaks, by residues.
+    The attribute `golden` is κ_G, at which the golden circle of constant kicks breaks; it is
+    computed by residues.
     n : number of additional Ω that are evenly spaced; n more form a geometric series.
     """
     given, least = np.array(fractions, float), float(min(fractions))
@@ -93,8 +94,8 @@ def findings(cube, theory):
 def steps(table):
     """Return whether the loss rises (1) or falls (-1) between neighbours in Ω, and the prediction.
 
-    The first result is 0 where the brackets of neighbours overlap, or one is missing: such pairs
-    decide nothing.
+    The first result is 0 where the brackets of neighbours overlap or where a bracket is missing;
+    such pairs are not counted.
     """
     least, most = table.least_loss.values, table.most_loss.values
     found = (least[1:] > most[:-1]).astype(int) - (most[1:] < least[:-1])

@@ -1,6 +1,6 @@
 """The command line that all commands share: options, and the decorator that makes a command.
 
-Heavy imports wait until the options are parsed, so that --help is fast.
+Heavy imports are delayed until the options are parsed, so that --help is fast.
 """
 
 import functools
@@ -192,7 +192,7 @@ def main_of(name: str) -> click.Command:
 
 
 def together(*options: Decorator) -> Decorator:
-    """Combine several options in one decorator; --help shows them in this order."""
+    """Combine several options in one decorator; --help shows them in the given order."""
 
     def decorate(function: Any) -> Any:
         for option in reversed(options):

@@ -17,7 +17,7 @@ from pipeline.sweep.progress import plural
 from workflows.shared.phase_space import in_box
 
 MANIFOLDS = {"unstable": manifolds.unstable, "stable": manifolds.stable}
-_TOTAL_LENGTH = 8.0  # length of all branches of one kind together, in turns
+_TOTAL_LENGTH = 8.0  # total length of all branches of one kind, in turns
 _SIDE_STARTS, _DOUBLINGS = 48, 13  # starts along a side; doublings of the number of periods
 _FRAME_SECONDS = 0.15  # pause between frames, so that the spreading is visible
 _MAX_Q = 60  # largest q of the convergents whose residues are computed
@@ -41,7 +41,7 @@ def spreading(
     points : dict
         Columns "x" and "y", on the lift.
     variances : dict
-        Columns "n" and "variance" so far.
+        Columns "n" and "variance", for each n so far.
     text : str
         The diffusion coefficient D, in a sentence.
     """

@@ -9,11 +9,11 @@ from nasm import fixed_points, orbits
 
 _STEPS = 10_000  # number of steps over which an orbit is averaged
 _MAX_Q = 100  # islands of orbits with ω = p/q are recognized up to this q
-_CLOSURE = 1e-9  # turns by which a periodic orbit may miss its start
+_CLOSURE = 1e-9  # maximum distance from the end of a periodic orbit to its start, in turns
 
 
 def describe_orbit(kappa: ArrayLike, x: float, y: float) -> str:
-    """Classify the orbit of (x, y) as chaotic, on a circle or on islands, in words.
+    """Describe in words whether the orbit of (x, y) is chaotic, on a circle or on islands.
 
     The classification uses weighted Birkhoff averages. For a periodic orbit the text also gives
     the residue.

@@ -20,7 +20,7 @@ _PLACES = np.array([0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.3])
 """Positions of the lines, in units of r^-0.497 kicks."""
 
 Lifetime = Callable[[FloatArray, int], float]
-"""Maps (kappa, site) to the kicks that eliminate all starts on the line before kick `site`."""
+"""Maps (kappa, site) to the number of kicks that eliminate all starts on the line before `site`."""
 
 
 def lines(rate: float) -> list[int]:

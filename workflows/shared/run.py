@@ -59,8 +59,8 @@ def place_of(out: str | Path, url: str | None = None) -> store.Place:
 def runs_of(out: str, url: str | None) -> Iterator[dict[str, store.Place]]:
     """Yield the Places that hold cubes, in all folders of `out` or at the URL.
 
-    The result is a dict {path below `out`, with a / at its end: Place}; the path of `out` itself is
-    "". If there are no cubes, the program ends with a usage error.
+    The yielded value is a dict {path below `out`, ending with a /: Place}; the path of `out` itself
+    is "". If there are no cubes, the program ends with a usage error.
     """
     with usage_errors(place := place_of(out, url)):
         places = {"": place}
@@ -99,8 +99,8 @@ class Run:
     quiet : bool
         Print no progress.
     shorter : str, optional
-        Advice on how to shorten the run. With it a run that is predicted to take longer than
-        LONGEST is refused; without it any run is allowed.
+        Advice on how to shorten the run. If it is given, a run that is predicted to take longer
+        than LONGEST is refused; otherwise any run is allowed.
     """
 
     line: Progress
@@ -166,7 +166,7 @@ class Run:
         studies: Iterable[tuple[Cube, float]] = (),
         drawing: float = _DRAWING_SECONDS,
     ) -> Iterator["Run"]:
-        """Do as `driving` does, with workers for sweeps; first refuse cubes with other settings.
+        """Do what `driving` does and connect to workers; first refuse cubes with other settings.
 
         Parameters
         ----------
@@ -191,7 +191,7 @@ class Run:
     def _announce(self, serial: float) -> None:
         """Print the predicted time; end the program after a dry run, or if the run is too long.
 
-        serial : CPU seconds of what one process computes, without sweeps.
+        serial : CPU seconds of the computations outside the sweeps, which one process performs.
         """
         total = np.sum([(0, 0, 0, serial), *self.plan.values()], axis=0)
         if self.dry:
@@ -273,7 +273,7 @@ class Run:
         cube : Cube
             As for `kept`.
         parts : str
-            Names of the sweeps from which the cube was made; no tile of these may be missing.
+            Names of the sweeps from which the cube was made; none of their tiles may be missing.
         """
         attributes = self.check(cube)
         if any(attributes.get(name) != by for name, by in _CODE.items()):
@@ -342,7 +342,7 @@ class Run:
 
     def note(self, kind: str, path: str) -> str:
         """List a path at the end, among paths of its kind; return the path."""
-        self.written.setdefault(kind, {})[path] = None  # a dict lists it once, in order
+        self.written.setdefault(kind, {})[path] = None  # a dict keeps each path once, in order
         return path
 
 

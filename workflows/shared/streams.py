@@ -42,7 +42,7 @@ def prepare() -> None:
     for descriptor in range(3):
         try:
             os.fstat(descriptor)
-        except OSError:  # closed: the next file opened would get its number
+        except OSError:  # it is closed, and the next file to be opened would get its number
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
     for name, descriptor in (("stdout", 1), ("stderr", 2)):
         if (stream := getattr(sys, name)) is getattr(sys, f"__{name}__"):
@@ -58,4 +58,4 @@ class Prepared:
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Prepare the streams and run the command."""
         prepare()
-        return super().main(*args, **kwargs)  # type: ignore[misc]  # of click.Command
+        return super().main(*args, **kwargs)  # type: ignore[misc]  # super() is a click.Command

@@ -2,8 +2,8 @@
 
 The studies test the methods near the cusp at 45°; on both sides of the breakup; for irrational
 numbers close to fractions; where a step (one period) is no longer a twist map, although each kick
-is one (converse KAM requires only this); in the searches of converse KAM and of Newton's method;
-and for tori near a resonance. The captions state the results.
+is one (converse KAM requires only that each kick is a twist map); in the searches of converse KAM
+and of Newton's method; and for tori near a resonance. The captions state the results.
 
 Seven cubes and three figures in OUT. The defaults take about four CPU minutes, --quick one.
 """

@@ -1,4 +1,4 @@
-"""Studies of where each method fails: each function returns a Dataset, smaller if `quick`.
+"""Studies of where each method fails; each returns a Dataset, a smaller one if `quick`.
 
 The studies test the methods at the cusp, beyond the breakup, close to fractions and without twist;
 they count starts that beam searches miss, and wrong orbits that Newton's method finds; and they

@@ -1,8 +1,8 @@
 """Two series of kicks: how does their threshold depend on the delay between them?
 
 The kicks are K at whole times and K_α a time τ later, in units of the period (arXiv:2509.11593; for
-K_α = -K arXiv:physics/0408088): p' = p + K sin 2πx/2π, then x' = x + τp', and once more with K_α
-and 1 - τ. For τ = a/q the forcing has q kicks, two of them not zero, and p has the period q.
+K_α = -K arXiv:physics/0408088): p' = p + K sin 2πx/2π, then x' = x + τp', followed by the same with
+K_α and 1 - τ. For τ = a/q the forcing has q kicks, two of them not zero, and p has the period q.
 K_c(τ) is the strength K at which the last barrier breaks, for K_α = K, K/2 and -K. Panels show
 CB_gt in the (K, K_α) plane, coloured by the last circles, whose ω is their mean p.
 
@@ -30,7 +30,7 @@ def parse_delay(text):
     from nasm.planes import pairs
 
     delay = fraction("delay", text)
-    pairs(delay)  # refuses a delay that is not between 0 and 1, or needs too many kicks
+    pairs(delay)  # raises if the delay is not between 0 and 1, or needs too many kicks
     return delay
 
 

@@ -25,7 +25,7 @@ def verify_proofs(path, place, longest, repair):
     metadata is skipped, because its correct tiles might seem wrong.
 
     path : prefix of the names of the cubes.
-    longest : seconds; certificates that would take longer to check are skipped, and counted.
+    longest : limit in seconds; certificates that take longer to check are skipped, but counted.
     repair : True to delete wrong tiles, if the metadata are known to be right.
     """
     n_bad = n_repairable = 0
