@@ -47,6 +47,9 @@ PROVING = {
     "largest_sine Majorant bounds_of_the_step _all_divisors bound_of_the_slope modes_of_the_sine "
     "inequalities_after_a_step verified_by_a_step _largest_sizes",
     "patches": "covered_up_to _vectors _Patch _chebyshev",
+    "residuals": "_sum _product _minus _complex_product _at _put _combine _transform _sine "
+    "_compute _linear residuals _radii _pairs _table _rows _grid_tables combined from_integers "
+    "upper_sizes as_balls",
     "transport": "_closed is_twist _is_positive _covered _followed _tiles _arithmetic_is_ieee "
     "_follow _start _along _replay _accurate horner _next _kick",
     "transport_cells": "prove_cell prove_cell_of_plane largest_strengths _cell _covered _cover "
@@ -64,6 +67,7 @@ TESTS = {
     ),
     "barrier": ("proof_step", "proof_barrier", "proof_patches", "certificates"),
     "patches": ("proof_patches", "certificates"),
+    "residuals": ("proof_residuals", "proof_patches"),
     "transport": ("proof_transport", "certificates", "proof_cells"),
     "transport_cells": ("proof_cells", "proof_planes", "certificates"),
 }

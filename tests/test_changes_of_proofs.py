@@ -27,6 +27,13 @@ def test_at_least_thirty_six_of_forty_unsound_changes_are_noticed():
     assert all("noticed" in row for row in table() if row["number"] >= 200)
 
 
+def test_every_line_of_the_table_about_sums_of_two_floats_is_in_the_sources():
+    rows = [row for row in table() if row["module"] == "residuals"]
+    assert len(rows) >= 10
+    for row in rows:
+        assert changes_of_proofs.of_row(row).right == row["right"]
+
+
 @pytest.mark.slow
 def test_unsound_changes_are_still_noticed():
     """Check every eighth noticed change of the table; `changes_of_proofs.py` can check all."""

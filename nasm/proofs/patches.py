@@ -39,30 +39,41 @@ from nasm.maps import MAX_STRENGTH, MIN_SIZE, direction, forcing
 from nasm.numbers import RotationNumber, as_rotation_number
 from nasm.planes import Plane
 from nasm.proofs.barrier import (
+    MODES_PER_POINT,
     Ball,
     BarrierProof,
     ComplexArray,
     Grid,
-    as_balls,
-    balls,
+    correction,
     decay,
     fast_size,
     grid_size,
-    integers,
     need_flint,
-    polished,
-    residual,
-    stepped,
     turns,
     verified,
 )
+from nasm.proofs.residuals import (
+    SLACK,
+    SQUARED_ULP,
+    UNDERFLOW,
+    as_balls,
+    as_complex,
+    combined,
+    from_integers,
+    moved,
+    parts_of,
+    residuals,
+    to_integers,
+    upper_sizes,
+)
+from nasm.proofs.transport import check_arithmetic
 from nasm.symmetries import shorten
 from nasm.types import FloatArray, OmegaLike
 
 __all__ = ["covered_up_to", "proved_below"]
 
 try:
-    from flint import acb_mat, arb, arb_mat, ctx
+    from flint import arb, ctx
 except ImportError:  # the extra `proof`
     arb = None  # type: ignore[assignment, misc]
 
@@ -72,7 +83,8 @@ _MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
 # Both were measured on rays and triangles; if a patch of another ω fails, a shorter one is tried.
 _RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 1e-14, 4.6
 _MORE_POINTS = 2  # E is computed at this many more points than there are degrees
-_LONG_DOUBLE_RESIDUAL = 2e-13  # ε down to which circles in long doubles are accurate enough
+_MAX_NEWTON_STEPS = 8  # 1 to 3 are needed
+_NEWTON_GAIN = 1e-6  # a step made residuals smaller by a factor of 10⁵ to 10¹⁰
 _GRID_FACTOR = 0.75  # number of grid points, relative to that for a single forcing
 _MIN_NODES, MAX_NODES = 8, 64  # Chebyshev points in s, and in t
 _TRIAL_NODES = 24  # points in t at the far end of a patch, used to choose R
@@ -148,6 +160,7 @@ def proved_below(
         raise ValueError(f"budget={budget!r} must be positive: seconds of computing time")
     real("nearest", nearest, 0, 1)
     need_flint()
+    check_arithmetic()
     short, short_omega = profile, omega
     if tilt is None and plane is None:
         (short,), short_omega = shorten([profile], omega)
@@ -279,10 +292,7 @@ def _points_across(far: list[circles.InvariantCircle], n: int, max_error: float)
     """
     degrees = np.arange(_TRIAL_NODES)[:, None]
     turn = turns(far[0].omega, len(far[0].kappa), n // 2 + 1)
-    refined = [polished(one.kappa.tolist(), n, turn, one.u) for one in far]
-    modes: ComplexArray = np.array(refined).astype(np.complex128)
-    if not np.isfinite(modes).all():
-        return MAX_NODES + 1
+    modes = np.array([_modes_of(one.u, turn, int(MODES_PER_POINT * n) + 1) for one in far])
     rho = _STRIP_RATIO * decay(np.abs(modes).max(axis=(0, 1)))
     T = np.cos(degrees * np.arccos(_points(_TRIAL_NODES)))
     T *= np.minimum(degrees + 1, 2) / _TRIAL_NODES
@@ -298,6 +308,14 @@ def _points_across(far: list[circles.InvariantCircle], n: int, max_error: float)
     B = np.abs([one.kappa for one in far]).max() * (r + 1 / r) / (4 * pi)
     B *= np.exp(2 * pi * (rho + np.minimum(size, 50)))
     return max(_MIN_NODES, ceil(min(np.log(4 * B / (1 - 1 / r) / max_error) / np.log(r))))
+
+
+def _modes_of(start: FloatArray, turn: ComplexArray, K: int) -> ComplexArray:
+    """Return the modes k < K of u_j, for all j, from the values of u on a grid."""
+    known, modes = np.fft.rfft(start)[:, :K] / start.shape[1], np.zeros((len(start), K), complex)
+    to_sites = turn[: known.shape[1]].conj() ** np.arange(len(start))[:, None]
+    modes[:, : known.shape[1]] = known * to_sites
+    return modes
 
 
 def _above_rounding(coefficients: list[Any], Q: int, R: int) -> list[Any]:
@@ -368,31 +386,51 @@ class _Patch:
             s, t = self.middle + self.half * row[1], across[1] if R > 1 else arb(0)
             rows = zip(self.origin, self.profile, self.tilt, strict=True)
             self.grids.append(grid.under([o + s * (a + t * b) for o, a, b in rows]))
-        self.odd, self.turn = grid.odd, turns(omega, grid.sites, n // 2 + 1)
+        self.sites, self.odd, self.turn = grid.sites, grid.odd, turns(omega, grid.sites, n // 2 + 1)
 
-    def circles(self, starts: list[FloatArray], epsilon: float = 0.0) -> list[Any] | None:
-        """Return the modes of circles at the points, as exact balls, from values on grids.
+    def circles(self, starts: list[FloatArray], epsilon: float = 0.0) -> FloatArray | None:
+        """Return the modes of circles at the points, by Newton's method from values on grids.
 
-        If long doubles are not accurate enough for epsilon, take a step of Newton's method in
-        ball arithmetic. Return None if Newton's method diverges.
+        The steps and the first residual are computed in doubles, later residuals in sums of two
+        floats, like the modes, of shape (2, N, P, parts, K); see `nasm.proofs.residuals`. Return
+        None if Newton's method diverges.
         """
-        all_modes = []
-        for grid, start in zip(self.grids, starts, strict=True):
-            modes = polished(grid.kappa, grid.n, self.turn, start)
-            if not np.isfinite(modes).all():
+        n, K = self.grids[0].n, int(MODES_PER_POINT * self.grids[0].n) + 1
+        u = np.zeros((2, len(starts), self.sites, 2 - self.odd, K))
+        for modes, start in zip(u[0], starts, strict=True):
+            modes[:] = parts_of(_modes_of(start, self.turn, K), self.odd)
+        last, best = np.inf, u
+        for step in range(_MAX_NEWTON_STEPS):
+            u[:, :, 0, :, 0] = 0  # fixes the same phase at all points
+            modes = as_complex(u[0])
+            if step == 0:
+                E = self._residual_in_doubles(modes)
+            else:
+                E = as_complex(residuals(self.grids, u, np.zeros((self.sites, K)))[0][0])
+            size = np.abs(E[..., :K]).max()
+            if not np.isfinite(size):
                 return None
-            modes[0, 0] = 0  # fixes the same phase at all points
-            modes = as_balls(modes, self.odd)
-            if epsilon < _LONG_DOUBLE_RESIDUAL:
-                modes = stepped(grid, self.turn, modes, residual(grid, modes))
-            if modes is None:
-                return None
-            all_modes.append(modes)
-        return all_modes
+            if not size < 0.5 * last:
+                break
+            best, last = u, size
+            v = correction(self.turn, modes.swapaxes(0, 1), (E / size).swapaxes(0, 1))
+            u = moved(u, size * parts_of(v[..., :K].swapaxes(0, 1), self.odd))
+            if size * _NEWTON_GAIN <= epsilon / (8000 * n):
+                u[:, :, 0, :, 0] = 0
+                return u if np.isfinite(u).all() else None
+        return best
 
-    def _product(self, A: list[list[list[Ball]]], tables: list[Any]) -> list[Any]:
-        """Return Σ A_mi A'_li' tables[i, i'], where the argument A is the pair (A, A').
+    def _residual_in_doubles(self, u: ComplexArray) -> ComplexArray:
+        """Return the modes of the residuals at the points, given u of shape (N, P, K)."""
+        n, turn = self.grids[0].n, self.turn[: u.shape[-1]].astype(complex)
+        x = np.arange(n) / n + np.fft.irfft(u, n) * n
+        strengths = np.array([[float(k) for k in grid.kappa] for grid in self.grids])
+        E: ComplexArray = strengths[..., None] / (-2 * pi * n) * np.fft.rfft(np.sin(2 * pi * x))
+        E[..., : u.shape[-1]] += np.roll(u, -1, axis=1) * turn - 2 * u
+        E[..., : u.shape[-1]] += np.roll(u, 1, axis=1) * turn.conj()
+        return E[..., : n // 2]
 
+<<<<<<< HEAD
         Each table consists of P rows of equal length.
         """
         matrix, tables = arb_mat if self.odd else acb_mat, np.array(tables, object)
@@ -403,20 +441,28 @@ class _Patch:
         return x.reshape(tables.shape).tolist()
 
     def coefficients(self, modes: list[Any], unit: int) -> list[Any]:
+=======
+    def coefficients(self, modes: FloatArray, unit: int) -> list[Any]:
+>>>>>>> 45c0241 (E of a patch in sums of two floats: a bound of the rounding, transforms, Newton's method; a fourth of the CPU time close to the breakup)
         """Interpolate modes at the points; return C rounded to integers, as in `BarrierProof`."""
         A = [
             [[(2 if m else 1) * row[m] / len(T) for row in T] for m in range(len(T))]
             for T in self.T
         ]
-        return [[integers(row, unit) for row in table] for table in self._product(A, modes)]
+        C = combined([np.array(matrix, object) for matrix in A], modes)
+        return [to_integers(table, unit) for table in C.swapaxes(0, 1)]
 
     def verified(self, coefficients: list[Any], unit: int) -> dict[str, Any]:
         """Try to verify the theorem for all s and t; return fields of a `BarrierProof`."""
-        size = max(1, *(len(part) for t in coefficients for row in t for part in row))
-        C = [balls(table, unit, size, self.odd) for table in coefficients]
-        u = self._product(self.T, C)
-        E = [residual(grid, modes) for grid, modes in zip(self.grids, u, strict=True)]
-        sizes = [[[x.abs_upper() for x in row] for row in table] for table in C]
+        C = from_integers(coefficients, unit, self.odd)
+        modes = combined([np.array(T, object) for T in self.T], C)
+        sizes = upper_sizes(C)
+        errors = SLACK * (20 + 3.1 * sum(self.shape)) * SQUARED_ULP * sizes.sum(axis=0) + UNDERFLOW
+        E, radii = residuals(self.grids, modes, errors)
+        if not np.isfinite(radii).all():
+            return {"proved": False, "reason": "not proved: the residual is not finite"}
+        u, E = as_balls(modes, errors), as_balls(E, radii)
+        sizes = [[[arb(x) for x in row] for row in table] for table in sizes.tolist()]
         # Bounds on |T_m(σ) - T_m(σ_i)| for the nearest σ_i: its angle arccos σ_i and that of σ
         # differ by at most π/2Q.
         steps = [[2 * (arb(m) / (4 * n)).sin_pi() for m in range(n)] for n in self.shape]
