@@ -46,6 +46,7 @@ NASM, PIPELINE, FIGURES, WORKFLOWS = (
 
 # Several processes write kernels to disk, hence the lock; the extra `proof` installs flint.
 MORE = {"arithmetic.kernels": "filelock", "proofs.barrier": "flint", "proofs.patches": "flint"}
+MORE |= {"proofs.residuals": "flint"}
 
 
 @pytest.mark.parametrize("module", NASM)
