@@ -49,6 +49,7 @@ from nasm.proofs.barrier import (
     fast_size,
     grid_size,
     need_flint,
+    polished,
     turns,
     verified,
 )
@@ -292,7 +293,10 @@ def _points_across(far: list[circles.InvariantCircle], n: int, max_error: float)
     """
     degrees = np.arange(_TRIAL_NODES)[:, None]
     turn = turns(far[0].omega, len(far[0].kappa), n // 2 + 1)
-    modes = np.array([_modes_of(one.u, turn, int(MODES_PER_POINT * n) + 1) for one in far])
+    refined = [polished(one.kappa.tolist(), n, turn, one.u) for one in far]
+    modes: ComplexArray = np.array(refined).astype(np.complex128)
+    if not np.isfinite(modes).all():
+        return MAX_NODES + 1
     rho = _STRIP_RATIO * decay(np.abs(modes).max(axis=(0, 1)))
     T = np.cos(degrees * np.arccos(_points(_TRIAL_NODES)))
     T *= np.minimum(degrees + 1, 2) / _TRIAL_NODES
