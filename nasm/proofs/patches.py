@@ -85,6 +85,7 @@ _MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
 _RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 1e-14, 4.6
 _MORE_POINTS = 2  # E is computed at this many more points than there are degrees
 _MAX_NEWTON_STEPS = 8  # 1 to 3 are needed
+_UNDERFLOW = 1e-280  # a residual that is too small to be corrected in doubles
 _NEWTON_GAIN = 1e-6  # a step made residuals smaller by a factor of 10⁵ to 10¹⁰
 _GRID_FACTOR = 0.75  # number of grid points, relative to that for a single forcing
 _MIN_NODES, MAX_NODES = 8, 64  # Chebyshev points in s, and in t
@@ -417,6 +418,8 @@ class _Patch:
             if not size < 0.5 * last:
                 break
             best, last = u, size
+            if size < _UNDERFLOW:
+                break
             v = correction(self.turn, modes.swapaxes(0, 1), (E / size).swapaxes(0, 1))
             u = moved(u, size * parts_of(v[..., :K].swapaxes(0, 1), self.odd))
             if size * _NEWTON_GAIN <= epsilon / (8000 * n):
