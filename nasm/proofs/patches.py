@@ -437,20 +437,7 @@ class _Patch:
         E[..., : u.shape[-1]] += np.roll(u, 1, axis=1) * turn.conj()
         return E[..., : n // 2]
 
-<<<<<<< HEAD
-        Each table consists of P rows of equal length.
-        """
-        matrix, tables = arb_mat if self.odd else acb_mat, np.array(tables, object)
-        x = tables.reshape(*self.shape, -1)
-        for B in A:  # multiply along the first axis, then swap the two axes
-            both = matrix(B) * matrix(x.reshape(len(B), -1).tolist())
-            x = np.array(both.entries(), object).reshape(x.shape).swapaxes(0, 1)
-        return x.reshape(tables.shape).tolist()
-
-    def coefficients(self, modes: list[Any], unit: int) -> list[Any]:
-=======
     def coefficients(self, modes: FloatArray, unit: int) -> list[Any]:
->>>>>>> 45c0241 (E of a patch in sums of two floats: a bound of the rounding, transforms, Newton's method; a fourth of the CPU time close to the breakup)
         """Interpolate modes at the points; return C rounded to integers, as in `BarrierProof`."""
         A = [
             [[(2 if m else 1) * row[m] / len(T) for row in T] for m in range(len(T))]
