@@ -21,6 +21,7 @@ from pipeline.cubes import (
     escape,
     forcings,
     frequency_map,
+    indicators,
     proved,
     rotating_maps,
 )
@@ -56,6 +57,8 @@ def jobs() -> list[Job]:
         proved.proved_barrier(plane, angles, 1.0),
         proved.proved_map(two_kicks(), [(0.0, 1.0), (45.0, 1.2)], 64, 1.0),
         proved.proved_triangles(two_kicks(), [(0.0, 1.0), (45.0, 1.2)], ["gamma", "2gamma"], 0.1),
+        proved.proved_forcings("labels_proofs", [(0.4, 0.0, -0.17)], ["gamma"]),
+        indicators.indicators("labels_indicators", [0.4], [0.0], [100, 1000]),
         beyond.flux(plane, scales, circles, excesses, 3000),
         beyond.diffusion(scales, excesses, 100, 10_000),
         forcings.last_barriers("patterns", random, "parameter", 1e-3),

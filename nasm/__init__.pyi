@@ -9,6 +9,7 @@ from . import escape as escape
 from . import farey as farey
 from . import fixed_points as fixed_points
 from . import flux as flux
+from . import lyapunov as lyapunov
 from . import manifolds as manifolds
 from . import maps as maps
 from . import numbers as numbers

@@ -53,12 +53,15 @@ SMALLEST = {
     "explore": "--no-browser",
     # Commands that make proofs come last: the others must succeed before python-flint is imported.
     "ask": "0.3 0.2 --prove",
+    "labels": "--n-rays 3 --margins 0.05,0.3 --n-max 100 --n-orbits 8 --n-starts 8 --cells 32"
+    " --cpu-seconds 0.001 --distance 0.5",
     "proved_boundary": "--n-rays 2 --cpu-seconds 0.1",
     "proved_map": "--cells 32 --cpu-seconds 0.001 --distance 0.5",
     "work_precision": "--method barriers --method barrier-proof --ray 45",
 }
 AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # these two store no cubes
-LOOKING = "claims", "convergence", "proved_map"  # while planning, these compute rays for 1 or 2 s
+# While planning, these compute rays for a second or two.
+LOOKING = "claims", "convergence", "labels", "proved_map"
 COMPUTING = {
     "pipeline.store": ["replace"],
     "pipeline.sweep.sweep": ["_Run"],
@@ -70,7 +73,7 @@ COMPUTING = {
     "nasm.periodic": ["critical_scale", "residue"],
     "nasm.tori": ["critical_scale", "invariant_torus"],
 }
-PROVING = ("ask", "proved_boundary", "proved_map", "work_precision")
+PROVING = ("ask", "labels", "proved_boundary", "proved_map", "work_precision")
 
 
 class Hidden:

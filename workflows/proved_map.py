@@ -13,7 +13,6 @@ strong kicks do not follow each other too closely.
 from workflows.shared.cli import choice, command, plane_option, preset, real, sweeps
 
 _CELLS = ["8", "16", "32", "64", "128", "256", "512", "1024", "2048", "4096"]
-_N_RAYS = 91
 _SECONDS = (
     "CPU time limit per cell; a cell not proved in time is subdivided, or left open if finest."
 )
@@ -28,36 +27,14 @@ _DISTANCE = "Relative distance from the boundary at which proofs of barriers sto
 @preset("--full", "In full, two CPU hours", cells="2048", cpu_seconds=0.2, distance=0.01)
 @sweeps
 def main(run, plane, cells, cpu_seconds, distance):
-    import numpy as np
-
-    from nasm.barriers import critical_scale
     from nasm.proofs.barrier import need_flint
-    from pipeline.cubes.barrier import last_barrier, unfolded
-    from pipeline.cubes.proved import everywhere, proved_map, proved_triangles
+    from pipeline.cubes.proved import everywhere
     from workflows.figures.proved_map import draw_proved_map, proved_map_caption
+    from workflows.shared.proved_plane import ProvedPlane
 
     need_flint()
-    angles = np.linspace(*plane.wedge, _N_RAYS)
-    barriers = last_barrier(plane, angles, 1e-3)
-    few = angles[:: _N_RAYS // 6].tolist()
-    origin, profiles = plane.ray(few)
-    start = origin if origin.any() else None
-    last = [critical_scale(profile, 0.1, start) for profile in profiles]
-    guess = [(angle, each.value) for angle, each in zip(few, last, strict=True)]
-    then = (
-        proved_map(plane, guess, int(cells), cpu_seconds),
-        proved_triangles(plane, guess, [str(each.omega or "") for each in last], distance),
-    )
-    with run.sweeping(barriers, later=[(job, None) for job in then]):
-        barrier = unfolded(run.sweep(barriers), angles)
-        known = barrier.dropna("angle", subset=["critical_scale"])
-        names = "angle", "critical_scale", "circle"
-        at, scales, circles = (known[name].values.tolist() for name in names)
-        rays = list(zip(at, scales, strict=True))
-        jobs = (
-            proved_map(plane, rays, int(cells), cpu_seconds),
-            proved_triangles(plane, rays, circles, distance),
-        )
-        cells_cube, triangles = (run.sweep(job).load() for job in jobs)
+    proofs = ProvedPlane(plane, int(cells), cpu_seconds, distance)
+    with run.sweeping(proofs.barriers, later=[(job, None) for job in proofs.later()]):
+        cells_cube, triangles, barrier = proofs.swept(run)
         results = everywhere(cells_cube, barrier), triangles, barrier
         run.figure("proved_map", draw_proved_map, *results, caption=proved_map_caption(*results))

@@ -2,7 +2,8 @@
 
 The cube `proved_barrier` contains proved bounds on rays. `proved_map` contains a quadtree of cells
 of a plane in which transport is global. `proved_triangles` contains one triangle per tile, with a
-corner at the plane's origin, in which a barrier exists. See nasm/proofs/README.md.
+corner at the plane's origin, in which a barrier exists. `proved_forcings` makes cubes of what is
+proved for single forcings. See nasm/proofs/README.md.
 """
 
 import json
@@ -17,8 +18,9 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from nasm import periodic, proofs, symmetries
+from nasm.circles import continuation
 from nasm.numbers import parse
-from nasm.planes import Plane, plane_of, three_kicks, two_kicks
+from nasm.planes import TWO_KICKS_AXES, Plane, plane_of, three_kicks, two_kicks
 from nasm.proofs.certificates import matrix_in_hex
 from nasm.types import FloatArray
 from pipeline.cubes.barrier import circle_arrays, job_of_barriers, with_circles
@@ -33,11 +35,19 @@ from pipeline.cubes.cube import (
     blank,
     coordinate,
     flag_attributes,
+    text,
 )
 from pipeline.cubes.warm_up import load_orbits
 
 Certificate: TypeAlias = dict[str, Any]
 """A JSON object, see nasm/proofs/README.md; `nasm.proofs.certificate_checker` checks it."""
+
+BARRIER = 3
+"""Code of a forcing under which a barrier is proved to exist; those of cells have 1 and 2."""
+
+_MAX_SECONDS = 60.0
+"""CPU time for the proof of a single forcing: 0.3% below CB_gt a barrier takes 2 to 3 seconds, and
+beyond it transport takes a hundredth of a second."""
 
 _MAX_RATIO = 100  # maximum ratio of unpacked to packed size; at most 27 for certificates
 _MAX_WINDOW = 2**26  # bytes of memory for unpacking; files of `pack_certificates` need 2**19
@@ -48,6 +58,12 @@ _STATES = {
     NOT_COMPUTED: "not_computed",
     proofs.cells.OPEN: "open",
     proofs.cells.TRANSPORT: "transport_is_global",
+}
+_ANSWERS = {
+    NOT_COMPUTED: "not_computed",
+    proofs.cells.OPEN: "open",
+    proofs.cells.TRANSPORT: "transport_is_global",
+    BARRIER: "a_barrier_exists",
 }
 _PROVED = {
     "proved_below": "scale up to which a barrier is proved to exist on all the ray",
@@ -385,7 +401,7 @@ def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
     scale, value = 0.0, 0.0
     origin = plane.forcing(0.0, 0.0)
     start = origin if origin.any() else None
-    for omega in (parse(text) for text in circles if text):
+    for omega in (parse(each) for each in circles if each):
         across = [plane.forcing(*(middle + t * tilt)) - origin for t in np.linspace(-1, 1, 7)]
         least = min(periodic.critical_scale(omega, k, start=start).value for k in across)
         if least > value:
@@ -413,6 +429,90 @@ def uncertified_triangle(tile: xr.Dataset, certificates: Iterable[Certificate]) 
             intervals.append(scales)
     if float(tile.proved_below) > proofs.covered_up_to(intervals):
         return f"triangle {int(tile.triangle)} has no certificates to where it is called proved"
+    return ""
+
+
+def proved_forcings(
+    name: str, forcings: Sequence[tuple[float, float, float]], circles: Sequence[str]
+) -> Job:
+    """Return the Job of a cube of single forcings of two kicks, with proofs of its own for each.
+
+    Parameters
+    ----------
+    name : str
+        Name of the cube.
+    forcings : sequence of (kappa1, kappa2, margin)
+        Strengths of the two kicks, and κ over the forcing at which the last circle breaks on its
+        ray, minus 1. Transport is tried where the margin is positive, a barrier where it is
+        negative.
+    circles : sequence of str
+        ω of the circle to try, as a string.
+
+    Examples
+    --------
+    >>> from pipeline.cubes.proved import proved_forcings
+    >>> job = proved_forcings("few", [(0.4, 0.0, -0.17), (0.6, 0.0, 0.23)], ["gamma"] * 2)
+    >>> job.cube.tile_counts
+    (2,)
+    """
+    kappa1, kappa2, margins = zip(*forcings, strict=True)
+    on = {"forcing": coordinate("forcing", np.arange(len(forcings)), "number of the forcing")}
+    coords = on | {
+        "kappa1": coordinate("forcing", kappa1, TWO_KICKS_AXES["kappa1"]),
+        "kappa2": coordinate("forcing", kappa2, TWO_KICKS_AXES["kappa2"]),
+        "margin": coordinate("forcing", margins, "distance from CB_gt along the ray, relative"),
+        "circle": text("forcing", circles, "rotation number of the circle to try"),
+    }
+    flags = flag_attributes(_ANSWERS) | {"references": "nasm/proofs/README.md"}
+    proved = {"proved": blank(on, "what is proved for the forcing", np.int8(0), **flags)}
+    template = xr.Dataset(proved, coords, {"title": "Forcings with proofs of their own"})
+    cube = Cube(name, template, {"forcing": 1}, {"seconds": _MAX_SECONDS})
+    return Job(cube, _compute_forcing, _predict_forcing, _load_forcing)
+
+
+def _load_forcing() -> None:
+    """Compile the kernels of `_compute_forcing`."""
+    load_orbits()
+    for margin in 0.4, -0.4:
+        row = {"kappa1": 0.4858 * (1 + margin), "kappa2": 0.0, "margin": margin, "circle": "gamma"}
+        _compute_forcing({key: np.array([value]) for key, value in row.items()}, {"seconds": 5.0})
+
+
+def _predict_forcing(coords: Coords, settings: Settings) -> float:
+    """Predict CPU seconds: 0.6 for a barrier 1% below the breakup, and 0.05 for transport."""
+    margins = np.asarray(coords["margin"])
+    below = np.maximum(-margins, 1e-4)
+    return float(np.where(margins < 0, 0.1 + 0.5 * (0.01 / below) ** 1.3, 0.05).sum())
+
+
+def _compute_forcing(coords: Coords, settings: Settings) -> Arrays:
+    """Prove transport, or a barrier, under the forcing of a tile."""
+    kappa = np.array([coords["kappa1"][0], coords["kappa2"][0]])
+    margin, seconds = float(coords["margin"][0]), settings["seconds"]
+    if margin > 0:
+        transport = proofs.transport.prove(kappa, seconds)
+        code = proofs.cells.TRANSPORT if transport.proved else proofs.cells.OPEN
+        return {"proved": np.array([code], np.int8)} | pack_certificates([transport])
+    omega, found = parse(str(coords["circle"][0])), []
+    distance = min(max(-margin, 1e-6), 0.5)
+    _, start = continuation.certified_circle(omega, kappa, 1 / (1 + margin), distance)
+    if start is not None:
+        found.append(proofs.barrier.prove(omega, kappa, start=start, budget=seconds))
+    code = BARRIER if found and found[0].proved else proofs.cells.OPEN
+    return {"proved": np.array([code], np.int8)} | pack_certificates(found)
+
+
+def uncertified_forcing(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
+    """Report if a proved forcing has no certificate of the same statement; "" if it has one."""
+    tile = tile.load().isel(forcing=0)
+    code, kappa = int(tile.proved), (float(tile.kappa1), float(tile.kappa2))
+    for certificate in certificates:
+        about = certificate["shortened_from"]
+        shown = BARRIER if about.get("omega") else proofs.cells.TRANSPORT
+        if (shown, floats_of(about, "kappa")) == (code, kappa):
+            return ""
+    if code in (BARRIER, proofs.cells.TRANSPORT):
+        return f"forcing {int(tile.forcing)} is called proved but has no certificate"
     return ""
 
 

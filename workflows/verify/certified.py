@@ -15,6 +15,7 @@ _CUBES = {
     "proved_barrier": proved.uncertified_rays,
     "proved_map": proved.uncertified_cells,
     "proved_triangles": proved.uncertified_triangle,
+    "labels_proofs": proved.uncertified_forcing,
 }
 
 
