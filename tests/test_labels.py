@@ -13,11 +13,12 @@ from scipy.stats import binomtest
 
 from nasm import barriers, escape, proofs
 from nasm.numbers import parse
+from nasm.planes import two_kicks
 from nasm.proofs import cells as proved_cells
 from nasm.symmetries import ray
 from pipeline.cubes import indicators as of_cube
 from pipeline.cubes import proved
-from workflows.labels import study
+from workflows.labels import regions, scoring, study
 
 GAMMA = float(parse("gamma"))
 MARGINS = [0.01, 0.1, 0.3]
@@ -58,9 +59,11 @@ def test_images_have_the_same_canonical_form_and_the_same_split(drawn):
 
 
 def test_a_cell_contains_its_corners_and_no_float_beyond_them():
-    _, (proof,) = proofs.proved_cells((0.75, 0.25), 0.0625, 0, [(0.0, 0.5), (45.0, 0.7)], 5.0)
+    _, (proof,) = proofs.proved_cells(
+        two_kicks(), (0.75, 0.25), 0.0625, 0, [(0.0, 0.5), (45.0, 0.7)], 5.0
+    )
     certificate = proof.certificate()
-    name, covers = study._square(certificate)
+    name, covers = regions.square_of(certificate)
     assert name == certificate["sha256"]
     for kappa in product((0.75, 0.8125), (0.25, 0.3125)):
         assert covers(*kappa)
@@ -71,7 +74,7 @@ def test_a_cell_contains_its_corners_and_no_float_beyond_them():
 def test_a_patch_contains_the_forcings_of_its_statement_and_no_others():
     numbers = {"kappa": (0.5, 0.1), "tilt": (0.0, 0.1), "scales": (0.25, 0.75)}
     fields = {key: [float(each).hex() for each in row] for key, row in numbers.items()}
-    covers = study._patch(fields)
+    covers = regions.patch_of(fields)
     a, b = ([Fraction(each) for each in numbers[key]] for key in ("kappa", "tilt"))
     for s, t in product((0.25, 0.5, 0.75), (-1, 0, 0.5, 1)):
         exact = [Fraction(s) * (p + Fraction(t) * q) for p, q in zip(a, b, strict=True)]
@@ -168,10 +171,10 @@ def test_the_threshold_is_the_best_of_all(larger):
     values[:3] = np.inf if larger else -np.inf
 
     def error(limit):
-        answers = study.answers_barrier(values, limit, larger)
+        answers = scoring.answers_barrier(values, limit, larger)
         return np.mean(~answers[is_barrier]) + np.mean(answers[~is_barrier])
 
-    limit = study.threshold(values, is_barrier, larger)
+    limit = scoring.threshold(values, is_barrier, larger)
     others = [*values, *(values[3:] + 1e-9), *(values[3:] - 1e-9)]
     assert error(limit) <= min(map(error, others)) + 1e-12
 
@@ -179,8 +182,8 @@ def test_the_threshold_is_the_best_of_all(larger):
 def test_intervals_are_those_of_wilson():
     for k, n in ((0, 10), (3, 17), (25, 25)):
         expected = binomtest(k, n).proportion_ci(0.95, "wilson")
-        assert_allclose(study.wilson(k, n), (expected.low, expected.high), atol=1e-4)
-    assert np.isnan(study.wilson(0, 0)).all()
+        assert_allclose(scoring.wilson(k, n), (expected.low, expected.high), atol=1e-4)
+    assert np.isnan(scoring.wilson(0, 0)).all()
 
 
 def labels_of(values, n=100):
@@ -206,7 +209,7 @@ def labels_of(values, n=100):
 
 def test_false_answers_are_counted_in_their_class_and_on_their_side():
     errs = labels_of(lambda barrier, margin: float(barrier or margin < 0.1))
-    scores = study.scores(errs, MARGINS)
+    scores = scoring.scores(errs, MARGINS)
     wrong = scores.sel(side="beyond", margin_class=0)
     assert_array_equal(wrong.n_false, wrong.n_test)
     assert int(scores.n_false.sum()) == int(wrong.n_false.sum()) > 100
@@ -218,9 +221,9 @@ def test_false_answers_are_counted_in_their_class_and_on_their_side():
 
 def verdicts(labels):
     """Return the verdicts on the two claims: the words that follow each of them."""
-    scores = study.scores(labels, MARGINS)
+    scores = scoring.scores(labels, MARGINS)
     seconds = xr.DataArray(np.ones((4, 1)), dims=("indicator", "n"))
-    lines = study.findings(scores, seconds).splitlines()[:2]
+    lines = scoring.findings(scores, seconds).splitlines()[:2]
     return [line.partition(". ")[2].partition(":")[0] for line in lines]
 
 

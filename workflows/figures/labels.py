@@ -25,7 +25,7 @@ def draw_labels(scores, seconds):
     places = np.concatenate([*sides, scores.margin_class.values + 1])
     for i, name in enumerate(scores.indicator.values):
         options = {"color": style.COLOURS[i], "label": _NAMES[name]}
-        marker = {"marker": style.MARKERS[i], "ms": 5}
+        marker = {"marker": style.MARKERS[i], "ms": 3 if style.in_column() else 5}
         share, least, most = (
             100 * _from_below_to_beyond(last[part].sel(indicator=name))
             for part in ("share", "least", "most")

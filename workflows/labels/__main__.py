@@ -59,33 +59,33 @@ def main(run, n_rays, margins, n_max, n_orbits, n_starts, seed, cells, cpu_secon
     from pipeline.cubes.cube import untiled
     from pipeline.cubes.indicators import IndicatorSettings
     from workflows.figures.labels import draw_labels, labels_caption
-    from workflows.labels import study
+    from workflows.labels import regions, scoring, study
     from workflows.shared.proved_plane import ProvedPlane
 
     need_flint()
     if n_max[0] < 4:
         raise ValueError(f"--n-max={n_max[0]} must be at least 4: two halves of two steps")
     sizes = IndicatorSettings(n_orbits, n_starts)
-    plane = ProvedPlane(int(cells), cpu_seconds, distance)
+    plane = ProvedPlane(two_kicks(), int(cells), cpu_seconds, distance)
     rays = last_barrier(two_kicks(), study.angles(n_rays, seed), 1e-3, "labels_rays")
     later = [*plane.later(), *study.planned(n_rays, margins, n_max, sizes)]
     with run.sweeping(rays, plane.barriers, later=[(job, None) for job in later]):
         drawn = study.drawn(with_circles(run.sweep(rays)), margins, seed)
         *regions, _ = plane.swept(run)
-        sources = study.in_map(run.place, *regions, drawn)
+        sources = regions.in_map(run.place, *regions, drawn)
         own, job = study.own_proofs(drawn, sources), study.indicators_of(drawn, n_max, sizes)
         if own is not None:
             run.sweep(own)
-            sources |= study.by_own_proofs(run.place, own, sources)
+            sources |= regions.by_own_proofs(run.place, own, sources)
         values = run.sweep(job).load()
         parts = [each.cube.name for each in (own, job) if each is not None]
         options = {"n_rays": n_rays, "margins": margins, "seed": seed, "n_max": n_max}
         options |= {"n_orbits": n_orbits, "n_starts": n_starts}
         kept, scored = (untiled(name, **options) for name in ("labels", "labels_scores"))
         labels = run.kept(kept, lambda: study.labelled(drawn, sources, values), *parts)
-        scores = run.kept(scored, lambda: study.scores(labels, margins), *parts)
-        seconds = study.seconds(run.place, values, scores)
+        scores = run.kept(scored, lambda: scoring.scores(labels, margins), *parts)
+        seconds = scoring.seconds(run.place, values, scores)
         run.table("labels", labels)
         run.table("labels_scores", scores.assign(seconds=seconds))
-        caption = labels_caption(labels, scores, study.findings(scores, seconds))
+        caption = labels_caption(labels, scores, scoring.findings(scores, seconds))
         run.figure("labels", draw_labels, scores, seconds, caption=caption)

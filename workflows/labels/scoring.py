@@ -1,0 +1,227 @@
+"""The score of indicators against proved answers: thresholds, false answers, and findings."""
+
+import numpy as np
+import xarray as xr
+
+from pipeline.cubes.cube import text
+from pipeline.cubes.indicators import INDICATORS, kicks_of
+from pipeline.store.tiles import COMMIT, arrays_of
+from workflows.labels.study import BARRIER, TEST, TRAIN
+from workflows.shared.judgement import finding
+from workflows.shared.tables import dataset, described
+
+_LARGER_IS_BARRIER = {"escape": True, "digits": True, "exponent": False, "fli": False}
+
+
+def threshold(values, is_barrier, larger_is_barrier):
+    """Choose the value from which on to answer BARRIER, and return its score.
+
+    Of all values, the threshold is the one for which the share of false BARRIER plus that of false
+    TRANSPORT is smallest; of equally good ones, the middle one. NaN without forcings of both kinds.
+
+    Parameters
+    ----------
+    values : ndarray
+        Values of the indicator for the forcings of the split `train`.
+    is_barrier : ndarray of bool
+        Proved answers.
+    larger_is_barrier : bool
+        True if large values mean BARRIER.
+    """
+    if is_barrier.all() or not is_barrier.any():
+        return np.nan
+    score = values if larger_is_barrier else -values
+    candidates = np.unique(score)
+    below = np.array([np.mean(score[is_barrier] < c) for c in candidates])
+    above = np.array([np.mean(score[~is_barrier] >= c) for c in candidates])
+    best = np.flatnonzero(below + above <= (below + above).min() + 1e-12)
+    chosen = candidates[best[best.size // 2]]
+    return chosen if larger_is_barrier else -chosen
+
+
+def answers_barrier(values, limit, larger_is_barrier):
+    """Return True where an indicator answers BARRIER."""
+    return values >= limit if larger_is_barrier else values <= limit
+
+
+def wilson(k, n, z=1.96):
+    """Return the 95% interval of Wilson for a share of k in n; NaN for n = 0."""
+    k, n = np.asarray(k, float), np.where(np.asarray(n) > 0, n, np.nan)
+    share, spread = k / n, z * np.sqrt(k * (n - k) / n + z**2 / 4) / n
+    centre = (share + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = spread / (1 + z**2 / n)
+    return centre - half, centre + half
+
+
+def share_of(counts):
+    """Return the share of false answers; NaN where there are no forcings."""
+    return np.where(counts.n_test > 0, counts.n_false / np.maximum(counts.n_test, 1), np.nan)
+
+
+def scores(labels, margins):
+    """Count false answers on the split `test`, by indicator, number of steps and class of margins.
+
+    Dims (indicator, n, side, margin_class). A false answer below CB_gt is TRANSPORT, beyond it
+    BARRIER.
+    """
+    is_barrier = labels.label.values == BARRIER
+    train, test = (labels.split.values == part for part in (TRAIN, TEST))
+    classes = np.digitize(np.abs(labels.margin.values), margins) - 1
+    groups = [[(is_barrier == side) & (classes == c) for c in range(len(margins) - 1)]
+              for side in (True, False)]  # fmt: skip
+    settings = {name: labels.attrs[name] for name in ("n_orbits", "n_starts")}
+    shape = len(INDICATORS), labels.n.size
+    limits, kicks = np.full((2, *shape), np.nan)
+    false, total = np.zeros((2, *shape, 2, len(margins) - 1), int)
+    for i, j in np.ndindex(shape):
+        name, n = INDICATORS[i], int(labels.n[j])
+        values, larger = labels[name].values[:, j], _LARGER_IS_BARRIER[name]
+        kicks[i, j] = kicks_of(name, values, n, settings).mean()
+        limit = np.inf
+        if name != "escape":
+            limit = threshold(values[train], is_barrier[train], larger)
+        if np.isnan(limit):
+            continue
+        limits[i, j] = limit
+        wrong = answers_barrier(values, limit, larger) != is_barrier
+        false[i, j] = [[np.sum(wrong & test & group) for group in row] for row in groups]
+        total[i, j] = [[np.sum(test & group) for group in row] for row in groups]
+    dims = "indicator", "n", "side", "margin_class"
+    low, high = wilson(false, total)
+    counts = xr.Dataset({"n_false": (dims, false), "n_test": (dims, total)})
+    variables = {
+        "share": (dims, share_of(counts), "share of false answers on the split test"),
+        "least": (dims, low, "lower end of its 95% interval (Wilson)"),
+        "most": (dims, high, "upper end of its 95% interval (Wilson)"),
+        "n_false": (dims, false, "false answers"),
+        "n_test": (dims, total, "forcings of the split test"),
+        "threshold": (
+            dims[:2],
+            limits,
+            "value from which on the answer is BARRIER",
+        ),
+        "kicks": (dims[:2], kicks, "kicks of all orbits per forcing, mean"),
+    }
+    coords = {
+        "indicator": text("indicator", INDICATORS, "indicator"),
+        "n": labels.n,
+        "side": text("side", ["below", "beyond"], "side of CB_gt: barrier below, transport beyond"),
+        "margin_class": (np.arange(len(margins) - 1), "class of margins"),
+        "margin_low": ("margin_class", margins[:-1], described("smallest margin of the class")),
+        "margin_high": ("margin_class", margins[1:], described("largest margin of the class")),
+    }
+    flat = {name: coords.pop(name) for name in ("margin_low", "margin_high")}
+    cube = dataset("False answers of indicators of transport", coords, variables)
+    return cube.assign_coords(flat).assign_attrs(
+        n_train=int(train.sum()), n_test=int(test.sum()), unlabelled=_unlabelled(labels)
+    )
+
+
+def seconds(place, values, scores):
+    """Return the CPU seconds of each indicator per forcing, dims (indicator, n).
+
+    The CPU time of the sweep, which is kept in the records of its tiles, is divided among the
+    numbers of steps in proportion to the kicks.
+    """
+    spent = np.asarray(arrays_of(place, "labels_indicators")[COMMIT][0])
+    per_forcing = xr.DataArray(spent.sum(axis=(1, *range(2, spent.ndim))), dims="indicator")
+    per_forcing = per_forcing / values.sizes["forcing"]
+    share = scores.kicks / scores.kicks.sum("n")
+    label = "CPU seconds per forcing, in proportion to the kicks"
+    return (share * per_forcing).assign_attrs(described(label, "s"))
+
+
+def _unlabelled(labels):
+    drawn = labels.attrs["drawn_below"] + labels.attrs["drawn_beyond"]
+    return drawn - labels.sizes["forcing"]
+
+
+_DECIDED = 0.05
+"""An indicator errs if the 95% interval of its share lies above this, and is right if below."""
+
+_ERRS = {
+    "escape": {"beyond"},
+    "digits": {"below"},
+    "exponent": {"below", "beyond"},
+    "fli": {"below", "beyond"},
+}
+"""The sides of CB_gt on which the first claim has each indicator err."""
+
+
+def findings(scores, seconds):
+    """Judge two claims about the indicators, and state the limits; return lines of text."""
+    limits = (
+        f"Limits: {scores.attrs['unlabelled']} forcings drawn without a proved answer are left "
+        f"out, and so is everything closer to CB_gt than {100 * float(scores.margin_low[0]):g}%; "
+        "thresholds depend on how the margins are distributed, and the indicators of orbits on "
+        "the line and the number of its starts."
+    )
+    return "\n".join([_where_they_err(scores.isel(n=-1)), _next_to_it(scores, seconds), limits])
+
+
+def _where_they_err(last):
+    """Judge on which sides of CB_gt each indicator errs after the largest number of steps."""
+    sums = last[["n_false", "n_test"]].sum("margin_class")
+    share, least, most = (
+        xr.DataArray(values, sums.n_test.coords)
+        for values in (share_of(sums), *wilson(sums.n_false, sums.n_test))
+    )
+    errs, is_right = least > _DECIDED, most < _DECIDED
+    parts, holds = [], []
+    for name in last.indicator.values:
+        sides = []
+        for side in last.side.values:
+            one = {"indicator": name, "side": side}
+            claimed = errs if side in _ERRS[name] else is_right
+            holds.append(bool(claimed.sel(one)))
+            sides.append(f"{100 * float(share.sel(one)):.0f}% {side} ({_reach(last.sel(one))})")
+        parts.append(f"{name} {', '.join(sides)}")
+    known = bool((wilson(0, sums.n_test)[1] < _DECIDED).all())
+    text = (
+        f"after {int(last.n)} steps the shares of false answers on either side of CB_gt, and the "
+        f"margins without one, are: {'; '.join(parts)}"
+    )
+    claim = (
+        "an escape errs beyond CB_gt only, the Birkhoff average below it only, and Lyapunov "
+        "indicators on both sides"
+    )
+    every = bool(errs.any("side").all())
+    return finding(claim, text, all(holds), every and holds[0], known)
+
+
+def _reach(one):
+    """Say from which margin on there are no false answers."""
+    right = (one.n_false.values == 0)[::-1].cumprod()[::-1].astype(bool)
+    if not right.any():
+        return "nowhere"
+    return f"from {100 * float(one.margin_low.values[right][0]):g}% on"
+
+
+def _next_to_it(scores, seconds):
+    """Judge whether every indicator errs in the nearest class, and find the one that errs least."""
+    nearest, sums = scores.isel(margin_class=0), scores[["n_false", "n_test"]]
+    sums = sums.sum(["side", "margin_class"])
+    errs = (nearest.least > _DECIDED).any("side").values
+    share, known = share_of(sums), bool((nearest.n_test > 9).all())
+    (i, j), ends = (
+        np.unravel_index(np.argmin(share), share.shape),
+        wilson(sums.n_false, sums.n_test),
+    )
+    low, high = (100 * end[i, j] for end in ends)
+    text = (
+        f"next to CB_gt {int(errs.sum())} of {errs.size} do, each on one side at least; the fewest "
+        f"false answers in all classes, {100 * share[i, j]:.0f}% ({low:.0f} to {high:.0f}%), has "
+        f"{scores.indicator.values[i]} after {int(scores.n[j])} steps, in "
+        f"{float(seconds[i, j]):.2g} CPU seconds per forcing, and {100 * share[i, -1]:.0f}% after "
+        f"{int(scores.n[-1])} steps, in {float(seconds[i, -1]):.2g} s; always to answer BARRIER "
+        f"has {100 * _of_one_answer(scores):.0f}%"
+    )
+    margin = 100 * float(scores.margin_high[0])
+    claim = f"within {margin:g}% of CB_gt every indicator errs, whatever the number of steps"
+    return finding(claim, text, bool(errs.all()), bool(errs[:, -1].all()), known)
+
+
+def _of_one_answer(scores):
+    """Return the share of false answers of one who always answers BARRIER."""
+    total = scores.n_test.isel(indicator=0, n=0)
+    return float(total.sel(side="beyond").sum() / total.sum())
