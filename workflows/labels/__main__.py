@@ -71,8 +71,8 @@ def main(run, n_rays, margins, n_max, n_orbits, n_starts, seed, cells, cpu_secon
     later = [*plane.later(), *study.planned(n_rays, margins, n_max, sizes)]
     with run.sweeping(rays, plane.barriers, later=[(job, None) for job in later]):
         drawn = study.drawn(with_circles(run.sweep(rays)), margins, seed)
-        *regions, _ = plane.swept(run)
-        sources = regions.in_map(run.place, *regions, drawn)
+        *proved, _ = plane.swept(run)
+        sources = regions.in_map(run.place, *proved, drawn)
         own, job = study.own_proofs(drawn, sources), study.indicators_of(drawn, n_max, sizes)
         if own is not None:
             run.sweep(own)
