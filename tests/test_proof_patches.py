@@ -191,7 +191,7 @@ CASES = {
     "steep in t": lambda: by_values(0.1, [1, 1], STEEP, tilt=(1e-4, 0.0)),
     "kicks": lambda: by_values(1e-9, [1] * 8, (1,), (0.5, 0.3)),
     "kicks in t": lambda: by_values(1e-9, [1] * 8, (1,) * 4, (1e-4, 1e-4), (0.3, 0.5)),
-    "kicks in a plane": lambda: by_values(1e-9, [1] * 8, (1,) * 4, (0.3, 0.1), (0.1, 0.2)),
+    "kicks in a plane": lambda: by_values(1e-9, [1] * 8, (1,) * 4, (0.03, 0.01), (0.01, 0.02)),
     "single": lambda: circles_at_points((0.8,), (0.0,), 1.0, (3, 1)),
     "complex": lambda: complex_modes((0.0, 0.0, 0.0), (3, 1)),
     "complex in t": lambda: complex_modes((0.05, 0.1, 0.1), (3, 2)),
