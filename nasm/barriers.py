@@ -156,6 +156,10 @@ class Effort:
         """Share of the CPU time after which converse KAM ends."""
         return (1 + self.search_share) / 2
 
+    def search_tol(self, tol: float) -> float:
+        """Return the tolerance of the search of the tree, given that of the bracket."""
+        return min(tol, self.resolution)
+
 
 DEFAULT_EFFORT = Effort()
 
@@ -351,7 +355,7 @@ class _Bracket:
 
 def _last_breakup(segment, tol, seconds, effort):
     """Return the CriticalScale; its omega is per period of the segment's profile."""
-    tree, search_tol = _Tree(segment, seconds, effort), min(tol, effort.resolution)
+    tree, search_tol = _Tree(segment, seconds, effort), effort.search_tol(tol)
     bracket = _search_by_survivors(tree, tol)
     if bracket is None:
         ends = _outermost(tree)
@@ -405,7 +409,7 @@ def _value(tree, tol, bracket):
     if bracket.breakup is not None:
         return bracket.breakup.value, bracket.breakup.error
     half = (bracket.outside - bracket.inside) / 2
-    error = tree.segment.length(bracket.outside, min(tol, tree.effort.resolution))
+    error = tree.segment.length(bracket.outside, tree.effort.search_tol(tol))
     return bracket.inside + half, max(half, error)
 
 
@@ -496,8 +500,8 @@ def _with_rivals(tree, tol, breakup, inside, outside, nobles):
     """Return the _Bracket of a breakup, or of the later breakup of a rival, below `outside`."""
     segment, longest = tree.segment, tree.effort.tree.longest_ratio * LONGEST_PERIOD
     for omega in nobles:
-        just_above = breakup.value + segment.length(outside, tree.effort.step / longest)
-        just_above = min(just_above, outside)
+        distance = segment.length(outside, tree.effort.step / longest)
+        just_above = min(breakup.value + distance, outside)
         if omega != breakup.omega and tree.shows(omega, just_above):
             later = _breakup(tree, tol, omega, inside, outside)
             if later is None or later.value < breakup.value:  # the rival breaks in between

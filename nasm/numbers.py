@@ -293,7 +293,7 @@ def moebius(omega: RotationNumber | str, a: int, b: int, c: int = 0, d: int = 1)
 def nobles_near(value: float, width: float, n: int) -> list[RotationNumber]:
     """List noble numbers close to a float.
 
-    Their partial quotients are those of `value` up to some place, and 1 from there on.
+    Their partial quotients agree with those of `value` up to some position and are 1 thereafter.
 
     Parameters
     ----------
@@ -373,7 +373,7 @@ def _shortest(prefix: list[int], tail: list[int]) -> RotationNumber:
         return rational(Fraction(p, q))
     sizes = range(1, len(tail) + 1)
     tail = next(tail[:n] for n in sizes if tail == tail[:n] * (len(tail) // n))
-    if not prefix:  # keep a₀ apart: it alone may be 0 or negative
+    if not prefix:  # keep a₀ out of the period: only a₀ may be 0 or negative
         prefix, tail = tail[:1], tail[1:] + tail[:1]
     while len(prefix) > 1 and prefix[-1] == tail[-1]:
         prefix, tail = prefix[:-1], tail[-1:] + tail[:-1]

@@ -320,8 +320,8 @@ def half_shift_nobles(
 ) -> list[RotationNumber]:
     """List the rotation numbers ω close to `value` for which (ω + 1)/2 is noble.
 
-    Under an antiperiodic forcing, κ_{j+P/2} = -κ_j exactly or nearly, a period consists of applying
-    one map twice: half a period, followed by x → x + 1/2. The rotation number of this map is
+    If the forcing is antiperiodic, κ_{j+P/2} = -κ_j exactly or nearly, one period is the square of
+    a single map: half a period, followed by x → x + 1/2. The rotation number of this map is
     (ω + 1)/2. Under (1, 1, -1, -1) the circle of [0;(4)] = 2γ - 1 breaks last.
 
     Parameters
@@ -357,7 +357,7 @@ def half_shift_nobles(
 
 
 def lengthen(kappa: ArrayLike, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Map points under the forcing that `shorten` returns for kappa back to points under kappa.
+    """Undo `shorten` for points: map points under the shortened forcing to points under kappa.
 
     Parameters
     ----------
@@ -390,19 +390,20 @@ def distances_to_shorter(kappa: ArrayLike, rounding: float = 1e-15) -> FloatArra
     """Compute the distances of a forcing from the forcings that `shorten` can shorten.
 
     There is at least one distance for each shorter period. If P is even, the distance from
-    antiperiodic forcings, κ_{j+P/2} = -κ_j, is added, unless kappa is antiperiodic to rounding.
+    antiperiodic forcings, κ_{j+P/2} = -κ_j, is included, unless kappa is antiperiodic to rounding.
 
     Parameters
     ----------
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     rounding : float
-        Largest distance from antiperiodic forcings that the rounding of cosines can explain.
+        Largest distance from antiperiodic forcings that is attributed to rounding of cosines.
 
     Returns
     -------
     ndarray, shape (n,)
-        Each distance is the largest change of a strength, relative to the largest |κ|.
+        Each distance is the largest change in a strength that is needed to reach such a forcing,
+        relative to the largest |κ|.
     """
     strengths = forcing(kappa)
     size = np.abs(strengths).max()
@@ -437,10 +438,10 @@ def _shorter(kappas: FloatArray) -> Iterator[tuple[float, int, int, FloatArray]]
     """Yield (change, period, spacing, rows) for each shorter period.
 
     `change` is the largest change of a strength that is needed to reach that period; the other
-    values are as in `_shortest`. To reach a shorter period, either the forcings themselves are
-    made periodic, or, for each spacing m, their alternated form. This form contains only the kicks
-    at those sites m apart that include the site of the largest |κ|, with every second sign changed;
-    all other strengths are 0.
+    values are as in `_shortest`. Either the forcings themselves or, for each spacing m, their
+    alternated forms are made periodic with the shorter period. The alternated form keeps every m-th
+    kick, the one with the largest |κ| included, and changes every second sign; all other strengths
+    are 0.
     """
     period, size = kappas.shape[1], np.abs(kappas)
     largest = int(size.max(axis=0).argmax())

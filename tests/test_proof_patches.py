@@ -229,19 +229,25 @@ def checked_constants(case, checker=checker, rho=0.01):
 NAMES = "n", "p", "k", "error", "kappa"
 
 
-@cache
-def truth(case, rho):
-    """Return the largest n, p, k, ‖E‖ and |κ| over many σ and t, in floats."""
-    profile, tilt, high, (Q, R), moves = made_case(case)
-    P, k = len(profile), np.fft.fftfreq(N, 1 / N)
-    weight, alpha = np.exp(2 * np.pi * rho * np.abs(k)) * (np.abs(k) < 100), float(GAMMA) / P
-    C = np.zeros((Q * R, P, N), complex)
+def modes_of(case):
+    """Return all N modes of the coefficients of a case as floats, shape (Q·R, P, N)."""
+    profile, _, _, (Q, R), moves = made_case(case)
+    C = np.zeros((Q * R, len(profile), N), complex)
     for m, table in enumerate(moves):
         for j, row in enumerate(table):
             for factor, part in zip((1, 1j), row, strict=True):
                 C[m, j, : min(len(part), 100)] += factor * np.array(part[:100], float)
     C[..., 1:] += C[..., :0:-1].conj()
-    C *= 2.0 ** UNIT.get(case, -80)
+    return C * 2.0 ** UNIT.get(case, -80)
+
+
+@cache
+def truth(case, rho):
+    """Return the largest n, p, k, ‖E‖ and |κ| over many σ and t, in floats."""
+    profile, tilt, high, (Q, R), _ = made_case(case)
+    P, k = len(profile), np.fft.fftfreq(N, 1 / N)
+    weight, alpha = np.exp(2 * np.pi * rho * np.abs(k)) * (np.abs(k) < 100), float(GAMMA) / P
+    C = modes_of(case)
 
     def norm(f):  # norm of a function with values f on the grid
         return np.abs(np.fft.fft(f)) / N @ weight

@@ -10,7 +10,7 @@ import pytest
 from audit import mutant
 from cases import thirds
 from flint import arb, arb_poly, ctx
-from test_proof_patches import GAMMA, UNIT, N, made_case
+from test_proof_patches import GAMMA, UNIT, N, made_case, modes_of
 
 from nasm.checks import with_sha256
 from nasm.circles import continuation
@@ -235,15 +235,9 @@ def pairs_of(case, module=barrier):
 def lacking(case, module=barrier):
     """Return which of g', E, 1/g' and w exceed their bounds under at least one of many forcings."""
     outer, pairs, w = pairs_of(case, module)
-    profile, tilt, high, (Q, R), moves = made_case(case)
+    profile, tilt, high, (Q, R), _ = made_case(case)
     P, k = len(profile), np.fft.fftfreq(N, 1 / N)
-    C = np.zeros((Q * R, P, N), complex)
-    for m, table in enumerate(moves):
-        for j, row in enumerate(table):
-            for factor, part in zip((1, 1j), row, strict=True):
-                C[m, j, : min(len(part), 100)] += factor * np.array(part[:100], float)
-    C[..., 1:] += C[..., :0:-1].conj()
-    C *= 2.0 ** UNIT.get(case, -80)
+    C = modes_of(case)
     turn = np.exp(2j * np.pi * k * float(GAMMA) / P)
     found = set()
     angles = np.linspace(0, np.pi, 41 if R == 1 else 17), np.linspace(0, np.pi, 1 if R == 1 else 17)

@@ -10,20 +10,12 @@ In other planes, choose larger cells and distances: `--plane pairs:1/3 --cells 3
 strong kicks do not follow each other too closely.
 """
 
-from workflows.shared.cli import choice, command, plane_option, preset, real, sweeps
-
-_CELLS = ["8", "16", "32", "64", "128", "256", "512", "1024", "2048", "4096"]
-_SECONDS = (
-    "CPU time limit per cell; a cell not proved in time is subdivided, or left open if finest."
-)
-_DISTANCE = "Relative distance from the boundary at which proofs of barriers stop."
+from workflows.shared.cli import command, plane_option, preset, proof_options, sweeps
 
 
 @command()
 @plane_option
-@choice("--cells", _CELLS, "512", "Finest cells per unit of strength.")
-@real("--cpu-seconds", 0.02, 1e-3, 1e4, _SECONDS)
-@real("--distance", 0.09, 1e-3, 0.5, _DISTANCE)
+@proof_options(8)
 @preset("--full", "In full, two CPU hours", cells="2048", cpu_seconds=0.2, distance=0.01)
 @sweeps
 def main(run, plane, cells, cpu_seconds, distance):

@@ -50,7 +50,7 @@ UNSTABLE_EIGENVALUES = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}
 
 @dataclass(frozen=True)
 class ContinuationSettings:
-    """Limits of the continuation of circles, and least errors that its estimates may claim.
+    """Limits on the continuation of circles, and lower bounds on the errors of its estimates.
 
     Attributes
     ----------
@@ -67,8 +67,8 @@ class ContinuationSettings:
     max_rounds : int
         Maximum number of rounds of the fixed-point iteration for s_c, which usually needs 5 to 20.
     mode_share : float
-        M is computed from all modes, and again from this share of them: the difference counts as
-        error.
+        M is computed from all modes, and again from this fraction of them; the difference between
+        the two results for s_c counts as error.
     modes : float
         Number of modes that resolve a circle, multiplied by its relative distance from the breakup.
     modes_of_path : float
@@ -78,10 +78,10 @@ class ContinuationSettings:
         Error of s_c from two scales, divided by the distance from s_c to the last circle; the
         largest ratio seen was 2.3.
     error_without_delta : float
-        Least error of s_c if δ is not known, divided by the distance from s_c to the last circle.
+        Minimum error of s_c if δ is not known, divided by the distance from s_c to the last circle.
     test_distance : float
-        Relative distance beyond the value at which residues test for the circle, by
-        `farey.circle_exists`.
+        Minimum relative distance beyond the estimate; there `farey.circle_exists` uses residues to
+        test whether the circle exists.
     max_depth_ratio : float
         Depth below which circles do not resolve a cusp, divided by the distance from the breakup to
         the second of the three scales.
@@ -137,7 +137,7 @@ def critical_scale(
     tol : float
         Target for the absolute error; the error of the result may exceed it.
     settings : ContinuationSettings
-        Limits, and least errors that the estimates may claim.
+        Limits on the continuation, and lower bounds on the errors of the estimates.
 
     Returns
     -------
@@ -185,7 +185,7 @@ def critical_scale(
     if not error < value:
         status = Status.NOT_CONVERGED if status is Status.OK else status
         return CriticalScale(nan, nan, lower, nan, omega, status, METHOD)
-    # If the ray passes close to another sheet of the boundary, circles look as if they broke there.
+    # If the ray passes close to another sheet of the boundary, circles appear to break there.
     # With one or two kicks there is only one sheet.
     beyond = value + max(2 * error, settings.test_distance * value)
     if short.size > 2 and circle_exists(short_omega, beyond * short):
@@ -263,7 +263,7 @@ def certified_circle(
         if u is None:
             break
         path.append((breakup * (1 - d), u))
-    # Try fewer modes first: they add less rounding; nothing is extrapolated from this circle.
+    # Try fewer modes first: they add less rounding. No circle is extrapolated from this one.
     tries = [(distance, factor) for factor in (0.4, 0.7, 1.0)] + [(min(1.4 * distance, 0.5), 0.7)]
     nearest = (
         (breakup * (1 - d), circle_at(d, factor * settings.modes / d))
@@ -367,7 +367,7 @@ def _continue(omega, profile, tol, settings):
 
 
 def _next_circle(omega, profile, path, step, settings):
-    """Return (scale, u) of a circle `step` beyond the last of the path, and a Status.
+    """Return (scale, u) of a circle, `step` beyond the last one on the path, and a Status.
 
     The step is halved while Newton's method fails.
     """
@@ -385,8 +385,8 @@ def _next_circle(omega, profile, path, step, settings):
 def _estimate(omega, scales, log_m, growth, delta, settings):
     """Estimate s_c and its error from three scales, at M, M/Λ and M/Λ², or from the first two.
 
-    Growth of M is counted from the wave number at which the tail of ω begins: the denominator of
-    the last convergent of its prefix. Returns NaN and inf if M has not grown by Λ yet.
+    The growth of M is measured from the wave number at which the tail of ω begins: the denominator
+    of the last convergent of its prefix. Returns NaN and inf if M has not grown by Λ yet.
     """
     decreases = np.flatnonzero(np.diff(log_m[0]) <= 0)  # far from the breakup M may decrease
     start = decreases[-1] + 1 if decreases.size else 0

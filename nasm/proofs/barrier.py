@@ -96,9 +96,12 @@ class BarrierProof(Result):
     n : int
         Number of points of the grid.
     rho : float
-        Half width of the strip in which E was bounded; NaN if E was not bounded.
+        Half width ρ of the strip to which the constants refer; NaN if E was not bounded. If the
+        first step is computed, E was bounded in 2ρ.
     constants : dict of float
-        Upper bounds on the constants of the theorem for all s and t; see proofs/README.md.
+        Upper bounds on the constants of the theorem for all s and t; see proofs/README.md. If the
+        first step is computed, n, p, k and error are those before the step; the others follow from
+        the constants after it.
     unit : int
         Binary exponent of the coefficients.
     coefficients : list

@@ -140,13 +140,7 @@ class CellProof(Proof):
 
     def _repr_html_(self) -> str:
         """Return the table that a notebook shows."""
-        rows = {
-            "centre of the cell": f"{self.kappa}",
-            "half width": f"{self.half_width}",
-            "outcome": f"{self.outcome.name}: {self.reason}",
-            "boxes": f"{len(self.boxes)}, with {self.lifetimes.sum()} kicks in all",
-        }
-        return html_table(rows, "Proof that transport is global in a cell")
+        return _html(self, {"centre of the cell": f"{self.kappa}"}, "a cell")
 
     def certificate(self) -> dict[str, Any]:
         """Return what another program needs to check the proof, as a JSON-serializable dict.
@@ -281,14 +275,8 @@ class PlaneCellProof(Proof):
 
     def _repr_html_(self) -> str:
         """Return the table that a notebook shows."""
-        rows = {
-            "plane": self.plane.name,
-            "centre of the cell": f"{self.centre}",
-            "half width": f"{self.half_width}",
-            "outcome": f"{self.outcome.name}: {self.reason}",
-            "boxes": f"{len(self.boxes)}, with {self.lifetimes.sum()} kicks in all",
-        }
-        return html_table(rows, "Proof that transport is global in a cell of a plane")
+        place = {"plane": self.plane.name, "centre of the cell": f"{self.centre}"}
+        return _html(self, place, "a cell of a plane")
 
     def certificate(self) -> dict[str, Any]:
         """Return what another program needs to check the proof, as a JSON-serializable dict.
@@ -372,6 +360,16 @@ def prove_cell_of_plane(
     from_curve = np.ascontiguousarray(np.roll(rows, -site, axis=0))
     outcome, boxes, lifetimes = _covered(from_curve, points, False, *about[1:], budget)
     return PlaneCellProof(outcome, *about, site, points, boxes[:, [0, 1, 2, 3, 4, 5, 9]], lifetimes)
+
+
+def _html(proof: CellProof | PlaneCellProof, place: dict[str, str], where: str) -> str:
+    """Return the table that a notebook shows of a proof in a cell."""
+    rows = place | {
+        "half width": f"{proof.half_width}",
+        "outcome": f"{proof.outcome.name}: {proof.reason}",
+        "boxes": f"{len(proof.boxes)}, with {proof.lifetimes.sum()} kicks in all",
+    }
+    return html_table(rows, f"Proof that transport is global in {where}")
 
 
 def largest_strengths(

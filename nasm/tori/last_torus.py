@@ -152,7 +152,7 @@ def upper_scale(
     n_kicks: int = 8_000,
     settings: LastTorusSettings = DEFAULT_SETTINGS,
 ) -> float:
-    """Compute a scale at which no torus that is a graph exists for any ω, with Ω irrational.
+    """Compute a scale at which, for irrational Ω, no torus exists as a graph, whatever its ω.
 
     Parameters are those of `last_critical_scale`.
 

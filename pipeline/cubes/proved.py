@@ -169,8 +169,7 @@ def proved_map(plane: Plane, rays: Sequence[Sequence[float]], cells: int, second
     farthest = (scales * np.abs(symmetries.ray(plane.unfold(angles))).max(axis=-1)).max()
     reach = int(np.ceil(_STEP * _MARGIN * farthest)) / _STEP
     # With mirrors at both axes, the map begins at 0.
-    elements = {(mirrored, turn) for mirrored, turn, _ in plane.exact_symmetries}
-    begin = 0.0 if {(True, 0), (True, 180)} <= elements else -reach
+    begin = 0.0 if {(True, 0), (True, 180)} <= _elements(plane) else -reach
     width = max(2.0 ** np.floor(np.log2((reach - begin) / _BLOCKS)), 1 / cells)
     at = begin + (np.arange(round((reach - begin) * cells)) + 0.5) / cells
     axes = {name: coordinate(name, at, text) for name, text in reversed(plane.axes.items())}
@@ -208,9 +207,14 @@ def _compute_cells(coords: Coords, settings: Settings) -> Arrays:
     return {"proved": proved} | pack_certificates(cell_proofs)
 
 
+def _elements(plane: Plane) -> set[tuple[bool, int]]:
+    """Return the exact symmetries of a plane as mirrors and turns in degrees, without shifts."""
+    return {(mirrored, turn) for mirrored, turn, _ in plane.exact_symmetries}
+
+
 def _swaps(plane: Plane) -> bool:
     """Return whether exchanging the coordinates of the plane is a symmetry."""
-    return _SWAP in {(mirrored, turn) for mirrored, turn, _ in plane.exact_symmetries}
+    return _SWAP in _elements(plane)
 
 
 def uncertified_cells(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:

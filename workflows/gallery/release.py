@@ -1,4 +1,4 @@
-"""The deposit of all results for a DOI: data sets, the commands that computed them, checksums.
+"""The deposit of all results under a DOI: data sets, their commands, and checksums.
 
 The deposit is a directory. It contains a folder for each command, with its cubes, tables, figures
 and certificates, and five files: README.md, LICENSE, SHA256SUMS, the program
@@ -33,7 +33,7 @@ def make_release(directory, exhibits, workers, quick, quiet):
     files.write(folder / ".zenodo.json", json.dumps(_zenodo(exhibits), indent=1) + "\n")
     paths = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     paths = [path for path in paths if path.name not in (SUMS, ".lock")]
-    paths = [path for path in paths if path.suffix != files.BESIDE]  # remains of killed runs
+    paths = [path for path in paths if path.suffix != files.BESIDE]  # left over from killed runs
     digests = {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
     sums = (f"{sum}  {path.relative_to(folder).as_posix()}\n" for path, sum in digests.items())
     files.write(folder / SUMS, "".join(sums))
@@ -48,7 +48,10 @@ def _license():
 
 
 def _zenodo(exhibits):
-    """Return the metadata of the deposit; the owner should enter persons as creators."""
+    """Return the metadata of the deposit.
+
+    Before it is published, the owner should name persons as creators.
+    """
     about = metadata.metadata("nasm-transport")
     contents = "".join(f"<li>{exhibit.title}</li>" for exhibit in exhibits)
     description = (
@@ -90,5 +93,5 @@ The tables (CSV) contain the same numbers. LICENSE applies to all files.
 {parts}`sha256sum -c {SUMS}` checks all files. With nasm installed, `python -m workflows.verify
 --out .` checks all cubes, and `--proofs` the certificates as well. Without it,
 `python {CHECKER.name} proved_map/certificates/proved_map/TILE.json.xz` checks the certificates of a
-tile; it needs python-flint alone.
+tile; it needs only python-flint.
 """

@@ -14,9 +14,15 @@ those of `proved_map`, and an OUT that holds it already is reused. The defaults 
 minutes, --quick one.
 """
 
-from workflows.shared.cli import choice, command, increasing, parsed, preset, real, sweeps, whole
-
-_CELLS = ["32", "64", "128", "256", "512", "1024", "2048", "4096"]
+from workflows.shared.cli import (
+    command,
+    increasing,
+    parsed,
+    preset,
+    proof_options,
+    sweeps,
+    whole,
+)
 
 
 def parse_margins(text):
@@ -40,9 +46,7 @@ def parse_margins(text):
 @whole("--n-orbits", 1024, 1, 10**6, "Orbits of the ensemble that may escape.")
 @whole("--n-starts", 64, 1, 10**6, "Starts on the line, for the other indicators.")
 @whole("--seed", 1, 0, 10**9, "Seed of the random rays, margins and images.")
-@choice("--cells", _CELLS, "512", "As for proved_map: finest cells per unit of strength.")
-@real("--cpu-seconds", 0.02, 1e-3, 1e4, "As for proved_map: CPU time limit per cell.")
-@real("--distance", 0.09, 1e-3, 0.5, "As for proved_map: where proofs of barriers stop.")
+@proof_options(32)
 @preset(
     *("--quick", "A preview"),
     n_rays=8,

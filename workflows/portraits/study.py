@@ -53,8 +53,8 @@ def symmetric_dataset(n_orbits, n_max):
     """Iterate T under four forcings related by symmetry.
 
     The Dataset contains x, y with dims (forcing, step, orbit); marked_x, marked_y (forcing, step,
-    marked); and `difference`, the largest distance of the marked orbits from the images of those of
-    the first forcing.
+    marked); and `difference`, for each forcing the largest distance between its marked orbits and
+    the images of the marked orbits under the first forcing.
     """
 
     def iterated(x, y):

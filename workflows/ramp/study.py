@@ -49,7 +49,7 @@ def _escape(kappa):
 def irregular(ripples, kicks):
     """Find how long barriers persist under κ_n = 0.3·(1 + ripple·f_n), by (kind, ripple).
 
-    life : the shortest of the lifetimes on lines at eight sites near the middle of the kicks.
+    life : the shortest lifetime on eight lines, one at each of eight sites near the middle kick.
     Escapes are observed for 20 times as many kicks.
     """
     shapes = _shapes(np.arange(20 * kicks))

@@ -1,12 +1,13 @@
 """Second method for ramps: find when the second variation eliminates the last start on a line.
 
-A start before the kick of a site is on no invariant graph through n kicks on either side if the
-second variation of the action at the sites |k| < n of its orbit, the tridiagonal matrix with
+For a start just before the kick at a site, the second variation of the action at the sites |k| < n
+of its orbit is the tridiagonal matrix with
 
-    a_k = 2 + κ_k cos 2πx_k on the diagonal,    and -1 next to the diagonal,
+    a_k = 2 + κ_k cos 2πx_k on the diagonal,    and -1 next to the diagonal.
 
-is not positive definite. `nasm.converse_kam.aperiodic` tests this by a tangent vector that starts
-at the site. Here Gaussian elimination proceeds from both ends of the matrix to the middle,
+If it is not positive definite, the start is on no graph that is invariant through n kicks on either
+side. `nasm.converse_kam.aperiodic` tests this with a tangent vector that starts at the site. Here
+Gaussian elimination proceeds from both ends of the matrix to the middle,
 
     d_k = a_k - 1/d_{k+1},    d_{-k} = a_{-k} - 1/d_{-k-1},    a_0 - 1/d_1 - 1/d_{-1} > 0,
 
@@ -54,7 +55,7 @@ def _is_positive(middle, later, earlier):
 
 
 def longest_lifetime(kappa, site, n_starts, n_best):
-    """Return the longest lifetime on the line x = 1/2 before the kick of a site, 0 ≤ y ≤ 1."""
+    """Return the longest lifetime of starts on x = 1/2, 0 ≤ y ≤ 1, just before the kick at site."""
     width = 1 / n_starts
     centres = (np.arange(n_starts) + 0.5) * width
     longest = 0.0

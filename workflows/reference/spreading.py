@@ -1,19 +1,19 @@
-"""Alternative methods for diffusion and escape, which do not follow the spread of orbits.
+"""Independent methods for diffusion and escape, which do not measure how ensembles spread.
 
 The Green-Kubo formula derives D from the correlations of the changes d_t = y_{t+1} - y_t, averaged
 over the unit cell with uniform density,
 
     D = <d_0²>/2 + Σ_{τ=1}^L w_τ <d_0 d_τ>,    w_τ = (1 + cos πτ/L)/2.
 
-The weights fall smoothly, since correlations in islands oscillate without end; with a sharp
-cutoff, D for the forcing (3, 2) would be up to 24% too large. `nasm.diffusion` computes D from the
-mean squares of long displacements.
+The weights decrease smoothly, because correlations in islands do not decay; with a sharp cutoff, D
+for the forcing (3, 2) would be up to 24% too large. `nasm.diffusion` computes D from the mean
+squares of long displacements.
 
-Escape by transport: the window is divided into cells. Each entry of Ulam's matrix is the share
-of one cell that T maps into another, or into itself. Applied n times to the density of the starts,
-this matrix gives the share of orbits still inside after n steps; the sum of these shares is the
-mean escape time. Once the density has reached its final shape, the share is multiplied in each step
-by a constant factor, the leading eigenvalue of the matrix. `nasm.escape` follows orbits instead.
+Escape by transport: the window is divided into cells. Entry (i, j) of Ulam's matrix is the fraction
+of cell j that T maps into cell i. Applied n times to the density of the starts, this matrix yields
+the fraction of orbits still inside after n steps; the sum of these fractions is the mean escape
+time. Once the density has reached its final shape, the fraction is multiplied at each step by a
+constant factor, the leading eigenvalue of the matrix. `nasm.escape` follows orbits instead.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ from nasm.orbits import orbit
 def green_kubo(kappa, n_starts, n_steps, n_lags):
     """Return D from correlations over up to n_lags steps, and its error.
 
-    The error is three times that of the mean over starts, plus the change of D when the number of
+    The error is three times that of the mean over starts, plus the change in D when the number of
     lags is halved.
     n_starts : a multiple of 256.
     """
