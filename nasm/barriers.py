@@ -3,8 +3,9 @@
 The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
 With three kicks or more, circles may break and reappear in bands of scales, which may be
 arbitrarily narrow next to the boundary. The search resolves bands down to relative widths of about
-tol, or of 10⁻³ if tol is larger: if it meets any, error is at least this width, and upper at least
-value + error. On a segment that does not start at zero, the search is for the first breakup.
+tol, or of 10⁻³ if tol is larger. If it meets any, the relative error is at least tol, since
+narrower bands may lie above the value, and upper is at least value + error. On a segment that does
+not start at zero, the search is for the first breakup.
 
 The search proceeds from the outside inwards.
 
@@ -83,7 +84,8 @@ class Effort:
     locating_steps : int
         Least number of steps of converse KAM to locate the last circle under one or two kicks.
     resolution : float
-        Largest tolerance of the search of the Farey tree; a larger tol widens the bracket alone.
+        Largest tolerance of the search of the Farey tree; a larger tol widens only the bracket and,
+        in bands, the error.
         With a tolerance of 10⁻² the search missed bands of one of the forcings that were judged by
         other methods (`tests/judged_forcings.csv`).
     max_questions : int
@@ -409,7 +411,7 @@ def _value(tree, tol, bracket):
     if bracket.breakup is not None:
         return bracket.breakup.value, bracket.breakup.error
     half = (bracket.outside - bracket.inside) / 2
-    error = tree.segment.length(bracket.outside, tree.effort.search_tol(tol))
+    error = tree.segment.length(bracket.outside, tol)
     return bracket.inside + half, max(half, error)
 
 

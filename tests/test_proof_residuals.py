@@ -1,6 +1,8 @@
 """Residuals of a patch in sums of two floats: each error is below its bound, which is derived."""
 
 import re
+import time
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from math import factorial, hypot, log2, pi, sqrt
 
@@ -15,6 +17,7 @@ from nasm.numbers import parse
 from nasm.proofs import barrier
 from nasm.proofs import patches as patches
 from nasm.proofs import residuals as module
+from nasm.proofs.precision import working_precision
 
 NU2 = Fraction(2) ** -106
 ADD, MULTIPLY, TABLE = 3.01, 7.01, 2  # bounds on errors, in units of NU2
@@ -303,6 +306,19 @@ def test_grids_that_do_not_fit_are_refused(n, size):
         grid = barrier.Grid(parse("gamma"), KAPPA[:2], n)
         with pytest.raises(ValueError, match="do not fit"):
             module.residuals([grid], u, u[0, 0, :, 0])
+
+
+def test_threads_do_not_change_the_precision_of_each_other():
+    def bits(precision):
+        with working_precision(precision):
+            time.sleep(0.001)  # lets another thread run
+            with working_precision(64):
+                pass
+            return ctx.prec
+
+    precisions = [100, 200, 300, 400] * 5
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(bits, precisions)) == precisions
 
 
 @pytest.mark.slow  # compiles the kernels

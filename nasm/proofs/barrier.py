@@ -43,6 +43,7 @@ from nasm.maps import MAX_STRENGTH, MIN_SIZE, direction, forcing
 from nasm.numbers import RotationNumber, as_rotation_number, convergents
 from nasm.planes import Plane
 from nasm.proofs.certificates import certificate, in_hex, matrix_in_hex
+from nasm.proofs.precision import working_precision
 from nasm.results import Result
 from nasm.symmetries import shorten
 from nasm.tables import html_table, omega_text
@@ -394,7 +395,7 @@ def _proved(
         if not n and (size > _MAX_POINTS or seconds > until - time.thread_time()):
             reason = f"not proved: {size} points are beyond the budget: some {seconds:.1g} seconds"
             return BarrierProof(False, reason, **about, n=size)
-        with ctx.workprec(128 if size < 2**18 else 160):
+        with working_precision(128 if size < 2**18 else 160):
             outcome = refined(Grid(omega, kappa.tolist(), size), start)
         ratio = outcome.pop("estimated_ratio", inf)
         proof = BarrierProof(**about, n=size, **outcome)
@@ -427,7 +428,7 @@ def _divisors(omega: RotationNumber) -> list[tuple[int, Ball, bool]]:
     last = len(omega.prefix) + (40 // length + 2) * length
     fractions = [*islice(convergents(omega), last)]
     bits = 2 * max(map(abs, fractions[-1].as_integer_ratio())).bit_length() + 64
-    with ctx.workprec(bits):
+    with working_precision(bits):
         ball = _omega_ball(omega, bits)
         return [
             (f.denominator, 2 * abs((ball * f.denominator).sin_pi()), n >= last - length)
@@ -687,7 +688,7 @@ def verified(
         k.append((two_pi * (rho + sum(row[j] for row in norms))).exp())
         moved = sum(a * row[j] for a, row in zip(apart, slopes, strict=True))
         of_points = []
-        with ctx.workprec(64):
+        with working_precision(64):
             for modes, near in zip(u, inverses, strict=True):
                 slope, d = slope_modes(modes[j], grid.odd), near[j, : chosen["modes"]]
                 bound = bound_of_the_inverse(slope, d, rho, grid.odd, chosen["kept"], moved)
@@ -860,7 +861,7 @@ def verified_by_a_step(
     if max(len(row) for rows in bounds[0] for row in rows) > cut:
         raise ValueError(f"cut={cut} is below the highest mode of u")
     n, p, k, errors, slopes_of_E, majorants = [], [], [], [], [], []
-    with ctx.workprec(64):
+    with working_precision(64):
         for j in range(grid.sites):
             total = sum((arb_poly(row[j]) for row in sizes), arb_poly())
             weighted = [[i * x for i, x in enumerate(row[j])] for row in sizes]

@@ -53,6 +53,7 @@ from nasm.proofs.barrier import (
     turns,
     verified,
 )
+from nasm.proofs.precision import working_precision
 from nasm.proofs.residuals import (
     SLACK,
     SQUARED_ULP,
@@ -74,7 +75,7 @@ from nasm.types import FloatArray, OmegaLike
 __all__ = ["covered_up_to", "proved_below"]
 
 try:
-    from flint import arb, ctx
+    from flint import arb
 except ImportError:  # the extra `proof`
     arb = None  # type: ignore[assignment, misc]
 
@@ -249,7 +250,7 @@ def _proved_between(low: float, high: float, value: float, about: dict[str, Any]
                 return BarrierProof(False, reason, **about)
             starts.append(start.u)
     unit = floor(log2(epsilon / (1000 * n)))
-    with ctx.workprec(128 if n < 2**18 else 160):
+    with working_precision(128 if n < 2**18 else 160):
         exact = _vectors(plane, about["short_kappa"], about["tilt"], arb)
         patch = _Patch(omega, *exact[1:], low, high, n, Q, R, exact[0])
         modes = patch.circles(starts, epsilon)

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from nasm.arithmetic.double_double import EXACT_PI, pair, two_sum
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import fma, rint
+from nasm.proofs.precision import working_precision
 from nasm.types import FloatArray
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ ComplexArray: TypeAlias = NDArray[Any]
 __all__ = ["as_balls", "as_complex", "combined", "from_integers", "moved", "parts_of", "residuals"]
 
 try:
-    from flint import acb, arb, ctx
+    from flint import acb, arb
 except ImportError:  # the extra `proof`
     arb = None  # type: ignore[assignment, misc]
 
@@ -335,7 +336,7 @@ def _rows(numbers: Iterable["Ball"]) -> FloatArray:
 @lru_cache(maxsize=8)
 def _grid_tables(n: int) -> tuple[FloatArray, FloatArray]:
     """Return e^{2πii'/n} and i/n, 0 ≤ i < n, where i' is the imaginary unit."""
-    with ctx.workprec(160):
+    with working_precision(160):
         turns = _rows([acb(arb(2 * i) / n).exp_pi_i() for i in range(n)])
         return turns, np.array(_pairs([arb(i) / n for i in range(n)]))
 
