@@ -63,7 +63,8 @@ class TreeSettings:
         residues tend to 1/4, their product to 1/16, and the differences are of order 1/q. On the
         paths to the last circles of 144 forcings of one to twelve kicks, products at the breakup
         were at most 0.19. From period 10 on they were at most 0.08, except for the tail (4), where
-        they reached 0.19.
+        they reached 0.19. Products just above a breakup should also be below the limit, so that the
+        search tries the circle that breaks there: with 0.2 it missed one with the tail (4).
     largest_residue : float
         Largest residue that an orbit of period `short_period` or longer may have next to a circle
         that exists. On these paths residues were at most 0.8, except one of 1.57 with 11 kicks.
@@ -91,7 +92,7 @@ class TreeSettings:
     True
     """
 
-    largest_product: float = 0.2
+    largest_product: float = 0.3
     product_period: int = 50
     largest_residue: float = 1.6
     short_period: int = 10
