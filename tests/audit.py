@@ -152,8 +152,8 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     """Check in multiprecision arithmetic that the state after one kick satisfies all bounds.
 
     strengths : k, and in cells also f, g and `blur`, the largest deviation of the strength from
-    k + σ_α f + σ_β g. Returns, by name, the share of each bound that is used; it exceeds 1 if the
-    bound is too small. For a bad box, these shares are not computed.
+    k + σ_α f + σ_β g. Returns, by name, the fraction of each bound that is used; it exceeds 1 if
+    the bound is too small. For a bad box, these fractions are not computed.
 
     1. Any orbit of the box satisfies the chain up to a defect; A and B grow by its components.
     2. `rest` grows by all that may increase Q beyond the sums; the payments cover sums and `rest`.
@@ -242,7 +242,7 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
 
 
 def audit_of_kicks(kernel, *changes):
-    """Return the largest share of each bound by name; stop at the first bound that is too small."""
+    """Return the largest fraction used of each bound, by name; stop if a bound is too small."""
     kick, largest = in_python(kernel.functions, *changes), {}
     for row in rows(kernel):
         for name, share in audit_of_a_kick(kernel, kick, *row).items():

@@ -4,7 +4,7 @@ RUNS is the number of times each command runs, in the same folder; after the fir
 that compute raise an error. HIDDEN lists packages that cannot be imported, as if an extra were not
 installed. The script prints a JSON object {command: [exit code, what it printed, whether it looked
 for python-flint, faults of its figures on screen and in a column]}, for the last run of each
-command, or for the run that failed. All sweeps share two workers, which are threads of this
+command, or for the run that failed. All sweeps share one worker, which has two threads in this
 process. Unless Bokeh is hidden, the explorer runs until it is stopped.
 """
 
@@ -92,7 +92,7 @@ def compute_nothing(patch, but_look):
     """Make all functions of COMPUTING raise an error, except those of `nasm` if `but_look`."""
 
     def refuse(*_, **__):
-        raise AssertionError("computes again what is there")
+        raise AssertionError("recomputes a stored result")
 
     for module, names in COMPUTING.items():
         for name in () if but_look and module.startswith("nasm") else names:

@@ -107,7 +107,7 @@ def _on_data(figure, texts, renderer):
             on = ((points > box.min) & (points < box.max)).all(axis=1).sum()
             if on:
                 name = "a legend" if isinstance(artist, Legend) else _name(artist)
-                yield f"{name} lies on {on} points of data"
+                yield f"{name} lies on {on} data points"
 
 
 def _covered(figure, texts, renderer):

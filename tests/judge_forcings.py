@@ -13,7 +13,7 @@ following, by methods independent of the search for the last barrier:
    by Greene's residues of the minimax orbits of its convergents. This module computes them with its
    own code, starting from a circle just below the breakup. The scales at which the residues of two
    convergents agree converge to `value` (by Aitken's extrapolation; `error` is three times the
-   larger of its last two changes).
+   larger of the last two changes of the extrapolated value).
 
 Two options judge new rows:
 
@@ -187,7 +187,7 @@ class MinimaxOrbits:
         return np.roll(self.start + scale * self.profile, -self.site)
 
     def _moved(self, i, scale, u):
-        """Return (u, R) of the orbit close to deviations u; None if it is lost or has R < 0."""
+        """Return (u, R) of the orbit close to deviations u; None if it is lost or has R ≤ 0."""
         (p, q), kappa, u = self.fractions[i].as_integer_ratio(), self._kappa(scale), u.copy()
         x_before, x = u[0], u[0] + 1e-3 / q
         result, before, _ = hold(kappa, p, q, u)
@@ -328,7 +328,7 @@ def doubts(row):
     if row.method in ("residues", "proof"):
         value, error, _ = breakup(parse(row.omega), start, profile, row.value)
         if not abs(value - row.value) <= error + row.error:
-            result.append(f"the residues' limit is {value!r} ± {error:.1g}")
+            result.append(f"by residues, the circle breaks at {value!r} ± {error:.1g}")
     return result
 
 

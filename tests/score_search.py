@@ -97,7 +97,7 @@ def report(scores):
         if s.false:
             lines += [f"row {s.row.number}: {', '.join(s.false)}: {s.found}", f"    {s.row.text()}"]
         elif not s.answered:
-            lines.append(f"row {s.row.number}: {s.found.status.name if s.found else 'it raised'}")
+            lines.append(f"row {s.row.number}: {s.found.status.name if s.found else 'exception'}")
     return lines
 
 

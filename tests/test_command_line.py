@@ -98,7 +98,7 @@ def test_full_changes_defaults_but_not_explicit_options():
 
 
 def test_commands_but_explore_status_and_verify_have_their_own_folders():
-    """A command uses the same folder if run as a module, by the overview or from Python."""
+    """A command uses the same folder whether run as a module, by the overview or from Python."""
     folders = {name: main_of(name).make_context(name, ["1"] * (name == "ask")) for name in COMMANDS}
     folders = {name: context.params["out"] for name, context in folders.items()}
     shared = {"explore": "out/critical_boundary", "status": "out", "verify": "out"}

@@ -87,10 +87,10 @@ def test_breakups_for_tails_other_than_golden_have_adequate_errors(tail):
     assert compared >= 3
 
 
-# In these cases the path of circles ends before the tail of ω is reached, or while the next circle
-# is 3 units of scale away; or ω is close to a fraction; or the circle breaks almost at once. If a
-# circle is certified nevertheless, its scale is between `low` and `high`. Two values of `high` come
-# from residues of minimizing orbits with q up to 60 000; their errors are 5e-7 and 2.3e-5.
+# In these cases the path of circles ends before the tail of ω is reached, or where the step to the
+# next circle is 3 units of scale; or ω is close to a fraction; or the circle breaks almost at once.
+# If a circle is certified nevertheless, its scale is between `low` and `high`. Two values of `high`
+# come from residues of minimizing orbits with q up to 60 000; their errors are 5e-7 and 2.3e-5.
 @pytest.mark.parametrize(
     ("omega", "profile", "tol", "status", "low", "high"),
     [
@@ -114,9 +114,9 @@ def test_without_enough_circles_there_is_a_status_and_no_value(
     assert not result.lower >= high
 
 
-# NEAR is close to two forcings of shorter period, so that the depths of both cusps count. The other
-# hard cases are those of 240 random rays on which, at the finest tolerance, half the spread of the
-# estimates was smaller than the true error, by a factor of up to 1.67.
+# NEAR is close to two forcings of shorter period, so the depths of both cusps matter. The other
+# hard cases are the ones among 240 random rays where, at the finest tolerance, half the spread of
+# the estimates was smaller than the true error, by a factor of up to 1.67.
 NEAR = (-1.015869172540561, -1.0154541970028859, -1.015869172540561, -1.0151179126561691)
 ANGLES = np.random.default_rng(1401).uniform(0, 180, 240)
 HARD = [("gamma", NEAR, 1e-4, 0.02)]

@@ -1,4 +1,4 @@
-"""The convergence study: fits of synthetic data, and a small run."""
+"""The convergence study: fits to synthetic data, and a small run."""
 
 import json
 

@@ -149,7 +149,7 @@ def test_the_hash_depends_only_on_settings_that_affect_the_results():
     hashes = {plan(**{name: value}).config_hash for name, value in changes.items()}
     assert len({plan().config_hash, *hashes}) == 6
     assert plan(name="other").config_hash == plan().config_hash
-    # A template of 2⁴⁰ or more cells is not held in memory.
+    # The values of a template, here more than 2⁴⁰, are not held in memory.
     values = plan(axes=[Axis(-1, 1, 2**20)] * 2).template.escape_time
     assert values.chunks is not None
     retitled = plan().template.assign_attrs(title="another")

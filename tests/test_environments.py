@@ -50,7 +50,7 @@ def test_with_a_closed_or_full_stream_no_command_crashes_or_loses_results(redire
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
 def test_a_command_finishes_even_if_the_reader_of_its_output_goes_away(tmp_path, stream):
-    """Under `| head -1`, for example, the command completes its work, which sets the exit code."""
+    """Under `| head -1`, for example, the command completes its work and exits as usual."""
     script = f"""
 import click, sys
 from workflows.shared.cli import COMMON

@@ -92,7 +92,7 @@ def pixels(tab):
 
 
 def seen_at(image, box, x, y):
-    """Return the values of a picture at those of the points that are inside it."""
+    """Return the values of a picture at the points (x, y) that lie inside it."""
     left, bottom, width, height = box
     rows, columns = image.shape
     row = ((y - bottom) % 1 / height * rows).astype(int)

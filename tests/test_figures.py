@@ -93,7 +93,7 @@ def test_the_six_circles_of_the_paper_look_different_and_golden_is_blue():
 
 
 def test_no_two_circles_look_alike_and_simple_ones_keep_their_style():
-    """The test includes circles of three kicks that look alike by default, and 60 of a tree."""
+    """The test includes circles of three kicks that look alike by default, and 60 from a tree."""
     alike = ["[0;1,3,(1)]", "[0;2,2,(1)]", "[1;3,(1)]"]
     assert len({str(circle_style(text)) for text in alike}) == 1
     tree = [f"[0;{a},{b},{c},(1)]" for a, b, c in product(range(1, 5), range(1, 6), range(2, 5))]

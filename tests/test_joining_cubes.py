@@ -84,7 +84,7 @@ def test_the_program_reads_strings_as_it_wrote_them(place):
 
 def test_comments_mark_variables_that_must_not_be_interpolated(opened):
     cube = opened[0]
-    assert np.isfinite(cube.omega.interp(angle=5.0))  # xarray allows this; the comment warns of it
+    assert np.isfinite(cube.omega.interp(angle=5.0))  # allowed, but the comment warns against it
     for name in ("omega", "status"):
         assert "do not interpolate" in cube[name].attrs["comment"]
 

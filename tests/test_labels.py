@@ -228,7 +228,7 @@ def verdicts(labels):
 
 
 def as_claimed():
-    """Return labels on which each indicator errs where, and only where, the first claim says."""
+    """Return labels on which each indicator errs exactly where the first claim says it does."""
     labels = labels_of(lambda barrier, margin: float(barrier))
     barrier, near = labels.label == study.BARRIER, abs(labels.margin) < 0.1
     wrong_beyond, wrong_below = ~barrier & near, barrier & near

@@ -48,7 +48,7 @@ def test_exponent_and_indicator_agree_with_forty_digits(x, y):
             logs.append(mpmath.log(mpmath.sqrt(v**2 + w**2)))
     n = max(n for n in range(61) if logs[n] < max(logs[:n], default=0))
     exponent, indicator, _ = tangent_growth(kappa, x, y, n)
-    # A chaotic orbit of doubles is one of a start that differs in the sixteenth digit.
+    # In doubles, a chaotic orbit is that of a start that differs in the sixteenth digit.
     assert_allclose(n * exponent, float(logs[n]), atol=1e-4)
     assert_allclose(indicator, float(max(logs[: n + 1])), atol=1e-4)
 

@@ -75,7 +75,7 @@ def test_digits_are_reliable_for_a_known_series_with_noise(noise, offset):
     known = np.isfinite(omega)  # NaN if ω is close to a fraction
     assert known.mean() > 0.97
     assert np.mean((np.abs(omega - rotations) > 10.0**-digits)[known]) < 0.02
-    # Errors of the positions change an average by less than 5.3/n times the largest error.
+    # Errors in the positions change an average by less than 5.3/n times the largest error.
     largest = max(1e-13, 2.7e-3 * max(5 * noise, offset * np.finfo(float).eps))
     assert np.median(digits) > -np.log10(2 * largest)
 

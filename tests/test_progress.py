@@ -52,7 +52,7 @@ def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
 @pytest.mark.parametrize("error", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("later", [0.0, 60.0])
 def test_after_a_tenth_of_the_work_remaining_time_is_within_a_factor_1_5(slowness, error, later):
-    """This accuracy is reached even on a machine 4 times slower, with predictions 3 times off."""
+    """The accuracy holds even on a machine 4 times slower with predictions off by a factor of 3."""
     tiles = np.sort(np.random.default_rng(0).lognormal(0, 0.7, 100))[::-1]
     ratios = [
         line.remaining() / remains

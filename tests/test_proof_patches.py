@@ -55,7 +55,7 @@ def reached(omega, profile, value, tilt, nearest):
 
 
 def breakup(profile, tilt):
-    """Return the least scale at which γ's circle breaks on five rays, by Greene's residues."""
+    """Return the smallest scale at which γ's circle breaks on five rays, by Greene's residues."""
     across = np.array(profile) + np.linspace(-1, 1, 5)[:, None] * tilt
     return min(periodic.critical_scale(GAMMA, kappa).value for kappa in across)
 
@@ -337,7 +337,7 @@ def test_an_omission_in_a_constant_is_noticed(changes):
     right, wrong = (text.replace("'", '"') for text in changes)
     try:
         changed = mutant(module, (right, wrong))
-    except LookupError:  # the line is in code shared with proofs of a single forcing
+    except LookupError:  # the line is in code shared with proofs for a single forcing
         changed = mutant(module)
         changed.verified = mutant(barrier, (right, wrong)).verified
     assert too_small(case, *proved_constants(case, changed))

@@ -22,7 +22,7 @@ from pipeline.cubes import proved
 
 GAMMA = number("gamma")
 AXES = {"kappa1": "first", "kappa2": "second"}
-# Two kicks, made twice in a period of four.
+# Two kicks, applied twice in a period of four.
 TWICE = Plane("twice", AXES, (0, 0, 0, 0), (1, 0, 1, 0), (0, 1, 0, 1))
 # Scales at which the last circle breaks on a ray, to three decimals; a test checks them.
 BREAKUPS = {("pairs:1/3", 20.0): 1.115, ("three-kicks:0.2", 20.0): 0.440}
@@ -51,14 +51,14 @@ def refuted(certificate, changes, reason):
 
 @pytest.fixture(scope="module")
 def cell():
-    """Return the certificate of a cell of three kicks."""
+    """Return the certificate of a cell of three kicks, and its claim."""
     proof = prove_cell_of_plane(three_kicks(0.2), *cell_beyond("three-kicks:0.2", 20.0, 0.2, 2**-7))
     return certified(proof)
 
 
 @pytest.fixture(scope="module")
 def patch():
-    """Return the certificate of a patch of three kicks that begins at the origin of the plane."""
+    """Return the certificate of a patch of three kicks from the plane's origin, and its claim."""
     below, (proof, *_) = proofs.proved_below(
         GAMMA, (0.125, 0.0625), 1.0, 0.2, (0.015625, -0.03125), 0.4, three_kicks(0.05)
     )
@@ -247,7 +247,7 @@ def along_a_ray(shift, program):
 
 @pytest.mark.parametrize("program", [patches, checker])
 def test_constants_of_a_patch_do_not_depend_on_the_origin_along_its_ray(program):
-    """The constants include bounds of the strengths on ellipses, between the points."""
+    """The constants include bounds on the strengths over ellipses, used between the points."""
     one, other = (along_a_ray(shift, program) for shift in (0.0, 0.25))
     assert one == pytest.approx(other, rel=1e-9)
     assert one["error"] > 0
@@ -298,7 +298,7 @@ def test_a_tile_is_certified_only_by_certificates_of_its_own_plane(cell):
 
 
 def started(way, rng):
-    """Return a random box on a segment, its state before the first kick, and its kicks."""
+    """Return a random plane, segment and box, the state before the first kick, and the kicks."""
     plane, points = rng.uniform(-1, 1, (3, 3)), np.rint(rng.uniform(-2, 2, (2, 2)) * 2**26) / 2**26
     box = np.zeros(transport_cells._COLUMNS)
     box[:6] = rng.uniform(0, 0.5), 2.0**-20, *rng.uniform(-1, 1, 4)
@@ -310,7 +310,7 @@ def started(way, rng):
 
 @pytest.mark.parametrize("way", [0, 1])
 def test_a_start_has_bounds_on_its_rounding(way):
-    """A and B bound the start's rounding errors, and six roundings of all terms."""
+    """A and B bound the start's rounding errors, and even six roundings of every term."""
     rng, ulp = np.random.default_rng(9), Fraction(1, 2**53)
     for _ in range(300):
         _, points, box, state, _ = started(way, rng)

@@ -1,4 +1,4 @@
-"""Residuals of a patch in sums of two floats: each error is below its bound, which is derived."""
+"""Residuals of a patch in sums of two floats: the error bounds are derived, and obeyed."""
 
 import re
 import time
@@ -64,7 +64,7 @@ def test_the_constants_of_the_bounds_follow_from_those_of_sums_and_products():
     assert ROOT * (MULTIPLY + TABLE + ADD) * much < 20
     assert TABLE < 5
     assert ADD <= 3.01
-    # u at the points: products with T, which is tabulated, and of rounded integers
+    # u at the points: two products with tabulated matrices, and integers that are rounded
     assert 1 + 2 * (MULTIPLY + TABLE) * much < 20
     assert add < 3.1
 
@@ -111,7 +111,7 @@ def test_the_sine_is_within_its_bound():
 
 
 def inputs(n):
-    """Return complex vectors, random ones and ones whose errors might add up."""
+    """Yield complex vectors: random ones, and ones whose errors might add up."""
     rng, i = np.random.default_rng(n), np.arange(n)
     yield rng.normal(size=n) + 1j * rng.normal(size=n)
     yield np.ones(n) * (1 + 1j) / 3
@@ -142,7 +142,7 @@ def test_a_transform_is_within_its_bound(n):
         rows, y = in_rows(x, np.random.default_rng(1)), np.empty((n, 4))
         module._transform(rows, turns, first, y)
         with ctx.workprec(256):
-            # FLINT's transform has e^{-2πi}: turn the order around
+            # FLINT's transform has the opposite sign in its exponent: reverse the order
             values = acb.dft(in_balls(rows))
             values = [values[-k % n] for k in range(n)]
             error = sum((abs(a - b) ** 2 for a, b in zip(in_balls(y), values, strict=True)), arb(0))
@@ -167,7 +167,7 @@ def modes_of(case, n, n_sites):
 
 
 def exactly(u, node, odd):
-    """Return the modes at a forcing as exact balls, in the form of `barrier.residual`."""
+    """Return the modes at a forcing as exact balls, as `barrier.residual` takes them."""
     rows = []
     for part in np.moveaxis(u[:, node], 0, -1).tolist():
         balls = [[arb(a) + arb(b) for a, b in row] for row in part]
@@ -202,7 +202,7 @@ def test_residuals_contain_those_of_balls_of_256_bits(n, n_sites, case):
                     assert (y - x).contains(0)
                     middle = acb(acb(y).real.mid(), acb(y).imag.mid())
                     ratios.append(float(abs(middle - x).abs_upper() / (r + 1e-300)))
-    assert max(ratios) > 0.1  # the errors of u are chosen
+    assert max(ratios) > 0.1  # the errors of u are the largest allowed
 
 
 def test_the_bound_of_the_rounding_alone_is_not_much_too_large():

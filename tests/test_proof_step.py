@@ -1,4 +1,4 @@
-"""Test the bounds, by modes, on the first step v_j = g_j'w_j of a proof that a circle exists."""
+"""Test the mode-by-mode bounds on the first step v_j = g_j'w_j of a proof of a circle."""
 
 import json
 from functools import cache
@@ -61,7 +61,7 @@ def test_the_checker_confirms_a_computed_step_with_nearly_the_same_constants(nam
 
 
 def functions(rng, sites, modes, rest):
-    """Return bounds on the modes of g_j', E_j and 1/g_j', and the rests of the latter two."""
+    """Return bounds on the modes of u_j, E_j and 1/g_j', and on the rests of the latter two."""
     k = np.arange(modes)
     u, E, near = (rng.uniform(0, 1, (sites, modes)) * size for size in (
         0.02 * np.exp(-0.3 * k) * (k > 0), 1e-9 * np.exp(-0.1 * k), 0.2 * np.exp(-0.4 * k)
@@ -106,7 +106,7 @@ def constants_of_both(module, seed, sites, rest, omega="gamma"):
 
 
 def true_step(omega, kappa, u, E):
-    """Return the modes of w_j on a grid of N points, in floats; all functions depend on φ."""
+    """Return the modes of w_j(θ) on N points, in floats, from those of u_j(φ) and E_j(φ)."""
     P, k = len(kappa), np.fft.fftfreq(N, 1 / N)
     turn = np.exp(2j * np.pi * k * float(omega) / P)
     shift = turn ** np.arange(P)[:, None]  # from φ to θ
@@ -136,7 +136,7 @@ def norms(modes, rho):
 
 
 def audit(module):
-    """Raise an exception if a bound of the step differs from the checker's, or is too small."""
+    """Raise an exception if a bound on the step differs from the checker's, or is too small."""
     for seed, sites, rest in ((0, 1, 0), (1, 2, 0), (2, 2, 0.1), (3, 3, 0.01), (4, 1, 1)):
         for omega in ("gamma", "[0;(3)]"):
             bounds, exact = constants_of_both(module, seed, sites, rest, omega)
@@ -212,7 +212,7 @@ def test_a_changed_line_of_the_step_is_noticed(change):
 
 
 def pairs_of(case, module=barrier):
-    """Return the strip of a case of test_proof_patches.py, its pairs, and the bounds on w."""
+    """Return the strip, the majorants and the bounds on w of a case of test_proof_patches.py."""
     profile, tilt, high, shape, moves = made_case(case)
     seen = []
 

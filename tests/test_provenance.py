@@ -42,7 +42,7 @@ def edited(monkeypatch):
 
 
 def strength(kappa):
-    """Return the strength of the first kick; raise an error if it exceeds 1/2."""
+    """Return twice the strength of the first kick; raise an error if the strength exceeds 1/2."""
     if kappa[0] > 0.5:
         raise ArithmeticError("too strong")
     return SCALE * maps.forcing(kappa)[0]

@@ -40,7 +40,7 @@ def test_ripples_have_mean_zero_rms_one_and_one_of_three_shapes():
 
 
 def test_renormalisation_repeats_modes_and_approaches_the_golden_circle():
-    """`finer` returns the golden circle for itself, and closer ones to it for other circles."""
+    """`finer` maps the golden circle to itself, and other circles to ones closer to it."""
     steps = [len(response.modes(n)) * response.steps(n) for n in study.PERIODS]
     assert steps == [3, 4, 6, 10, 12, 8, 12]
     for n, circle in {2: "[0;1,3,4,2,(1)]", 3: "[1;6,1,5,(1)]", 7: "[2;1,1,3,5,2,(1)]"}.items():

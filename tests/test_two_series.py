@@ -151,7 +151,7 @@ def test_a_delay_must_be_a_proper_fraction_with_a_small_denominator(delay, tmp_p
     assert not (tmp_path / "out").exists()
 
 
-# K_c and its error, as first computed with the same forcings in units of q.
+# K_c and its error, as first computed from these forcings without their factor 1/q.
 FIRST = {
     ("1/2", 1.0): (1.943271, 5e-7),
     ("1/2", 0.5): (1.158455, 5e-7),

@@ -78,7 +78,7 @@ def compute(coords, settings):
 
 COMPUTED = []  # first coordinates of tiles, in the order in which `watched` computed them
 EVENTS = {}  # {n: function called before `watched` computes the n-th tile, n ≥ 1}
-_ONE_BY_ONE = Lock()  # during an event the other worker commits at most its current tile
+_ONE_BY_ONE = Lock()  # during an event the other thread commits at most its current tile
 
 
 def watched(coords, settings):
@@ -89,7 +89,7 @@ def watched(coords, settings):
 
 
 def watched_sweep(client, place, plan, events=()):
-    """Sweep with workers in this process; call the `events` during the sweep, and fill COMPUTED."""
+    """Sweep with a worker in this process; call the `events` during it, and fill COMPUTED."""
     COMPUTED.clear()
     EVENTS.clear()
     EVENTS.update(events)

@@ -229,7 +229,7 @@ def changes(place: Place, name: str) -> str:
         return ""
     more = f" and {len(paths) - _MAX_NAMED} more" if len(paths) > _MAX_NAMED else ""
     files = f"{', '.join(path[:100] for path in paths[:_MAX_NAMED])}{more} of {place.cube(name)}"
-    return f"{files}: changed or lost; rerun the command that computed it; this restores them"
+    return f"{files}: changed or lost; to restore them, rerun the command that computed it"
 
 
 def _digest(data: bytes) -> str:

@@ -90,7 +90,7 @@ class Place:
         """
         path = self.cube(name) if name else self.root
         exists = os.path.isfile(f"{path}/zarr.json") if name else os.path.isdir(path)
-        if self.is_directory and not exists:  # obstore would create it anew
+        if self.is_directory and not exists:  # obstore would create it
             raise FileNotFoundError(f"{path} does not exist, was moved, or its disk is gone")
         return _opened(path)
 
@@ -151,8 +151,8 @@ def place_of(out: str | os.PathLike[str]) -> Place:
     if not _URL.fullmatch(out.rstrip("/")):
         # The URL is not repeated: it may contain a password.
         raise Refused(
-            "the URL of the store must be s3://BUCKET/PREFIX (or gs://, az://), of letters, digits "
-            "and ._=+-, without user, password or '?'; credentials go into the environment, "
+            "the URL of the store must be s3://BUCKET/PREFIX (or gs://, az://), made of letters, "
+            "digits and ._=+-, without user, password or '?'; credentials go into the environment, "
             "e.g. AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
         )
     return Place(out.rstrip("/"))

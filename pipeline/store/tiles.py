@@ -73,7 +73,7 @@ def _damaged(place: Place, name: str) -> Refused:
     """Return the error for metadata that cannot be read."""
     return Refused(
         f"the metadata of {place.cube(name)} are damaged, or another program's, or in an earlier "
-        "format; run again the workflow that computed the cube, which rewrites or refuses them"
+        "format; rerun the workflow that computed the cube; it rewrites or refuses them"
     )
 
 
@@ -282,7 +282,7 @@ def _fitting(key: str, array: Array, block: tuple[int, ...], values: ArrayLike) 
     with np.errstate(invalid="ignore"):
         cast = values.astype(array.dtype) if values.dtype.kind in "biuf" else None
     if cast is None or (array.dtype.kind != "f" and not np.array_equal(cast, values)):
-        raise ValueError(f"{key} is of {values.dtype}, and does not fit into {array.dtype}")
+        raise ValueError(f"{key} has dtype {values.dtype}, which does not fit into {array.dtype}")
     return cast
 
 

@@ -226,8 +226,8 @@ def _remote(address: str, tls: Sequence[str] | None) -> Iterator[Client]:
     except (OSError, ValueError, TypeError) as error:
         raise ClusterError(
             f"no dask scheduler answers at {address} ({error}); start one with `dask scheduler`, "
-            "or leave the address out to compute on this machine. One with TLS needs a tls:// "
-            "address and PEM files: its CA, a certificate, and the certificate's key"
+            "or leave the address out to compute on this machine. A scheduler with TLS needs a "
+            "tls:// address and PEM files: its CA, a certificate, and the certificate's key"
         ) from None
     with client:
         if not client.nthreads():

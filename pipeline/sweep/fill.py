@@ -184,7 +184,7 @@ def _using(client: Client, workers: int | None) -> nullcontext[Callable[[], Clie
     if workers is not None:
         raise ClusterError(f"the client has its own workers; leave workers={workers} out")
     if client.asynchronous:
-        raise ClusterError("the client is asynchronous; make it by Client(…, asynchronous=False)")
+        raise ClusterError("the client is asynchronous; use Client(…, asynchronous=False)")
     if client.status != "running":
         raise ClusterError(f"the client is {client.status}; connect a new one")
     return nullcontext(lambda: client)

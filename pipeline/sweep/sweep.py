@@ -143,7 +143,7 @@ def sweep(
             if all(run.compute(alone, interrupt, progress) for _ in range(_ATTEMPTS_ALONE)):
                 index, reason = tuple(tiles[tile].tolist()), "its worker died each time, even alone"
                 run.failed[index] = store.record_failure(place, name, index, reason)
-    if not interrupt.is_set():  # a file system was unmounted, or tiles were deleted meanwhile
+    if not interrupt.is_set():  # find tiles that were unmounted or deleted meanwhile
         n_lost = n_done + run.committed + len(store.missing(place, job.cube)) - n_tiles
         if n_lost > 0:
             lost = plural(n_lost, "written tile")
