@@ -1,4 +1,4 @@
-"""Settings of Sphinx for the site, which `python -m sphinx -W .docs out/site` builds.
+"""Sphinx settings for the site; build it with `python -m sphinx -W .docs out/site`.
 
 Everything that a page loads is in the site itself: no script, style or font comes from elsewhere.
 """

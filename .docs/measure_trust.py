@@ -4,8 +4,8 @@ One sample is the table of judged forcings, `tests/judged_forcings.csv`. Each me
 to its forcings in a random order that is always the same, so that the forcings that a short run
 reaches are a fair sample. The script also runs `workflows.stability` and
 `workflows.work_precision`, which provide the other samples, and `workflows.claims`, which judges
-the claims of the paper. It writes .docs/trust.csv and .docs/claims.csv, which the page Trust of
-the site shows.
+the claims of the paper. It writes .docs/trust.csv and .docs/claims.csv, which are shown on the
+Trust page of the site.
 """
 
 import argparse
@@ -301,9 +301,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--minutes", type=float, default=12.0, help="CPU time for judged forcings")
     parser.add_argument(
-        "--only", default="", help="only methods, or workflows.COMMAND, with this in their name"
+        "--only", default="", help="only methods, or workflows.COMMAND, whose name contains this"
     )
-    parser.add_argument("--studies", default="", help="folder of runs of the studies to go on with")
+    parser.add_argument("--studies", default="", help="folder of earlier runs to continue")
     options = parser.parse_args()
     methods = [method for method in METHODS if options.only in name_of(method.function)]
     commands = [command for command in (*STUDIES, CLAIMS) if options.only in command]

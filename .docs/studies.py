@@ -1,8 +1,8 @@
-"""Evaluate how three commands test promises: `stability`, `work_precision` and `claims`.
+"""Evaluate three commands that test promises: `stability`, `work_precision` and `claims`.
 
 Each function reads the results that its command has written to a folder. A ratio is the distance of
 a value from that of the most accurate method, divided by the sum of the errors of both; if the
-ratio exceeds 1, a promise is broken.
+ratio exceeds 1, the promise is broken.
 """
 
 import csv

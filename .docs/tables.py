@@ -127,7 +127,7 @@ def claims() -> str:
 
     rows, shown = read(JUDGED), CLAIMS_HEAD[:-2]
     if not rows:
-        return "*This copy of the site was built before they were judged.*\n"
+        return "*This copy of the site was built before the claims were judged.*\n"
     total = ["all", *(sum(int(row[name]) for row in rows) for name in shown[1:])]
     lines = [[row["section"] + " †" * has_changed(row), *map(row.get, shown[1:])] for row in rows]
     return markdown(shown, [*lines, total]) + "\n" + measured(rows)
@@ -145,7 +145,7 @@ def values() -> str:
             f"*First method*: {section['method']}. *Second*: {section['second_method']}.\n\n"
         )
         parts.append(markdown(HEADER, [row for row, _ in section["rows"]]) + "\n")
-        parts.append(f"The first of them: `{section['command']}`\n\n")
+        parts.append(f"Command for the first value: `{section['command']}`\n\n")
         if section["check"]:
             parts.append(
                 f"Plain Python that checks it, to {section['accuracy']:g} of the value:\n\n"

@@ -1,9 +1,9 @@
-"""The pictures of the README, drawn anew: python .readme/draw.py out
+"""Redraw the pictures of the README: python .readme/draw.py out
 
-The directory holds the cubes of critical_boundary, proved_map and work_precision, each in a folder
-of that name, where these commands put them without --out. A picture whose cubes are missing stays
-as it is, and the command that computes them is named. The explorer's is a photograph by Chromium
-and Playwright of its page, with what the folder critical_boundary holds.
+The directory contains the cubes of critical_boundary, proved_map and work_precision, each in a
+folder of that name, where these commands put them without --out. If cubes are missing, their
+picture is left unchanged, and the command that computes them is printed. The picture of the
+explorer is a screenshot, made with Chromium and Playwright, of the data in critical_boundary.
 """
 
 import re
@@ -69,7 +69,7 @@ def work_precision(cube):
 
 
 def explorer(out):
-    """Photograph the page of the explorer, one forcing clicked."""
+    """Take a screenshot of the explorer with one forcing selected."""
     from playwright.sync_api import sync_playwright
 
     command = [sys.executable, "-m", "workflows.explore", "--port", "0", "--no-browser"]
@@ -101,7 +101,7 @@ def main(out):
                 draw(lambda cube, place=place: xr.open_zarr(place / f"{cube}.zarr").load())
         except FileNotFoundError:
             told = f"python -m workflows.{name} --out {place}"
-            print(f"{place} has no cubes; {draw.__name__}.png stays as it is. They come by {told}")
+            print(f"{place} has no cubes; {draw.__name__}.png is unchanged. To make them: {told}")
     explorer(out / "critical_boundary")
 
 

@@ -99,7 +99,7 @@ _EQUAL_GAPS = 0.99
 """Gaps of at least this fraction of the widest count as equal; orbits begin at the first one."""
 
 _FOLLOW_RANGE = 0.3
-"""Largest change of any strength κ_j, multiplied by q, over which an orbit is followed."""
+"""Largest change in any strength κ_j, multiplied by q, over which an orbit is followed."""
 
 _JOIN_STEP = 0.8
 """Largest step of x_0 when orbits are joined, multiplied by the longer period. Of 5030 orbits
@@ -274,7 +274,7 @@ class ConvergentOrbits:
         sites, width = np.empty((2, u.size)), (chain.right(u)[0] - u[0]) / _GAP_POINTS
         residues = _scan_gap(kappa, *chain.frame, u, width, sites)
         if np.isnan(residues).any():
-            raise chain.lost("no minimum or no maximum of the action is in their gap")
+            raise chain.lost("the action has no minimum or no maximum in their gap")
         return site, sites, residues
 
     def _begin(self, n, scale):
@@ -323,7 +323,7 @@ class ConvergentOrbits:
             else:
                 u = np.resize(shorter[0][1], chain.n_sites) if i else symmetric.copy()
             if not _minimize_constrained(kappa, *chain.frame, u):
-                error = chain.lost("none is ordered with one site fixed")
+                error = chain.lost("with one site fixed, no ordered orbit was found")
                 if chain.n_sites > _MAX_SITES_ALONE:
                     raise error
                 u = symmetric

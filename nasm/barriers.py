@@ -74,15 +74,15 @@ class Effort:
     Attributes
     ----------
     share_above : float
-        Share of tol that lies above the value, where converse KAM takes 1/distance steps. The rest
-        lies below, where a circle is certified, which takes longer.
+        Fraction of tol that lies above the value, where converse KAM takes 1/distance steps. The
+        rest lies below, where a circle is certified, which takes longer.
     first_steps : int
         Number of steps of converse KAM on transversals with which the search begins. They eliminate
         all starts about 1/100 above the breakup, where the circle that the tree excludes last is
         usually the one that breaks last. If a circle exists at that scale, higher scales are tried
         in relative steps of 1/100. Starts that survive this far above a value contradict it.
     locating_steps : int
-        Least number of steps of converse KAM to locate the last circle under one or two kicks.
+        Minimum number of steps of converse KAM to locate the last circle under one or two kicks.
     resolution : float
         Largest tolerance of the search of the Farey tree; a larger tol widens only the bracket and,
         in bands, the error.
@@ -116,7 +116,7 @@ class Effort:
         Maximum number of circles that are tried at each scale below a bracket, until one is
         certified.
     search_share : float
-        Share of the CPU time after which the search ends. Half of the remaining time is for
+        Fraction of the CPU time after which the search ends. Half of the remaining time is for
         converse KAM, and whatever is left after that for the certified circle.
     long_period_tol : float
         Smallest tolerance for more than 64 kicks: lifetimes of a few hundred kicks correspond to
@@ -155,7 +155,7 @@ class Effort:
 
     @property
     def witness_share(self) -> float:
-        """Share of the CPU time after which converse KAM ends."""
+        """Fraction of the CPU time after which converse KAM ends."""
         return (1 + self.search_share) / 2
 
     def search_tol(self, tol: float) -> float:
@@ -178,16 +178,16 @@ def critical_scale(
     Parameters
     ----------
     profile : array_like, shape (P,)
-        Direction of the segment, not zero. On rays P may be any number; on segments from another
-        start P ≤ 64, unless they repeat after one or two kicks.
+        Direction of the segment, not zero. On rays P may be any number; segments from another
+        start must repeat after at most 64 kicks.
     tol : float
         Target for the width of the bracket, 10⁻⁵ to 10⁻¹: (upper - lower)/value on a ray; from
-        another start, the change of the largest strength from lower to upper, relative to that
+        another start, the change in the largest strength from lower to upper, relative to that
         strength.
     start : array_like, shape (P,), optional
         Start of the segment; default 0, a ray from the origin. From another start the result is the
-        first breakup, s ≥ 0; regions without circles are skipped if they are narrower than a change
-        of 0.1 of the largest strength.
+        first breakup, s ≥ 0; regions without circles may be missed if the largest strength
+        changes by less than 0.1 across them.
     seconds : float
         Approximate CPU time to spend. Results then depend on the machine; cubes are computed
         without this limit. Under one or two kicks the limit applies only to the work after a first
@@ -274,7 +274,7 @@ class _Segment:
         return self.start + scale * self.profile
 
     def length(self, scale, relative):
-        """Return the change of scale that changes the largest strength by a relative amount."""
+        """Return the change in scale that changes the largest strength by a relative amount."""
         return relative * np.abs(self.at(scale)).max() / np.abs(self.profile).max()
 
 
@@ -319,7 +319,7 @@ class _Tree:
         return scale
 
     def end(self, share):
-        """Return the `time.thread_time` at which this share of the CPU time will be spent."""
+        """Return the `time.thread_time` at which this fraction of the CPU time will be spent."""
         return self.began + share * self.seconds
 
     def is_search_over(self):
@@ -331,7 +331,7 @@ class _Tree:
         return self.has_spent(self.effort.witness_share)
 
     def has_spent(self, share):
-        """Return True if this share of the CPU time, or `max_questions`, is used up."""
+        """Return True if this fraction of the CPU time, or `max_questions`, is used up."""
         too_many = len(self.answers) >= self.effort.max_questions
         return too_many or thread_time() > self.end(share)
 
@@ -673,7 +673,7 @@ def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCi
     -------
     InvariantCircle
         The circle of scale.omega under the forcing scale.lower·profile, or under a weaker forcing
-        if the circle is certified only under that one; its graph is `circles.graph`. If no circle
+        if the circle is certified only there; its graph is `circles.graph`. If no circle
         is certified, the status is NOT_CERTIFIED, and the array of deviations is empty.
 
     Raises

@@ -58,18 +58,19 @@ class TreeSettings:
     largest_product : float
     product_period : int
         A circle may exist between two neighbours if the product of their residues is below
-        largest_product·(1 + product_period/q), with the longer of their two periods q. At the
-        breakup of a circle whose path continues in golden steps from the neighbours on, both
+        largest_product·(1 + product_period/q), where q is the longer of their two periods. At the
+        breakup of a circle whose path continues in golden steps from these neighbours, both
         residues tend to 1/4, their product to 1/16, and the differences are of order 1/q. On the
         paths to the last circles of 144 forcings of one to twelve kicks, products at the breakup
         were at most 0.19. From period 10 on they were at most 0.08, except for the tail (4), where
         they reached 0.19. Products just above a breakup should also be below the limit, so that the
         search tries the circle that breaks there: with 0.2 it missed one with the tail (4).
     largest_residue : float
-        Largest residue that an orbit of period `short_period` or longer may have next to a circle
-        that exists. On these paths residues were at most 0.8, except one of 1.57 with 11 kicks.
+        Largest residue of two neighbours that may enclose a circle, if one of their periods is
+        `short_period` or longer. On these paths residues were at most 0.8, except one of 1.57 with
+        11 kicks.
     short_period : int
-        Orbits of shorter period next to a circle may have any residue; one had a residue of 49.
+        Neighbours whose periods are both shorter may have any residues; one was 49.
     small_residue : float
         If the residues of neighbours are below this value, the noble between them is tested
         directly.

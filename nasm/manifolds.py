@@ -207,8 +207,8 @@ def _branch(
     part = np.linspace(0, 1, 17)
     if not np.log(max(factor, 1.0)) > -np.log(epsilon) * part.size / max_points:
         raise ValueError(
-            f"({x}, {y}) is not hyperbolic, with λ = {factor}; it has no manifolds that "
-            f"{max_points} points resolve: take a point of a minimizing orbit with R < 0"
+            f"({x}, {y}) is not hyperbolic enough: with λ = {factor}, {max_points} points do not "
+            "resolve a manifold; take a point of a minimizing orbit with R < 0"
         )
     dx, dy = (toward * np.sign(dx) * component for component in (dx, dy))
     n = ceil(-np.log(epsilon) / np.log(factor))
@@ -313,7 +313,7 @@ def turnstile(
         )
     minimizing, minimax = ordered_orbits(kappa, *long)
     if minimax.residue == 0:
-        raise LostError(f"the homoclinic orbits of {p}/{q} differ by less than rounding")
+        raise LostError(f"the homoclinic orbits of {p}/{q} differ only by rounding errors")
     minimizing_points, minimax_points = (
         np.array(orbit.points()) for orbit in (minimizing, minimax)
     )
@@ -386,7 +386,7 @@ def _pieces(
 
 
 def _neighbour(p: int, q: int, above: bool) -> Fraction:
-    """Return the Farey neighbour above or below p/q that has the least denominator."""
+    """Return the Farey neighbour above or below p/q with the smallest denominator."""
     sign = 1 if above else -1
     denominator = -sign * pow(p, -1, q) % q or 1  # q·p' - p·q' = sign; q' = 1 if q = 1
     return Fraction((p * denominator + sign) // q, denominator)

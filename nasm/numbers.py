@@ -81,8 +81,8 @@ class RotationNumber:
                 integers = None
             if integers is None or min((1, *integers[name == "prefix" :])) < 1:
                 raise ValueError(
-                    f"{name}={short_repr(quotients)} must be whole numbers, ≥ 1 after the first of "
-                    "a number, e.g. RotationNumber((0, 2), (1,))"
+                    f"{name}={short_repr(quotients)} must be whole numbers, ≥ 1 except for the "
+                    "integer part, e.g. RotationNumber((0, 2), (1,))"
                 )
             object.__setattr__(self, name, integers)
         if not self.prefix:
@@ -210,7 +210,7 @@ def as_rotation_number(omega: RotationNumber | str) -> RotationNumber:
         except ValueError as error:
             raise ValueError(f"omega={error}") from None
     if not isinstance(omega, RotationNumber):
-        cure = "make one of its name or its continued fraction, e.g. 'gamma' or '[1;(4)]'"
+        cure = "create one from its name or continued fraction, e.g. 'gamma' or '[1;(4)]'"
         if isinstance(omega, float) and isfinite(omega):
             places = -Decimal(repr(float(omega))).as_tuple().exponent
             for noble in nobles_near(omega, 0.5 * 10.0**-places, 1):

@@ -145,7 +145,7 @@ def critical_scale(
         Start of the segment; default 0. The circle should exist at the start: the result is the
         first breakup beyond it, sought in steps of a fiftieth of the twist region, |κ| < 2.
     between : pair of floats, optional
-        Scales known to enclose the breakup; that search is then omitted. The status is
+        Scales known to enclose the breakup; the search from `start` is then omitted. The status is
         NOT_CONVERGED, OUTSIDE or NO_BREAKUP if residues do not cross between these scales, because
         the orbits are too short or the breakup is elsewhere.
     settings : ResidueSettings
@@ -525,8 +525,8 @@ def torus_scale(
 def cusp_period(kappa: ArrayLike) -> float:
     """Compute the period from which orbits distinguish a forcing next to a cusp from the cusp.
 
-    The period is 5·d^-0.6, where d is the least of `distances_to_shorter` (see `CUSP_EXPONENT`). It
-    is inf at a cusp.
+    The period is 5·d^-0.6, where d is the smallest of `distances_to_shorter` (see `CUSP_EXPONENT`).
+    It is inf at a cusp.
 
     Examples
     --------

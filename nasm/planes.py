@@ -213,7 +213,7 @@ class Plane:
 
     @cached_property
     def wedge(self) -> tuple[float, float]:
-        """Smallest range of angles whose images by `exact_symmetries` are all rays, in degrees.
+        """Smallest range of angles (degrees) whose images under `exact_symmetries` cover all rays.
 
         If some `exact_symmetries` are mirrors, the range extends from one mirror axis to the next.
 
@@ -261,7 +261,7 @@ class Plane:
         Returns
         -------
         folded : ndarray, shape of angle
-            The least angle of `unfold`, in degrees; it is in [0, 45] for two kicks.
+            The smallest angle of `unfold`, in degrees; it is in [0, 45] for two kicks.
         omega_shift : ndarray of int, shape of angle
             The circle of ω on the ray at `angle` breaks at the same scale as that of
             ω + omega_shift on the folded ray. For two kicks the mirrors κ1 → -κ1 and κ2 → -κ2 add

@@ -45,7 +45,7 @@ function fold([first, second]) {
   return { size: Math.hypot(large, small), angle: (Math.atan2(small, large) * 180) / Math.PI };
 }
 
-// The rays on either side of an angle, by their numbers.
+// The indices of the rays on either side of an angle.
 function neighbours(angle) {
   const angles = BOUNDARY.angle;
   let right = angles.findIndex((each) => each >= angle);
@@ -53,7 +53,7 @@ function neighbours(angle) {
   return angles[right] === angle ? [right, right] : [Math.max(right - 1, 0), right];
 }
 
-// Which answer is proved for all forcings of a triangle with the corner 0, or of a cell; or "".
+// The answer proved for the triangle (with one corner at 0) or the cell around a forcing; or "".
 function proved(kappa) {
   const [large, small] = kappa.map(Math.abs).sort((a, b) => b - a);
   const holds = ([a, b, c, d]) => // on the inner side of its three sides
@@ -64,7 +64,7 @@ function proved(kappa) {
   return cells ? "TRANSPORT" : "";
 }
 
-// What is proved; elsewhere look the forcing up between `lower` and `upper` of the rays next to it.
+// The proved answer, if any; otherwise compare with `lower` and `upper` of the adjacent rays.
 function verdict(kappa) {
   if (proved(kappa)) return proved(kappa);
   const { size, angle } = fold(kappa);

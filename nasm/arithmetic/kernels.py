@@ -129,8 +129,8 @@ def directory() -> Path | None:
         return None
     if not _is_trusted(path.stat()):
         warnings.warn(
-            f"compiled kernels are neither loaded from {path} nor kept there, as it belongs to "
-            "somebody else, or others can write it; set NUMBA_CACHE_DIR to a directory of your own",
+            f"compiled kernels are neither loaded from {path} nor stored there, because "
+            "others own it or can write to it; set NUMBA_CACHE_DIR to a directory of your own",
             RuntimeWarning,
             stacklevel=2,
         )
@@ -152,8 +152,8 @@ def are_missing() -> bool:
 @cache
 def _warn_of_changed_sources():
     warnings.warn(
-        "the sources of nasm have changed since this process imported them; until it is started "
-        "again it compiles its kernels itself, and those that it has already stay as they are",
+        "the sources of nasm have changed since this process imported them; until it is "
+        "restarted, it keeps the kernels it has loaded, and compiles any others itself",
         RuntimeWarning,
         stacklevel=1,
     )
@@ -223,7 +223,7 @@ def _check(path, start=0):
     """
     with open(path, "rb") as file:
         if not _is_trusted(os.fstat(file.fileno())):
-            raise OSError(f"others than this user can write {path}")
+            raise OSError(f"users other than this one can write to {path}")
         content = file.read()[start:]
     if hashlib.sha256(content[:-32]).digest() != content[-32:]:
         raise OSError(f"{path} is damaged")

@@ -80,8 +80,8 @@ class ContinuationSettings:
     error_without_delta : float
         Minimum error of s_c if δ is not known, divided by the distance from s_c to the last circle.
     test_distance : float
-        Minimum relative distance beyond the estimate; there `farey.circle_exists` uses residues to
-        test whether the circle exists.
+        Minimum relative distance beyond the estimate at which `farey.circle_exists` tests, by
+        residues, whether the circle exists.
     max_depth_ratio : float
         Depth below which circles do not resolve a cusp, divided by the distance from the breakup to
         the second of the three scales.
@@ -151,7 +151,7 @@ def critical_scale(
     Raises
     ------
     ValueError
-        If profile is zero or tiny, or tol not positive and finite.
+        If profile is zero or tiny, or tol is not positive and finite.
 
     Notes
     -----

@@ -70,7 +70,8 @@ class NewtonSettings:
     max_update : float
         The method has converged if its last update of u is at most this.
     max_tail : float
-        A circle is resolved if the last 15% of its modes carry at most this share of the H³ norm.
+        A circle is resolved if the last 15% of its modes carry at most this fraction of the H³
+        norm.
     min_divisor : float
         Smallest divisor accepted among the modes in use. Smaller ones turn rounding errors of 10⁻¹⁷
         into updates of u above `max_update`.
@@ -614,7 +615,7 @@ def _sites(u, turn, kept, own, modes, values):
 
     The mean ⟨u_0⟩ is set to 0.
 
-    Return the share of the H³ norm in the last 15% of these modes.
+    Return the fraction of the H³ norm in the last 15% of these modes.
     """
     n_sites, n = u.shape
     np.fft.rfft(u, out=own)

@@ -91,7 +91,7 @@ class AperiodicSettings:
     max_lines : int
         Maximum number of lines that `last_survivor` searches.
     middle_kicks : int
-        All lines but the first are before kicks fewer than this many kicks from the middle.
+        All lines but the first are before a kick less than this many kicks from the middle.
     lower_ratios : tuple of float
         `critical_scale` looks for a lower scale without survivors at these multiples of the lowest
         such scale found so far, in this order.
@@ -193,7 +193,7 @@ def longest_lived(
     effort: int = 1,
     settings: AperiodicSettings = DEFAULT_SETTINGS,
 ) -> tuple[float, float, float]:
-    """Find the longest-lived start on a line x = a before the kick of `site`.
+    """Find the longest-lived start on a line x = a before kick `site`.
 
     The line is the one on which 2 + κ cos 2π(a - θ) is smallest: a = θ + 1/2 if κ > 0, and a = θ
     otherwise.

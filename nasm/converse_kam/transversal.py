@@ -20,7 +20,7 @@ curve are eliminated, no circle exists. Orbits that minimize the action are neve
 curve must pass through the gaps between them, for every ω, and a *minimax* orbit of p/q is in the
 middle of such a gap: among the orbits of p/q that minimize the action for a fixed x_0, it has the
 largest action. Therefore the *transversal* is a chain of straight pieces through minimax orbits
-before the kick of one site, in order of ω. If all minimax orbits are on one symmetry line, the
+before the kick at one site, in order of ω. If all minimax orbits are on one symmetry line, the
 transversal is that line.
 
 1. Start with the minimax orbits of ω = 0, 1, … and P/2 per period. The symmetries y → y + 1 and
@@ -99,8 +99,8 @@ class TransversalSettings:
         Approximate number of kicks between two tests of the starts. It affects only the computing
         time.
     min_gap, min_proof_gap : float
-        Narrowest gap in which a corner is placed, relative to the widest gap before the kick of a
-        site: the former in searches for survivors, the latter in polygons for proofs.
+        Narrowest gap in which a corner is placed, relative to the widest gap before the same
+        kick: the former in searches for survivors, the latter in polygons for proofs.
     max_sites : int
         Maximum number of sites whose transversals are tried.
     period_factor : float
@@ -114,7 +114,7 @@ class TransversalSettings:
         Width of the bracket at which bisection ends, divided by the scale and multiplied by the
         number of steps.
     scan_step : float
-        Change of the largest strength in each step of the scan from a nonzero start.
+        Change in the largest strength in each step of the scan from a nonzero start.
     scan_steps : int
         Number of these steps.
 
@@ -170,10 +170,10 @@ def longest_lived(
     Returns
     -------
     LongestLived
-        The longest-lived start on the transversal before the kick of the largest |κ|. If a start
-        survives on it, or none survives `settings.short_lifetime` kicks, the transversal of the
-        next largest |κ| is tried as well, and so on; of these transversals, the one whose longest
-        lifetime is shortest is used. kicks is inf if a start survives on each of them.
+        The longest-lived start on the transversal before the strongest kick. If a start
+        survives on it, or none survives `settings.short_lifetime` kicks, the transversal before the
+        next strongest kick is tried as well, and so on; of these transversals, the one whose
+        longest lifetime is shortest is used. kicks is inf if a start survives on each of them.
 
     Notes
     -----
@@ -194,14 +194,14 @@ def longest_lived(
 
 @dataclass(frozen=True, eq=False)
 class Transversal:
-    """A transversal before the kick of one site; `bend` changes it.
+    """A transversal before the kick at one site; `bend` changes it.
 
     Attributes
     ----------
     site : int
         Index of the kick, from 0.
     kappa : ndarray, shape (P,)
-        The forcing, rotated to begin with the kick of that site.
+        The forcing, rotated to begin with the kick at that site.
     orbits : list of (Fraction, ndarray)
         ω of each minimax orbit, and the sites of the orbit from `site` on; in order of ω.
     minimax : callable
@@ -215,7 +215,7 @@ class Transversal:
 
     @property
     def corners(self) -> FloatArray:
-        """Coordinates x and y of the orbits before the kick of `site`, shape (m, 2)."""
+        """Coordinates x and y of the orbits before the kick at `site`, shape (m, 2)."""
         return np.array([_place(*orbit) for orbit in self.orbits])
 
     def bend(self, piece: int, max_period: float) -> bool:
@@ -506,7 +506,7 @@ def _place(omega, sites):
 
 
 def _minimax(ordered, period, site, min_gap, omega, target):
-    """Return the sites of the minimax orbit of p/q before the kick of `site`.
+    """Return the sites of the minimax orbit of p/q before the kick at `site`.
 
     The first of these sites is the one nearest to x = target, relative to the width of its gap.
     ordered : a function that returns `ordered_orbits` of ω. min_gap : as for `_transversals`.

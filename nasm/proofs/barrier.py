@@ -215,7 +215,7 @@ def prove(
     4. Try to verify the theorem with each residual. If that fails because the grid is too coarse,
        repeat with a third more points, as long as the budget lasts.
 
-    FLINT's precision is global to the process, so proofs must not run in several threads at once.
+    FLINT's precision is global to the process, so proofs in several threads wait for each other.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def prove(
     kappa = forcing(kappa)
     budget = positive("budget", budget, "seconds of computing time")
     if n is not None and count("n", n, 64, _MAX_POINTS) % 2:
-        raise ValueError(f"n={n} must be even, the points of a grid")
+        raise ValueError(f"n={n} must be even; it is the number of grid points")
     need_flint()
     (short,), short_omega = shorten([kappa], omega)
     about: dict[str, Any] = {"omega": omega, "kappa": tuple(kappa.tolist())}
@@ -283,8 +283,8 @@ def prove(
         rows = range(short.size, kappa.size + 1, short.size)
         if start.ndim != 2 or start.shape[0] not in rows or not start.size:
             raise ValueError(
-                f"start has shape {start.shape}; deviations of the shortened forcing "
-                f"{short.tolist()} are {short.size} functions on a grid"
+                f"start has shape {start.shape}; for the shortened forcing {short.tolist()} it "
+                f"must have {short.size} rows, one function on a grid each"
             )
         start = start[: short.size]
     if not np.isfinite(start).all():
@@ -1137,6 +1137,6 @@ def grid_size(start: FloatArray) -> int:
 
 
 def fast_size(n: int) -> int:
-    """Return the least 2^k, 5·2^k or 6·2^k ≥ n; FLINT transforms these sizes twice as fast."""
+    """Return the smallest 2^k, 5·2^k or 6·2^k ≥ n; FLINT transforms these sizes twice as fast."""
     power = 2 ** (n.bit_length() - 3)
     return power * next(m for m in (4, 5, 6, 8) if m * power >= n)

@@ -66,7 +66,7 @@ def distance(
 
 
 def in_wedge(plane: Plane, a: float, b: float) -> bool:
-    """Return whether a point of a plane lies in its `wedge`, whose images are the whole plane.
+    """Return whether a point of a plane lies in its `wedge`, whose images cover the whole plane.
 
     Examples
     --------

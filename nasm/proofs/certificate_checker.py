@@ -13,7 +13,7 @@ sequence η of finite support for which the second variation along every orbit o
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0.
 
 On a symmetry line η is even, and only half of Q is summed. On a polygon η = 1 at the site of the
-curve, and both halves are summed, each with its own share of that site. The orbits of a box are
+curve, and both halves are summed, each with its own part of that site. The orbits of a box are
 
     x_k = x̂_k + Σ_i σ_i ξ_ik + Σ_{i≤j} σ_iσ_j ξ_ijk + ρ_k,   |σ_i| ≤ 1,
 
@@ -1223,7 +1223,7 @@ def at_points(
 def main() -> None:
     """Check the certificates in the files named on the command line, and print their claims.
 
-    A file contains one certificate or a list of them, as JSON, which may be packed by xz.
+    A file contains one certificate or a list of them, as JSON, which may be compressed by xz.
     """
     for path in sys.argv[1:]:
         data = Path(path).read_bytes()

@@ -169,7 +169,7 @@ def proved_below(
         (short,), short_omega = shorten([profile], omega)
     tilt = np.zeros(short.size) if tilt is None else forcing(tilt)
     if tilt.shape != short.shape:
-        raise ValueError(f"tilt={tilt.tolist()} must have a number for each one of the profile")
+        raise ValueError(f"tilt={tilt.tolist()} must have as many numbers as the profile")
     if plane and profile.shape != (2,):
         raise ValueError(f"profile={profile.tolist()} must be two coordinates of the plane")
     about = {"omega": omega, "kappa": tuple(profile.tolist()), "tilt": tuple(tilt.tolist())}
