@@ -55,7 +55,7 @@ class Status(Enum):
         "the circle, if any, needs more modes than allowed; allow more, or use barriers.last_circle"
     )
     NOT_CERTIFIED = (
-        "Newton's method converged on one grid but not on a finer one, which shows no circle; "
+        "Newton's method converged on one grid but not on a finer one, so no circle is certified; "
         "reduce the forcing, or allow more modes"
     )
     NEARLY_RATIONAL = (
@@ -78,8 +78,8 @@ class Status(Enum):
         "diffusion constant; change the forcing"
     )
     TOO_LONG = (
-        "the period has more than 64 kicks, so no circle was sought, and only upper is known, some "
-        "per cent too large; take a shorter period"
+        "the period has more than 64 kicks, so no circle was sought, and only upper is known, a "
+        "few per cent too large; take a shorter period"
     )
 
     __repr__ = Enum.__str__  # Status.OK, not <Status.OK: 'ok'>

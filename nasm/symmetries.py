@@ -1,8 +1,8 @@
 """Symmetries of the map: their action on orbits, forcings and rotation numbers (Sec. III).
 
 A symmetry takes (κ, x, y) to (κ', x', y') such that the orbit of (x', y') under κ' is the image of
-the orbit of (x, y) under κ; each docstring states the image of ω. Forcings have any period P; for
-the paper's map P = 2. Under the same κ, (-x, -y) has the rotation number -ω, Eq. (17), and
+the orbit of (x, y) under κ; each docstring states the image of ω. A forcing may have any period P;
+for the paper's map P = 2. Under the same κ, (-x, -y) has the rotation number -ω, Eq. (17), and
 (x + r, y + s) with integers r and s has ω + P·s, Eq. (18).
 
 The symmetries of the forcing generate the symmetry group of the square on the (κ1, κ2) plane. The
@@ -437,7 +437,7 @@ def _shortest(kappas: FloatArray) -> tuple[int, int, FloatArray]:
 def _shorter(kappas: FloatArray) -> Iterator[tuple[float, int, int, FloatArray]]:
     """Yield (change, period, spacing, rows) for each shorter period.
 
-    `change` is the largest change of a strength that is needed to reach that period; the other
+    `change` is the largest change in a strength that is needed to reach that period; the other
     values are as in `_shortest`. Either the forcings themselves or, for each spacing m, their
     alternated forms are made periodic with the shorter period. The alternated form keeps every m-th
     kick, the one with the largest |κ| included, and changes every second sign; all other strengths

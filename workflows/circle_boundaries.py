@@ -21,7 +21,7 @@ def parse_omega(text):
     if omega.is_rational:
         like = str(RotationNumber(omega.prefix, (1,)))
         raise ValueError(
-            f"{abbreviate(text)} is rational, so that no invariant circle has it; write an "
+            f"{abbreviate(text)} is rational, so no invariant circle has it; write an "
             f"irrational number with a periodic continued fraction, like {abbreviate(like)}"
         )
     return omega

@@ -51,11 +51,11 @@ SQUARED_ULP = 2.0**-106
 TABLE_ERROR = 2.0**-104  # largest error of a number in a table
 ROUNDED_UP = 1 + 2.0**-40  # covers a thousand roundings
 SLACK = 1.01  # covers the roundings of the bounds themselves, and products of errors
-UNDERFLOW = 2.0**-500  # more than all underflow can change
+UNDERFLOW = 2.0**-500  # exceeds the total effect of underflow
 TINY = 2.0**-600  # absolute error of strengths so small that pairs underflow
 _PARTS = 128  # the sine is tabulated at this many angles
-_TERMS, _IN_PAIRS = 7, 4  # of the series of sine and cosine; terms that need two floats
-_LARGEST = 1e3  # of |u|: larger ones are not needed
+_TERMS, _IN_PAIRS = 7, 4  # terms of the series of sine and cosine; number that need two floats
+_LARGEST = 1e3  # upper limit of |u|; beyond it the bounds are infinite
 
 _SINE, _COSINE = (
     np.array([pair((-1) ** k * (2 * EXACT_PI) ** n / factorial(n)) for k, n in enumerate(powers)])
@@ -268,7 +268,7 @@ def residuals(
     Returns
     -------
     E : array, shape (2, N, P, parts, n/2)
-        Modes of the residuals; those of the sine in them are aliased.
+        Modes of the residuals; their sine terms are aliased.
     radii : array, shape (N, P, n/2)
         Bounds on |E - true E|; infinite where E is not finite.
     """
@@ -394,7 +394,7 @@ def from_integers(coefficients: list[Any], unit: int, odd: bool) -> FloatArray:
     for i, table in enumerate(coefficients):
         for j, row in enumerate(table):
             if any(row[1][:1]) or (odd and row[0]):
-                raise ValueError("modes must be of a real function, for two kicks of an odd one")
+                raise ValueError("modes must be those of a real function, odd for two kicks")
             for part, numbers in enumerate(row[odd:]):
                 high = [float(x) for x in numbers]
                 low = [float(x - int(y)) for x, y in zip(numbers, high, strict=True)]

@@ -86,12 +86,12 @@ CUBIC, QUARTIC = 6.58, 10.34  # (2π)²/6 and (2π)³/24, rounded up: for the re
 COS_CUBIC = 41.35  # (2π)³/6, rounded up: for the remainder of cos
 
 _MAX_DEVIATION = 0.1  # largest |x - x̂| for which the bounds hold
-_MAX_UNKNOWN_SHARE = 0.8  # largest share of |x - x̂| beyond first order; a box above it is bisected
+_MAX_UNKNOWN_SHARE = 0.8  # largest fraction of |x - x̂| beyond first order; above it, bisect
 _MAX_WRONSKIAN_ERROR = 1e-3  # relative error of v_n t_{n+1} - v_{n+1} t_n = δ
 _MAX_V = 1e100  # beyond it, products may overflow
-_MAX_LIFETIME = 1e11  # upper bound on the kicks of a box in a proof; so many would take hours
+_MAX_LIFETIME = 1e11  # upper bound on the kicks of a box in a proof; that many would take hours
 
-_MIN_TOTAL_STRENGTH = 0.1  # least P Σ|κ_j|; for one nonzero kick, the last circle breaks at 0.97
+_MIN_TOTAL_STRENGTH = 0.1  # minimum P Σ|κ_j|; for one nonzero kick, the last circle breaks at 0.97
 _FIRST_BOXES = 16  # number of boxes on each piece before any bisection
 _MIN_DELTA = 2.0**-50  # smallest δ for which centres are exact, for s up to 8
 _KICKS_PER_BLOCK = 8  # between checks for events; rounded up to whole periods
@@ -99,7 +99,7 @@ _STATE, _ROWS, _V = 18, 19, 6  # numbers per box that change, all numbers per bo
 _FIRST_EXCESS = 0.1  # relative excess of s over value with which `proved_upper` begins
 _KICKS_PER_CALL = 2_000_000  # kicks per kernel call, between checks of the clock
 _MIN_CROWD = 128  # a piece of the polygon on which more boxes wait may be bent
-_MAX_STEPS = 2**14  # steps in which floats must eliminate all initial conditions on a polygon
+_MAX_STEPS = 2**14  # periods within which floats must eliminate all starts on a polygon
 _CORNER_GRID = 2.0**26  # inverse spacing of corners, so that their sums are exact in two floats
 
 

@@ -211,7 +211,7 @@ def prove_cell(kappa: ArrayLike, half_width: ArrayLike, budget: float = 1.0) -> 
 def _cell(
     name: str, centre: ArrayLike, half_width: ArrayLike, budget: float
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Check the arguments of a proof in a cell; `name` is that of its centre."""
+    """Check the arguments of a proof in a cell; `name` is the caller's name for the centre."""
     centre = forcing(floats(name, centre))
     half_width = forcing(np.broadcast_to(floats("half_width", half_width), 2))
     budget = positive("budget", budget, "seconds of computing time")
@@ -311,7 +311,7 @@ def prove_cell_of_plane(
     Parameters
     ----------
     plane : Plane
-        The plane of forcings; the proof is about exactly its floats.
+        The plane of forcings; the proof holds for exactly its floats.
     centre : array_like, shape (2,)
         Centre of the cell, in coordinates of the plane, a multiple of 2⁻³⁰.
     half_width : float or array_like, shape (2,)
@@ -641,7 +641,7 @@ def _strength(forcings, n, a, b):
 
 @njit(forceinline=True, error_model="numpy")
 def _summed(k, bound, state):
-    """Move to the next site, and add 1/(v_n v_{n+1}) to the total, or `bound` if v_{n+1} ≤ 0."""
+    """Move on one site; add 1/(v_n v_{n+1}) to the total, or set it to `bound` if v_{n+1} ≤ 0."""
     x, y, v, w, total = state
     x += y
     x -= rint(x)
@@ -707,7 +707,7 @@ def _kick(k, f, g, blur, scale, state):
     E = (straight + curved) * UP
     E2 = E * E
     E3 = E2 * E
-    both = curved * (E + straight) * UP  # |(x - x̂)² - (σt + σ_0p + σ_1q)²|
+    both = curved * (E + straight) * UP  # |(x - x̂)² - (σt + σ_α p + σ_β q)²|
     sine = TWO_PI * (fabs(h) + ULP) * UP
     mt, mp, mq = maximum(mt, at), maximum(mp, ap), maximum(mq, aq)
     t2, p2, q2 = t * t, p * p, q * q

@@ -29,7 +29,7 @@ from nasm.tori import newton
 
 __all__ = ["LastTorusSettings", "last_critical_scale", "upper_scale"]
 
-_METHOD = "converse KAM, and continuation of what survives"
+_METHOD = "converse KAM, and continuation of surviving tori"
 
 
 @dataclass(frozen=True)

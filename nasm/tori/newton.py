@@ -98,8 +98,8 @@ class TorusSettings:
         Ratio of the error estimate to the distance of the last torus from the breakup; the estimate
         was large enough in 172 of 177 cases.
     newton : NewtonSettings
-        Criteria for the convergence of Newton's method, and the share of modes used along an axis.
-        Its fields for the certificate and for `polish` apply to circles only.
+        Criteria for the convergence of Newton's method, and the fraction of modes used along an
+        axis. Its fields for the certificate and for `polish` apply to circles only.
 
     Examples
     --------

@@ -106,9 +106,9 @@ def job_of_barriers(
 def last_circles(on: Labels) -> Labels:
     """Return the variables of last circles, without values, over the coordinates `on`."""
     quotients = range(_MAX_QUOTIENTS)
-    place = {"quotient": coordinate("quotient", quotients, "place of a partial quotient")}
+    place = {"quotient": coordinate("quotient", quotients, "index of a partial quotient")}
     step, omega = f"jumps from circle to circle; {NO_MEAN}", "rotation number of the last circle"
-    ends, tail = f"0 behind the last one; {NO_MEAN}", "partial quotients at the end that repeat"
+    ends, tail = f"0 after the last one; {NO_MEAN}", "number of partial quotients that repeat"
     return place | {
         "omega": blank(on, f"{omega}, per step", comment=step),
         "quotients": blank(place | on, "partial quotients of omega", np.int32(0), comment=ends),
@@ -186,7 +186,7 @@ def unfolded(barrier: xr.Dataset, angles: ArrayLike) -> xr.Dataset:
     images = with_circles(images, shifts.tolist(), "step")
     circles, scales = images.circle.values, images.critical_scale.values
     partners = map(partial(degenerate_circle, plane), circles, angles, scales)
-    tied = text("angle", partners, "that of a circle that breaks with it")
+    tied = text("angle", partners, "rotation number of a circle that breaks at the same scale")
     table = images.assign_coords(angle=angles_of_rays(angles), tied=tied)
     for name, direction in zip(plane.axes, ray(angles).T, strict=True):
         table[name] = table[name].copy(data=table.critical_scale.values * direction)

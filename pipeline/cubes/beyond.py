@@ -97,7 +97,7 @@ def flux(
         "angle", circles.values(), "exact rotation number of the last circle"
     )
     variables = {
-        "flux": cube.blank(coords, "area through the broken circle, per step: turns times y"),
+        "flux": cube.blank(coords, "area per step through the broken circle, in turns times y"),
         "error": cube.blank(coords, "estimated absolute error of flux"),
         "period": cube.blank(coords, "longest period of the orbits used", np.int32(0)),
     }
@@ -131,7 +131,7 @@ def diffusion(
     plane = two_kicks()
     coords = _coords(plane, scales, excesses)
     variables = {
-        "diffusion": cube.blank(coords, "D = <(y_n - y_0)²>/2n, in squares of y a period"),
+        "diffusion": cube.blank(coords, "D = <(y_n - y_0)²>/2n, in squares of y per period"),
         "error": cube.blank(coords, "standard error of diffusion"),
     }
     title, settings = "Diffusion of momentum", {"n_orbits": n_orbits, "n_max": n_max}

@@ -270,7 +270,7 @@ def _job(
     settings = plane.record | settings
     warm_up = partial(_load, first_ray, settings | _METHODS[settings["method"]][1])
     on = {**rows, "angle": cube.angles_of_rays(angles)}
-    label = "method that gave the answer, or the reason why there is none"
+    label = "method that gave the value or, if there is none, the status"
     more = {"method": blank(on, label, np.int8(0), **cube.flags(_FLAG_OF.values()))}
     title = "Breakup of circles"
     return job_on_rays(

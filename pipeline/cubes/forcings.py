@@ -83,7 +83,7 @@ def labels(forcings: Iterable[tuple[str, float, Sequence[float]]], parameter: st
     exact = (", ".join(f"{strength:.17g}" for strength in profile) for profile in profiles)
     rms = [np.mean(np.square(profile)) ** 0.5 for profile in profiles]
     return {
-        "forcing": text("forcing", exact, "strengths over s, first kick first, exactly"),
+        "forcing": text("forcing", exact, "exact strengths divided by s, first kick first"),
         "period": coordinate("forcing", list(map(len, profiles)), "kicks in the period"),
         "rms": coordinate("forcing", rms, "rms of the strengths over s"),
         "family": text("forcing", families, "kind of forcing"),
@@ -128,9 +128,9 @@ def against_constant(
         Number of random steps in each climb.
     """
     coords = labels(forcings, parameter)
-    label = "rms strength without a barrier; inf if there is none up to 1.001 golden"
+    label = "rms strength at which no barrier exists; inf if none was found up to 1.001 golden"
     upper = {"upper": blank({"forcing": coords["forcing"]}, label)}
-    attrs = {"title": "Forcings against constant kicks of the same rms strength"}
+    attrs = {"title": "Forcings compared with constant kicks of the same rms strength"}
     settings = {"golden": golden, "kicks": _MAX_KICKS, "tries": tries}
     cube = Cube(name, xr.Dataset(upper, coords, attrs), {"forcing": 20}, settings)
     return Job(cube, _against_constant, _predict_against, _load)

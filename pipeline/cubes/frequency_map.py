@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _SECONDS_PER_KICK = 2.6e-8
 """CPU seconds per kick and orbit: 2.5e-8 to 2.8e-8 for forcings of one, two and six kicks."""
 
-_PLACES = {"x": "position of the start, in turns", "y": "momentum of the start, in turns a kick"}
+_PLACES = {"x": "position of the start, in turns", "y": "momentum of the start, in turns per kick"}
 
 
 def frequency_map(kappa: Sequence[float], axes: Sequence["Axis"], n_max: int, tile: int) -> Job:

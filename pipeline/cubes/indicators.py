@@ -1,19 +1,20 @@
 """Indicators of transport for a list of forcings of two kicks, each after several numbers of steps.
 
-Escape is a statement about transport. The others are statements about one orbit; they become one
-about transport by asking whether *some start of a line looks regular and rotational*. Every
-rotational circle, or its image under (x, y) → (-x, -y) or y → y + 1, crosses the line x = 0,
-0 ≤ y ≤ 1/2, which holds evenly spaced starts. The first is at a golden part of the spacing, so that
-without kicks none is resonant.
+Escape is a statement about transport. The others are statements about one orbit; they become
+statements about transport if one asks whether *some start on a line looks regular and rotational*.
+Every rotational circle, or its image under (x, y) → (-x, -y) or y → y + 1, crosses the line x = 0,
+0 ≤ y ≤ 1/2, on which the starts are evenly spaced. The first is at the golden fraction of the
+spacing, so that without kicks no start is resonant.
 
 - `escape`: the first step at which an orbit of an ensemble has left the window of `nasm.escape`;
   inf if none does within n steps.
-- `digits`: the most digits of the weighted Birkhoff average on an orbit of the line whose ω is
-  rotational: farther than 10 times its error from every fraction of a small denominator.
+- `digits`: the largest number of digits of the weighted Birkhoff average on an orbit from the line
+  whose ω is rotational: farther than 10 times its error from every fraction with a small
+  denominator.
 - `exponent` and `fli`: the smallest finite-time Lyapunov exponent, and the smallest fast Lyapunov
-  indicator, on an orbit of the line that is rotational. A chain of q islands has points 1/q apart,
-  so an orbit in it obeys |q(x_n - x_0) - np| < 1; an orbit that obeys this for some q ≤ √n/2 is not
-  rotational. For these q the orbit of a circle with |ω - p/q| ≥ 0.38/q² leaves the interval.
+  indicator, on a rotational orbit from the line. A chain of q islands has points 1/q apart, so an
+  orbit in it obeys |q(x_n - x_0) - np| < 1; an orbit that obeys this for some q ≤ √n/2 does not
+  count as rotational. For these q an orbit on a circle with |ω - p/q| ≥ 0.38/q² violates it.
 """
 
 from collections.abc import Callable, Sequence
@@ -42,12 +43,12 @@ class IndicatorSettings:
     Attributes
     ----------
     n_orbits : int
-        Orbits of the ensemble whose first escape is awaited.
+        Number of orbits in the ensemble of `escape`.
     n_starts : int
         Starts on the line.
     max_denominator : int
-        Fractions with denominators up to this one are those of islands, for `digits`. Of all ω,
-        0.3% are excluded by mistake if the average has eight digits.
+        For `digits`, fractions with denominators up to this count as those of islands. This
+        wrongly excludes 0.3% of all ω if the average has eight digits.
     tile : int
         Forcings in a tile.
 
@@ -77,7 +78,7 @@ def indicators(
 ) -> Job:
     """Return the Job of a cube of indicators; dims (indicator, forcing, n).
 
-    The tiles of an indicator hold no other one, so their records show its CPU time.
+    Each tile contains a single indicator, so the records of tiles show its CPU time.
 
     Parameters
     ----------
@@ -167,7 +168,7 @@ def _escape(kappa: FloatArray, n: int, settings: Settings) -> float:
 
 
 def _digits(kappa: FloatArray, n: int, settings: Settings) -> float:
-    """Return the most digits on a rotational orbit; 0 if there is none."""
+    """Return the largest number of digits on a rotational orbit; 0 if no orbit is rotational."""
     omegas, digits = orbits.rotation_number(kappa, *line(settings["n_starts"]), n)
     most = 0.0
     for omega, known in zip(omegas.tolist(), digits.tolist(), strict=True):

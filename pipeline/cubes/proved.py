@@ -43,7 +43,7 @@ Certificate: TypeAlias = dict[str, Any]
 """A JSON object, see nasm/proofs/README.md; `nasm.proofs.certificate_checker` checks it."""
 
 BARRIER = 3
-"""Code of a forcing under which a barrier is proved to exist; those of cells have 1 and 2."""
+"""Code of a forcing under which a barrier is proved to exist; cells have the codes 1 and 2."""
 
 _MAX_SECONDS = 60.0
 """CPU time for the proof of a single forcing: 0.3% below CB_gt a barrier takes 2 to 3 seconds, and
@@ -66,8 +66,8 @@ _ANSWERS = {
     BARRIER: "a_barrier_exists",
 }
 _PROVED = {
-    "proved_below": "scale up to which a barrier is proved to exist on all the ray",
-    "proved_lower": "scale at which a barrier is proved to exist; it says nothing of smaller ones",
+    "proved_below": "a barrier is proved to exist at every scale up to this one",
+    "proved_lower": "scale at which a barrier is proved to exist; smaller scales are not covered",
     "proved_upper": "scale at which transport is proved to be global",
 }
 
@@ -356,7 +356,7 @@ def proved_triangles(
     angles, scales = map(np.array, zip(*rays, strict=True))
     triangles = proofs.triangles(angles, scales, circles, nearest / 4)
     axes = {"triangle": coordinate("triangle", np.arange(len(triangles)), "in order of angle")}
-    long_name = "part of the way to the far side up to which a barrier is proved to exist"
+    long_name = "fraction of the way to the far side up to which a barrier is proved to exist"
     variables = {"proved_below": blank(axes, long_name, references="nasm/proofs/README.md")}
     for name in corner_names(plane):
         variables[name] = blank(axes, f"{name} of the triangle's corners")
@@ -432,23 +432,23 @@ def uncertified_triangle(tile: xr.Dataset, certificates: Iterable[Certificate]) 
         if is_here and certificate.get("plane") == matrix:
             intervals.append(scales)
     if float(tile.proved_below) > proofs.covered_up_to(intervals):
-        return f"triangle {int(tile.triangle)} has no certificates to where it is called proved"
+        return f"triangle {int(tile.triangle)} has no certificates up to its proved_below"
     return ""
 
 
 def proved_forcings(
     name: str, forcings: Sequence[tuple[float, float, float]], circles: Sequence[str]
 ) -> Job:
-    """Return the Job of a cube of single forcings of two kicks, with proofs of its own for each.
+    """Return the Job of a cube of single forcings of two kicks, with a separate proof for each.
 
     Parameters
     ----------
     name : str
         Name of the cube.
     forcings : sequence of (kappa1, kappa2, margin)
-        Strengths of the two kicks, and κ over the forcing at which the last circle breaks on its
-        ray, minus 1. Transport is tried where the margin is positive, a barrier where it is
-        negative.
+        Strengths of the two kicks, and the ratio of κ to the forcing at which the last circle
+        breaks on its ray, minus 1. A proof of transport is tried where the margin is positive, and
+        one of a barrier otherwise.
     circles : sequence of str
         ω of the circle to try, as a string.
 
@@ -464,7 +464,7 @@ def proved_forcings(
     coords = on | {
         "kappa1": coordinate("forcing", kappa1, TWO_KICKS_AXES["kappa1"]),
         "kappa2": coordinate("forcing", kappa2, TWO_KICKS_AXES["kappa2"]),
-        "margin": coordinate("forcing", margins, "distance from CB_gt along the ray, relative"),
+        "margin": coordinate("forcing", margins, "relative distance from CB_gt along the ray"),
         "circle": text("forcing", circles, "rotation number of the circle to try"),
     }
     flags = flag_attributes(_ANSWERS) | {"references": "nasm/proofs/README.md"}
@@ -507,7 +507,7 @@ def _compute_forcing(coords: Coords, settings: Settings) -> Arrays:
 
 
 def uncertified_forcing(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
-    """Report if a proved forcing has no certificate of the same statement; "" if it has one."""
+    """Return a message if a forcing is marked as proved without a certificate; "" otherwise."""
     tile = tile.load().isel(forcing=0)
     code, kappa = int(tile.proved), (float(tile.kappa1), float(tile.kappa2))
     for certificate in certificates:
@@ -516,7 +516,7 @@ def uncertified_forcing(tile: xr.Dataset, certificates: Iterable[Certificate]) -
         if (shown, floats_of(about, "kappa")) == (code, kappa):
             return ""
     if code in (BARRIER, proofs.cells.TRANSPORT):
-        return f"forcing {int(tile.forcing)} is called proved but has no certificate"
+        return f"forcing {int(tile.forcing)} is marked as proved but has no certificate"
     return ""
 
 
@@ -557,7 +557,9 @@ def unpack_certificates(data: bytes) -> list[Certificate]:
     try:
         text = unpacker.decompress(data, _MAX_RATIO * len(data))
         if not unpacker.eof:
-            raise ValueError(f"they are cut, or unpack to more than {_MAX_RATIO} times their size")
+            raise ValueError(
+                f"they are truncated, or unpack to more than {_MAX_RATIO} times their size"
+            )
         certificates = json.loads(text)
     except (lzma.LZMAError, EOFError, RecursionError) as error:
         raise ValueError(str(error)) from None
@@ -587,7 +589,7 @@ def seconds_to_check(certificate: Certificate) -> float:
         # Each box has two lifetimes, forwards and backwards, or one for both directions.
         numbers = [n for each in lifetimes for n in (each if isinstance(each, list) else [each])]
         if not all(type(n) is int and n > 0 for n in numbers):
-            raise ValueError("a box has a lifetime that is not an integer of 1 or more")
+            raise ValueError("a box has a lifetime that is not a positive integer")
         return 7e-5 * sum(numbers)
     degrees = certificate["moves"]["numbers"]
     functions = [function for across in degrees for each in across for function in each]

@@ -249,7 +249,7 @@ def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr
             deviations[i] = u[:: rows // m, :: columns // n]
             slopes[i] = tori.newton.least_slope(torus.u)
     h = blank(coords, "h - θ: position of the orbit minus that of the rotation")
-    slope = blank({"scale": coords["scale"]}, "least slope of h along θ")
+    slope = blank({"scale": coords["scale"]}, "minimum slope of h along θ")
     variables = {"deviation": h.copy(data=deviations), "least_slope": slope.copy(data=slopes)}
     labels = {"vector": _name_of(vector), "angle": angle}
     return xr.Dataset(variables, coords, {"title": "Invariant tori"} | labels)

@@ -25,7 +25,7 @@ from workflows.shared.tables import dataset
 _OFF = {
     "printed_off": "error of the printed form",
     "corrected_off": "error of the corrected form",
-    "bound": "bound of rounding errors",
+    "bound": "bound on rounding errors",
 }
 _TORUS = "1705/3136,2631/3136"
 _THREE = {phase: rotating("1/3", phase) for phase in ("0", "1/24", "1/12")}

@@ -102,7 +102,7 @@ def tips_caption(residues, circles):
         f"{circles.attrs['tol']:g}, which is reached for {int(continued.notnull().sum())} of "
         f"{circles.status.size} pairs of a ray and a circle. Relative difference of the two "
         f"methods: median {float(off.median()):.1g}, maximum {float(off.max()):.1g}. Residues "
-        f"have no answer for {int(residues.critical_scale.isnull().sum())} pairs."
+        f"give no answer for {int(residues.critical_scale.isnull().sum())} pairs."
     )
 
 

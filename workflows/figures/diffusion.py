@@ -34,7 +34,7 @@ def diffusion_caption(law, findings):
         f"{law.attrs['n_orbits']} orbits per forcing; the median error is {100 * error:.0f}%. D is "
         f"known for {int(known.sum())} of {known.size} forcings; the others, grey in (a), are too "
         f"slow for {law.attrs['n_max']} steps, or have accelerator modes and therefore no D. "
-        "Inside CB_gt a barrier exists, so that D = 0; D is not computed there. Other planes and "
+        "Inside CB_gt a barrier exists and D = 0; D is not computed there. Other planes and "
         f"numbers of kicks were not tried.\n{findings}"
     )
 

@@ -105,7 +105,7 @@ def _comparison(limits, fractions):
             inside += [q] if first <= lower else []
             outside += [q] if least >= upper else []
     apart = inside + outside
-    longest = f", up to q = {max(apart)}" if apart else ""
+    longest = f"; the largest q without overlap is {max(apart)}" if apart else ""
     return (
         f"Of {len(overlap + apart)} convergents, at the phase with the smallest scale, "
         f"{len(overlap)} have brackets that overlap the bracket of their limit, {len(inside)} lie "

@@ -16,7 +16,7 @@ _OFFSET = 0.13  # distance between the bars of two indicators, in classes
 
 
 def draw_labels(scores, seconds):
-    """Draw the share of false answers by class of margins, and over all classes against CPU time.
+    """Draw the fraction of false answers by class of margins, and overall against CPU time.
 
     scores : the cube `labels_scores`. seconds : CPU seconds per forcing, dims (indicator, n).
     """
@@ -68,11 +68,12 @@ def labels_caption(labels, scores, findings):
     worst = float((abs(labels.margin_error / labels.margin)).max())
     return (
         f"Of {n_drawn} forcings drawn, {labels.sizes['forcing']} have a proved answer: "
-        f"{barriers} BARRIER, {labels.sizes['forcing'] - barriers} TRANSPORT. (a) Share of false "
-        f"answers among the {int(scores.attrs['n_test'])} forcings of the split test after N = "
+        f"{barriers} BARRIER, {labels.sizes['forcing'] - barriers} TRANSPORT. (a) Fraction of "
+        f"false answers among the {int(scores.attrs['n_test'])} test forcings after N = "
         f"{int(scores.n[-1])} steps, with 95% intervals (Wilson), by relative distance from CB_gt "
-        f"along the ray, which is known to {worst:.0e} of itself. An indicator of orbits answers "
-        f"BARRIER if one of {labels.attrs['n_starts']} starts on x = 0 looks regular and "
+        f"along the ray, which is known to a relative error of {worst:.0e}. An "
+        f"indicator of orbits answers BARRIER if one of {labels.attrs['n_starts']} starts on "
+        "x = 0 looks regular and "
         f"rotational; the threshold is fitted on the other {int(scores.attrs['n_train'])} "
-        f"forcings. (b) The share in all classes against CPU time.\n{findings}"
+        f"forcings. (b) The fraction in all classes against CPU time.\n{findings}"
     )

@@ -39,8 +39,8 @@ def ripple_spectrum_caption(cube, findings):
         f"Kicks κ(1 + d cos 2πnΩ) of depth d = {depths}. (a) By what fraction the last barrier "
         "breaks below κ_G, and what small divisors predict to first order in d, without a free "
         "parameter. (b) The largest kick at the last breakup, over κ_G. Bars are brackets, mostly "
-        "smaller than the markers. Hollow triangles: only an upper bound on κ_c is known, so that "
-        f"the loss is larger, and κ_c smaller.\n{findings}"
+        "smaller than the markers. Hollow triangles: only an upper bound on κ_c is known; "
+        f"the loss is larger and κ_c smaller than drawn.\n{findings}"
     )
 
 

@@ -70,8 +70,8 @@ def _plane(title, two, direct, scale, inner):
     for part in parts:
         label = r"$\mathit{CB}_{gt}$ of $T$" if part is axes else None
         fill_inside(part, two, edgecolor="black", lw=1, label=label)
-    # Near the axes the spacing of rays is no larger than the error of the onset, so that the line
-    # of the onset would be a row of spikes.
+    # Near the axes the spacing of rays is no larger than the error of the onset, so the line of
+    # the onset would be a row of spikes.
     away = np.abs((direct.angle.values + 45) % 90 - 45)
     onset = direct.isel(angle=np.flatnonzero((away == 0) | (away > 2)))
     words = rf"transport of $T$ within ${power(direct.attrs['n_max'])}$ steps"

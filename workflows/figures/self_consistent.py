@@ -85,7 +85,7 @@ def self_consistent_caption(fields, verdicts, settling):
 
     def where(holds):
         if not holds.any():
-            return "at none of these couplings"
+            return "for no Γ"
         first = int(holds.argmax())
         if holds[first:].all():
             return f"from Γ = {couplings[first]:g} on"

@@ -26,14 +26,16 @@ def draw_snapshot_tori(cube):
 
 def snapshot_tori_caption(cube, findings):
     return (
-        f"Snapshot tori in ramps that begin at κ = {float(cube.strength[0]):g}. (a) EAPD of each "
-        f"torus for r = {cube.attrs['kept_rate']:g}, and its bound for graphs; vertical line: "
+        f"Snapshot tori in ramps that begin at κ = {float(cube.strength[0]):g}. (a) EAPD "
+        "(ensemble-averaged pairwise distance, a logarithm) of each torus for "
+        f"r = {cube.attrs['kept_rate']:g}, and its bound for graphs; vertical line: "
         "converse KAM excludes all graphs. (b) Finite-time exponents on two of these tori: median, "
         "and range of 80% of the orbits. (c) κ at which all graphs through a point of a torus of "
-        "(a) are excluded, its EAPD exceeds the bound, distances remain "
-        f"{cube.attrs['factor']:g} times larger still, and half of its orbits are stretched by "
-        "more than n²; horizontal line: all graphs are excluded. (d) Kicks from the first of these "
-        "events to the second, for all tori that wind around; red: the golden circle."
+        "(a) are excluded, its EAPD exceeds the bound, mean distances exceed it for good by a "
+        f"factor of {cube.attrs['factor']:g}, and half of its orbits are stretched by more than "
+        "n²; horizontal line: all graphs are excluded. (d) Kicks from the first of these "
+        "events to the second, for all tori that wind around the "
+        "cylinder; red: the golden circle."
         f"\n{findings}"
     )
 

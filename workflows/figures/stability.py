@@ -52,7 +52,7 @@ def _near_cusp(study):
 
 
 def _nearest(study, holds):
-    """Return the least distance at which `holds` is true, or inf if it never is."""
+    """Return the smallest distance at which `holds` is true, or inf if it never is."""
     return study.delta.values[holds.values].min(initial=np.inf)
 
 

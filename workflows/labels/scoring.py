@@ -90,11 +90,11 @@ def scores(labels, margins):
     low, high = wilson(false, total)
     counts = xr.Dataset({"n_false": (dims, false), "n_test": (dims, total)})
     variables = {
-        "share": (dims, share_of(counts), "share of false answers on the split test"),
+        "share": (dims, share_of(counts), "fraction of false answers on the test split"),
         "least": (dims, low, "lower end of its 95% interval (Wilson)"),
         "most": (dims, high, "upper end of its 95% interval (Wilson)"),
         "n_false": (dims, false, "false answers"),
-        "n_test": (dims, total, "forcings of the split test"),
+        "n_test": (dims, total, "forcings of the test split"),
         "threshold": (
             dims[:2],
             limits,
