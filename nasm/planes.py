@@ -45,7 +45,7 @@ ROTATING_AXES = {
     "kappa_amplitude": "amplitude Δκ of the strengths",
 }
 PAIRS_AXES = {
-    "kappa_whole": "strength K of the kicks at whole times",
+    "kappa_whole": "strength K of the kicks at integer times",
     "kappa_delayed": "strength Kα of those a time τ later",
 }
 

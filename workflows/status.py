@@ -20,7 +20,7 @@ def tell(path, state):
     if state.tiles and not state.damage:
         text = f"{state.done} of {plural(state.tiles, 'tile')}"
         if state.lost:
-            text += f", {state.lost} computed but lost since"
+            text += f", {state.lost} computed but since lost"
         if state.failed:
             text += f", {state.failed} failed at the last attempt"
         if state.done < state.tiles and state.rate > 0:

@@ -11,7 +11,7 @@ _SYMBOLS = {
     "strength of the second kick": (r"$\kappa_2$", "κ₂"),
     "mean strength κ̄": (r"$\bar\kappa$", "κ̄"),
     "amplitude Δκ of the strengths": (r"$\Delta\kappa$", "Δκ"),
-    "strength K of the kicks at whole times": ("$K$", "K"),
+    "strength K of the kicks at integer times": ("$K$", "K"),
     "strength Kα of those a time τ later": (r"$K_\alpha$", "Kα"),
 }
 

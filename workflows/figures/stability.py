@@ -150,7 +150,7 @@ def _fractions(study):
 
 
 def _draw_twist(axes, study):
-    """Draw lifetimes on the dominant line, and the end of the twist."""
+    """Draw lifetimes on the dominant line, and the loss of twist."""
     for i, angle in enumerate(study.angle.values):
         part, colour = study.isel(angle=i), COLOURS[i]
         finite, line = part.where(np.isfinite(part)), line_of(i)
@@ -163,7 +163,7 @@ def _draw_twist(axes, study):
         end = part.scale.where(part.twist < 1e-9).min()
         axes.axvline(float(end), color=colour, lw=0.8, ls="--")
     axes.set(yscale="log", xlabel="scale $s$", ylabel="steps")
-    key(axes, {"o": "converse KAM", "^": "escape", "--": "end of the twist"})
+    key(axes, {"o": "converse KAM", "^": "escape", "--": "loss of twist"})
     axes.set_title("Lifetimes on the dominant line")
 
 
@@ -171,7 +171,7 @@ def _twist(study):
     beyond = study.isel(scale=np.flatnonzero((study.scale > 1.5).values))
     lifetimes = beyond.elimination_time.values
     return (
-        "Beyond a scale of 1.5, up to and past the end of the twist, converse KAM eliminates all "
+        "Beyond a scale of 1.5, up to and past the loss of twist, converse KAM eliminates all "
         f"starts in {np.isfinite(lifetimes).sum()} of {lifetimes.size} cases, within "
         f"{np.max(lifetimes):g} steps; {int((beyond.circle == _OK).sum())} circles are certified, "
         f"although Birkhoff averages have up to {float(beyond.digits.max()):.0f} digits for other "

@@ -8,7 +8,7 @@ _BINS = np.linspace(0, 1, 41)  # bins of strengths without a barrier, relative t
 
 
 def draw_tolerance(cube, laws, tried):
-    """Draw loss against ripple with predicted laws; also `upper` of random forcings and climbs."""
+    """Draw the loss against the ripple with predicted laws, and `upper` of the forcings tried."""
     figure, (price, strengths) = style.panels(1, 2, 12, 5)
     _draw_losses(price, cube, laws)
     _draw_strengths(strengths, tried)

@@ -111,8 +111,8 @@ def planes_caption(curves):
         rays = f"{int(known.sum())} of {known.size} rays have a value"
         parts.append(f"τ = {_delay(curve)}: {rays}{wide}{last}.")
     return (
-        "CB_gt in the plane of the strengths K of the kicks at whole times and K_α of those a time "
-        "τ later, in units of the period; inside (grey) there are barriers. It is symmetric "
-        "under (K, K_α) → (-K, -K_α). Colours show the last circle, whose ω per period is its mean "
-        f"p; if q is even, this ω or q/2 - ω. {' '.join(parts)}"
+        "CB_gt in the plane of K, the strength of the kicks at integer times, and K_α, that of "
+        "the kicks a time τ later, in units of the period; inside (grey) there are barriers. It is "
+        "symmetric under (K, K_α) → (-K, -K_α). Colours show the ω per period of the last circle, "
+        f"which is its mean p; if q is even, the larger of ω and q/2 - ω. {' '.join(parts)}"
     )

@@ -50,7 +50,7 @@ def _license():
 def _zenodo(exhibits):
     """Return the metadata of the deposit.
 
-    Before it is published, the owner should name persons as creators.
+    Before publication, the owner should name people as creators.
     """
     about = metadata.metadata("nasm-transport")
     contents = "".join(f"<li>{exhibit.title}</li>" for exhibit in exhibits)
@@ -86,9 +86,9 @@ def _readme(folder, exhibits, quick):
             parts += f"`{path.name}`: {computed_by}.\n\n"
     return f"""# {TITLE}
 
-The map of arXiv:1606.04824, computed by nasm {__version__}. Each cube, a folder NAME.zarr, is
-opened by `xarray.open_zarr(path)`; its attributes describe its numbers and how they were computed.
-The tables (CSV) contain the same numbers. LICENSE applies to all files.
+Results for the map of arXiv:1606.04824, computed by nasm {__version__}. Each cube, a folder
+NAME.zarr, is opened by `xarray.open_zarr(path)`; its attributes describe its numbers and how they
+were computed. The tables (CSV) contain the same numbers. LICENSE applies to all files.
 
 {parts}`sha256sum -c {SUMS}` checks all files. With nasm installed, `python -m workflows.verify
 --out .` checks all cubes, and `--proofs` the certificates as well. Without it,

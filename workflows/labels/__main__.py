@@ -4,13 +4,13 @@ Forcings (κ1, κ2) are drawn at given distances from CB_gt, on either side. The
 them is a theorem, BARRIER or TRANSPORT: the forcing lies in a cell or a patch of the proved map, or
 has a proof of its own (nasm/proofs/README.md). Indicators answer the same question after N steps:
 an escape, the weighted Birkhoff average, the finite-time Lyapunov exponent and the fast Lyapunov
-indicator. The last three speak of single orbits: they answer BARRIER if some start of a line across
-the cell looks regular and rotational. Their thresholds are fitted on the forcings of the split
-`train`; false answers are counted on those of `test`. A forcing and its images under the symmetries
-of the plane always belong to the same split.
+indicator. The last three describe single orbits: they answer BARRIER if some orbit that starts on a
+line across all circles looks regular and rotational. Their thresholds are fitted on the forcings of
+the split `train`; false answers are counted on those of `test`. A forcing and its images under the
+symmetries of the plane always belong to the same split.
 
 Cubes, two tables and a figure in OUT; needs the extra `proof`. The proved map and its options are
-those of `proved_map`, and an OUT that holds it already is reused. The defaults take about eight CPU
+those of `proved_map`; a proved map already in OUT is reused. The defaults take about eight CPU
 minutes, --quick one.
 """
 
@@ -37,7 +37,7 @@ def parse_margins(text):
 
 
 @command()
-@whole("--n-rays", 60, 2, 10**5, "Rays, on each of which every class has a forcing on either side.")
+@whole("--n-rays", 60, 2, 10**5, "Rays; each has one forcing per class on either side of CB_gt.")
 @parsed(
     *("--margins", "0.003,0.01,0.03,0.1,0.3", parse_margins, "M,M[,M...]"),
     "Ends of the classes of margins, the relative distances from CB_gt.",

@@ -51,7 +51,7 @@ def _rows(forcings):
 
 
 def square_of(certificate):
-    """Return the name of a cell's certificate, and the test whether a forcing is in the cell."""
+    """Return the name of a cell's certificate, and a function: True if a forcing is in the cell."""
     centre, half = (proved.floats_of(certificate, name) for name in ("kappa", "half_width"))
     ends = [
         (Fraction(middle) - Fraction(width), Fraction(middle) + Fraction(width))
@@ -65,7 +65,7 @@ def square_of(certificate):
 
 
 def _patches(place, n):
-    """List the name, the file, and the test for a forcing, of every certificate of a triangle."""
+    """List (name, file, `patch_of`) for every certificate of a triangle."""
     keys = [store.certificates_key("proved_triangles", (i,)) for i in range(n)]
     return [
         (each["sha256"], key, patch_of(each))
@@ -75,7 +75,7 @@ def _patches(place, n):
 
 
 def patch_of(certificate):
-    """Return the test whether κ = s(a + tb) with |t| ≤ 1 and s between the scales of the patch."""
+    """Return a function: True if κ = s(a + tb), |t| ≤ 1, and s is between the patch's scales."""
     names = "kappa", "tilt", "scales"
     a, b, (low, high) = (
         [Fraction(number) for number in proved.floats_of(certificate, name)] for name in names

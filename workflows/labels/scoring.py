@@ -14,10 +14,10 @@ _LARGER_IS_BARRIER = {"escape": True, "digits": True, "exponent": False, "fli": 
 
 
 def threshold(values, is_barrier, larger_is_barrier):
-    """Choose the value from which on to answer BARRIER, and return its score.
+    """Return the threshold: the value at and beyond which the answer is BARRIER.
 
-    Of all values, the threshold is the one for which the share of false BARRIER plus that of false
-    TRANSPORT is smallest; of equally good ones, the middle one. NaN without forcings of both kinds.
+    The threshold minimizes the fraction of false BARRIER plus that of false TRANSPORT; of equally
+    good values it is the middle one. It is NaN unless there are forcings of both kinds.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def answers_barrier(values, limit, larger_is_barrier):
 
 
 def wilson(k, n, z=1.96):
-    """Return the 95% interval of Wilson for a share of k in n; NaN for n = 0."""
+    """Return Wilson's 95% interval for the fraction k/n; NaN for n = 0."""
     k, n = np.asarray(k, float), np.where(np.asarray(n) > 0, n, np.nan)
     share, spread = k / n, z * np.sqrt(k * (n - k) / n + z**2 / 4) / n
     centre = (share + z**2 / (2 * n)) / (1 + z**2 / n)
@@ -54,7 +54,7 @@ def wilson(k, n, z=1.96):
 
 
 def share_of(counts):
-    """Return the share of false answers; NaN where there are no forcings."""
+    """Return the fraction of false answers; NaN where there are no forcings."""
     return np.where(counts.n_test > 0, counts.n_false / np.maximum(counts.n_test, 1), np.nan)
 
 
@@ -98,7 +98,7 @@ def scores(labels, margins):
         "threshold": (
             dims[:2],
             limits,
-            "value from which on the answer is BARRIER",
+            "value at and beyond which the answer is BARRIER",
         ),
         "kicks": (dims[:2], kicks, "kicks of all orbits per forcing, mean"),
     }
@@ -137,7 +137,7 @@ def _unlabelled(labels):
 
 
 _DECIDED = 0.05
-"""An indicator errs if the 95% interval of its share lies above this, and is right if below."""
+"""An indicator errs if the 95% interval of its false answers is above this; right if below."""
 
 _ERRS = {
     "escape": {"beyond"},
@@ -145,7 +145,7 @@ _ERRS = {
     "exponent": {"below", "beyond"},
     "fli": {"below", "beyond"},
 }
-"""The sides of CB_gt on which the first claim has each indicator err."""
+"""The sides of CB_gt on which each indicator errs, according to the first claim."""
 
 
 def findings(scores, seconds):
@@ -153,8 +153,8 @@ def findings(scores, seconds):
     limits = (
         f"Limits: {scores.attrs['unlabelled']} forcings drawn without a proved answer are left "
         f"out, and so is everything closer to CB_gt than {100 * float(scores.margin_low[0]):g}%; "
-        "thresholds depend on how the margins are distributed, and the indicators of orbits on "
-        "the line and the number of its starts."
+        "thresholds depend on the distribution of the margins, and the indicators of orbits "
+        "depend on the line of starts and their number."
     )
     return "\n".join([_where_they_err(scores.isel(n=-1)), _next_to_it(scores, seconds), limits])
 
@@ -178,8 +178,8 @@ def _where_they_err(last):
         parts.append(f"{name} {', '.join(sides)}")
     known = bool((wilson(0, sums.n_test)[1] < _DECIDED).all())
     text = (
-        f"after {int(last.n)} steps the shares of false answers on either side of CB_gt, and the "
-        f"margins without one, are: {'; '.join(parts)}"
+        f"after {int(last.n)} steps the fractions of false answers on either side of CB_gt, and "
+        f"the margins without any, are: {'; '.join(parts)}"
     )
     claim = (
         "an escape errs beyond CB_gt only, the Birkhoff average below it only, and Lyapunov "
@@ -209,12 +209,12 @@ def _next_to_it(scores, seconds):
     )
     low, high = (100 * end[i, j] for end in ends)
     text = (
-        f"next to CB_gt {int(errs.sum())} of {errs.size} do, each on one side at least; the fewest "
-        f"false answers in all classes, {100 * share[i, j]:.0f}% ({low:.0f} to {high:.0f}%), has "
-        f"{scores.indicator.values[i]} after {int(scores.n[j])} steps, in "
+        f"next to CB_gt {int(errs.sum())} of {errs.size} do, each on at least one side; over all "
+        f"classes {scores.indicator.values[i]} after {int(scores.n[j])} steps has the fewest false "
+        f"answers, {100 * share[i, j]:.0f}% ({low:.0f} to {high:.0f}%), in "
         f"{float(seconds[i, j]):.2g} CPU seconds per forcing, and {100 * share[i, -1]:.0f}% after "
-        f"{int(scores.n[-1])} steps, in {float(seconds[i, -1]):.2g} s; always to answer BARRIER "
-        f"has {100 * _of_one_answer(scores):.0f}%"
+        f"{int(scores.n[-1])} steps, in {float(seconds[i, -1]):.2g} s; always answering BARRIER "
+        f"is wrong in {100 * _of_one_answer(scores):.0f}%"
     )
     margin = 100 * float(scores.margin_high[0])
     claim = f"within {margin:g}% of CB_gt every indicator errs, whatever the number of steps"
@@ -222,6 +222,6 @@ def _next_to_it(scores, seconds):
 
 
 def _of_one_answer(scores):
-    """Return the share of false answers of one who always answers BARRIER."""
+    """Return the fraction of false answers if the answer is always BARRIER."""
     total = scores.n_test.isel(indicator=0, n=0)
     return float(total.sel(side="beyond").sum() / total.sum())

@@ -20,7 +20,7 @@ _SPLITS = flags(["train", "test"])
 
 _VALUES = {
     "escape": "first step at which an orbit has escaped; inf if none has within n",
-    "digits": "most digits of the Birkhoff average on a rotational orbit; 0 if there is none",
+    "digits": "largest number of digits of the Birkhoff average on a rotational orbit; 0 if none",
     "exponent": "smallest finite-time Lyapunov exponent of a rotational orbit; inf if none",
     "fli": "smallest fast Lyapunov indicator of a rotational orbit; inf if none",
 }

@@ -11,7 +11,7 @@ near p = 1/(2ε), where the two kicks cancel, are the weakest. There the term of
 as ε → 0, is a kick of -K²ε/(4π) sin 4πx: a standard map in 2x and 2p of strength K²ε. So circles
 there should break at √(κ_G/ε).
 
-A cube, a table, a figure in OUT. The defaults take about ten CPU minutes, --quick one.
+A cube, a table and a figure in OUT. The defaults take about ten CPU minutes, --quick one.
 """
 
 from workflows.shared.cli import command, flag, real, sweeps

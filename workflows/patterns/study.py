@@ -8,7 +8,7 @@ from workflows.figures.patterns import BURSTS, CONSTANT, FLIPS, PAIRS, SIGNS
 from workflows.figures.style import of_family
 from workflows.shared.judgement import finding
 
-PARAMETER = f"ε of {PAIRS}, P of {SIGNS}, M of {FLIPS}, share of the period kicked in {BURSTS}"
+PARAMETER = f"ε of {PAIRS}, P of {SIGNS}, M of {FLIPS}, fraction of the period kicked in {BURSTS}"
 
 
 def pair(p, q):

@@ -66,7 +66,7 @@ def symmetric_dataset(n_orbits, n_max):
     ideal = images(SYMMETRIC_FORCING, *marked[:, 0])
     apart = marked - np.stack([points for _, *points in ideal], axis=1)
     apart = np.abs(apart - np.rint(apart)).max(axis=(0, 2, 3))
-    words = "largest distance, mod 1, of marked orbits from the images of the first forcing's"
+    words = "largest distance, mod 1, of marked orbits from images of those of the first forcing"
     coords = {
         "forcing": (range(4), "forcing"),
         "step": (range(n_max + 1), "steps of two kicks"),

@@ -68,7 +68,7 @@ def irregular(ripples, kicks):
     kind = text("kind", shapes, "forcing, f_n")
     return dataset(
         "Lifetimes of barriers by the smoothness of the forcing",
-        {"kind": kind, "ripple": (ripples, "largest deviation, relative")},
+        {"kind": kind, "ripple": (ripples, "largest relative deviation")},
         {
             "life": (dims, np.array(lifetimes), f"{graphs}; inf if they persist"),
             "escaped": (dims, np.array(crossed), label),

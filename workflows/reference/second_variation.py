@@ -21,7 +21,7 @@ _CHILDREN = 32  # number of new starts in each of the best cells
 
 
 def lifetimes(kappa, site, x, y):
-    """Return, for each y, the least n at which the second variation is not positive definite."""
+    """Return, for each y, the smallest n at which the second variation is not positive definite."""
     times, alive = np.full(y.size, np.inf), np.arange(y.size)
     ahead, p, behind, q = np.full(y.size, x), y.copy(), np.full(y.size, x), y.copy()
     later, earlier = [], []  # a_1, a_2, … and a_{-1}, a_{-2}, …

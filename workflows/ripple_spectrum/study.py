@@ -57,7 +57,7 @@ def prediction(fractions, depths, n):
     labels = {
         "predicted_loss": "loss of the threshold, 1 - κ_c/κ_G, by small divisors",
         "predicted_omega": "turns per kick of the circle that breaks last, by small divisors",
-        "adiabatic_loss": "least loss that the kicks around the largest one leave",
+        "adiabatic_loss": "lower bound on the loss, by the kicks around the largest one",
     }
     golden = periodic.critical_scale("gamma", (1.0,)).value
     values = 1 - kappa / golden, omega, 1 - bound
@@ -132,7 +132,7 @@ def _slow(table):
     text = (
         f"of {n} ripples so slow that the kicks around the largest one cause a loss by themselves, "
         f"{below} already have no barrier at κ_G/(1 + d), and {contradicted} have one beyond the "
-        f"bound by these kicks; there κ_c(1 + d)/κ_G is at most {span(upper)}"
+        f"bound from these kicks; their upper bounds on κ_c(1 + d)/κ_G are {span(upper)}"
     )
     claim = "a slow ripple costs what its largest kick costs, κ_c = κ_G/(1 + d), and no more"
     return finding(claim, text, below == 0 and contradicted == 0, known=n > 0)

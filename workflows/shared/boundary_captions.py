@@ -51,7 +51,7 @@ def describe_boundary(barrier: xr.Dataset) -> str:
     undecided = plural(int(barrier.critical_scale.isnull().sum()), "ray")
     onset = f"Global transport begins at κ = {'; '.join(places)}. " if two else ""
     return (
-        f"{onset}The last circles to break, by their share of the angle {where}: {share}"
+        f"{onset}The last circles to break, by their fraction of the angle {where}: {share}"
         f"{', and ' + plural(others, 'other') if others > 0 else ''}. "
         f"{bracket}. Undecided: {undecided}."
     )

@@ -418,7 +418,7 @@ def plane_options(n_max: int, tile: int, levels: int, precision: str) -> Decorat
     """Make the options of a plane of escape times, the arguments of `escape_field.grid_of`."""
     return together(
         axis("--first", "-1.1:1.1:256", "First coordinate: lower end, upper end, cells."),
-        axis("--second", "0:1.1:128", "Second coordinate: the same."),
+        axis("--second", "0:1.1:128", "Second coordinate: as for --first."),
         whole("--n-max", n_max, 1, 10**12, "Steps (periods of the forcing) of each orbit."),
         increasing(
             *("--n-orbits", "64", 10**8),
@@ -488,7 +488,7 @@ class _Directory(click.ParamType):
             return _at_home(value)
         if not self.url:  # the message does not repeat a URL, which may contain a password
             self.fail(
-                "a directory is needed, also for tables and figures; cubes can go to a --store"
+                "a directory is needed for tables and figures; only cubes can go to a --store"
             )
         return value
 

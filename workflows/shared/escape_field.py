@@ -104,7 +104,7 @@ def field_cube(grid: Grid) -> Cube:
 
 
 def estimate_tiles(run: Run, grid: Grid) -> Iterator[tuple[Job, Wanted]]:
-    """Yield (job, wanted tiles) for each sweep of `escape_plane`; None stands for all tiles.
+    """Yield (job, wanted tiles) for each sweep of `escape_plane`; None means all tiles.
 
     With one level all tiles are wanted. With several levels, no tiles are wanted if the run's place
     already contains the field; otherwise a coarse preview of the plane predicts where levels are

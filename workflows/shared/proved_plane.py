@@ -1,6 +1,6 @@
 """Proofs in a plane: sweeps of cells with transport, and of triangles below CB_gt.
 
-See `nasm.proofs.cells`. They cover the plane's `wedge`; all else is an image of it.
+The proofs (see `nasm.proofs.cells`) cover the plane's `wedge`; all else is an image of it.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from pipeline.cubes.cube import Job
 from pipeline.cubes.proved import proved_map, proved_triangles
 from workflows.shared.run import Run
 
-_N_RAYS = 91  # on which CB_gt is computed first
+_N_RAYS = 91  # number of rays on which CB_gt is computed first
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class ProvedPlane:
         return last_barrier(self.plane, self.angles, 1e-3)
 
     def later(self) -> list[Job]:
-        """Return jobs of about the cost of those that depend on these barriers.
+        """Return jobs that cost about as much as those that depend on `barriers`.
 
         They are planned from seven rays, in a second or two.
         """

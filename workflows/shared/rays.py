@@ -65,7 +65,7 @@ def circle_text(circle: str, degenerate: str) -> str:
 
 def by_phase(cubes: Mapping[str, xr.Dataset]) -> xr.Dataset:
     """Join cubes on rays for several phases of a rotating map; keys are the phases as text."""
-    phase = text("phase", cubes, "phase φ0 of the first kick, in turns, exactly")
+    phase = text("phase", cubes, "exact phase φ0 of the first kick, in turns")
     return xr.concat(cubes.values(), phase, coords="all", combine_attrs="override")
 
 

@@ -6,12 +6,12 @@ Chaos 29 (2019) 121105). For the rates of `ramp`, this command compares
 
 - the kicks by which converse KAM excludes all graphs, and those through a point of a torus;
 - the kick at which the ensemble-averaged pairwise distance (EAPD) of a torus exceeds that of any
-  graph, and the onset of its growth: from there on distances are ten times larger still;
+  graph, and the onset of its growth, after which distances stay ten times larger than on any graph;
 - the finite-time Lyapunov exponents of single orbits, which may contradict such averages (Grime &
-  Morrison, arXiv:2505.04750), and the share of orbits that have separated at the onset.
+  Morrison, arXiv:2505.04750), and the fraction of orbits that have separated at the onset.
 
-`nasm.snapshot` has the definitions, and derives the bound on the EAPD of a graph. It needs twist,
-which this map has; the maps of arXiv:2501.08147 and arXiv:2505.04750 are nontwist.
+`nasm.snapshot` contains the definitions, and derives the bound on the EAPD of a graph. This bound
+needs twist, which this map has; the maps of arXiv:2501.08147 and arXiv:2505.04750 are nontwist.
 
 A cube and a figure in OUT. The defaults take half a CPU minute, --quick ten seconds.
 """

@@ -15,12 +15,12 @@ from workflows.shared.tables import columns, dataset
 
 QUANTILES = 0.1, 0.5, 0.9
 EVENTS = {
-    "folded": "kicks from κ_G until the torus is no graph",
+    "folded": "kicks from κ_G until the torus is no longer a graph",
     "excluded": "kicks from κ_G until converse KAM excludes all graphs through one of its points",
     "exceeds": "kicks from κ_G until the EAPD exceeds that of any graph",
-    "onset": "kicks from κ_G until distances exceed those on any graph for good, by the factor",
+    "onset": "kicks from κ_G until distances exceed those on any graph by `factor`, for good",
     "stretched": "kicks from κ_G until half of the orbits are stretched by more than n² for good",
-    "share": "share of the orbits that have separated at the onset",
+    "share": "fraction of the orbits that have separated at the onset",
     "slope": "mean slope of the EAPD from the onset to the end of the ramp, per kick",
 }
 
@@ -43,7 +43,7 @@ class Settings:
     n_averaged : int
         Steps of the average that yields ω of a torus.
     factor : float
-        Growth of the mean distance beyond the largest one on a graph that counts as the onset.
+        Factor by which mean distances exceed the largest one on a graph from the onset on.
     n_samples : int
         Samples of the EAPD and of the exponents of the ramp that is kept.
     """
@@ -66,8 +66,8 @@ def snapshots(rates, kept, settings=DEFAULT):
     Parameters
     ----------
     rates : ndarray
-        Growth r of κ per kick, at most 0.01: all kicks with which `lost` excludes graphs are then
-        kicks of the ramp.
+        Growth r of κ per kick, at most 0.01: all kicks that `lost` uses to exclude graphs then
+        belong to the ramp.
     kept : float
         The EAPD and exponents of the ramp with the rate nearest to this one are kept, with the dims
         start and kick.
@@ -107,7 +107,7 @@ def snapshots(rates, kept, settings=DEFAULT):
             "start": (np.arange(y.size), "torus of the initial map, first the golden circle"),
             "rate": (rates, "growth of κ per kick"),
             "kick": (kick, "kicks from κ_G"),
-            "quantile": (np.array(QUANTILES), "share of the orbits below"),
+            "quantile": (np.array(QUANTILES), "fraction of the orbits below"),
         },
         {
             "y": ("start", y, "y of the torus at x = 1/2, in turns"),
@@ -202,6 +202,7 @@ def findings(cube):
             share.size > 0,
         ),
         "A torus is the image of a curve, which no orbit crosses: neither the EAPD nor the "
-        "exclusion of graphs shows transport. Distances are linearised, exponents those of two "
-        "dimensions, and tori are sampled. Not tried: decreasing ramps, maps without twist.",
+        "exclusion of graphs shows transport. Distances are linearised, exponents are those of "
+        "the two-dimensional map, and tori are sampled. Not tried: decreasing ramps, maps without "
+        "twist.",
     ])  # fmt: skip

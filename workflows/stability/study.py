@@ -159,7 +159,7 @@ def beyond_the_twist(quick):
         **columns([*coords], _LIVES, lifetimes),
         "circle": outcomes([*coords], status),
     }
-    return dataset("Near the end of the twist and beyond", coords, variables)
+    return dataset("Near the loss of twist and beyond it", coords, variables)
 
 
 def _over(first, second, answers):

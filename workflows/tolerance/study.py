@@ -53,7 +53,8 @@ def laws(cube):
     cycle, and from the growth of the ripple, measured by the responses; its error is the change
     when longer orbits are used. measured : from the losses of the last circle under a ripple of the
     cube, and of the `finer` circle under the renormalised ripple; its error is that of the losses
-    plus the larger of two terms: the change from a larger ripple, and 2.5 times the first loss.
+    plus the larger of two terms: the change from a larger ripple, and 2.5 times the first loss
+    over the growth of ln |response|.
     orbits : the shortest period of orbits that resolve the ripple into which renormalisation turns
     a ripple of 1%.
 

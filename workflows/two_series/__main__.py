@@ -1,19 +1,19 @@
 """Two series of kicks: how does their threshold depend on the delay between them?
 
-The kicks are K at whole times and K_α a time τ later, in units of the period (arXiv:2509.11593; for
-K_α = -K arXiv:physics/0408088): p' = p + K sin 2πx/2π, then x' = x + τp', followed by the same with
-K_α and 1 - τ. For τ = a/q the forcing has q kicks, two of them not zero, and p has the period q.
-K_c(τ) is the strength K at which the last barrier breaks, for K_α = K, K/2 and -K. Panels show
+The kicks are K at integer times and K_α a time τ later, in units of the period (arXiv:2509.11593;
+for K_α = -K arXiv:physics/0408088): p' = p + K sin 2πx/2π, then x' = x + τp', followed by the same
+with K_α and 1 - τ. For τ = a/q the forcing has q kicks, two of them not zero, and p has the period
+q. K_c(τ) is the strength K at which the last barrier breaks, for K_α = K, K/2 and -K. Panels show
 CB_gt in the (K, K_α) plane, coloured by the last circles, whose ω is their mean p.
 
 To first order the kicks drive a resonance at every integer p = k, as strong as that of a standard
-map of strength abs(K + K_α e^{2πikτ}). So a barrier next to a weak resonance should persist for
-long, and the threshold should be lowest at the delay whose weakest resonance is strongest.
+map of strength abs(K + K_α e^{2πikτ}). So a barrier next to a weak resonance should persist up to
+strong kicks, and the threshold should be lowest at the delay whose weakest resonance is strongest.
 
 The delays τ and 1 - τ are equivalent, by time reversal; so are (K, K_α), (K_α, K) and (-K, -K_α),
 and (K, -K_α) if q is even.
 
-`proved_map --plane pairs:1/3` proves on which forcings of such a plane transport is global, or a
+`proved_map --plane pairs:1/3` proves for which forcings of such a plane transport is global or a
 barrier exists.
 
 Cubes, two tables and two figures in OUT. The defaults take about four CPU minutes.

@@ -63,7 +63,7 @@ def thresholds(cube, delays):
         name: xr.Variable(dims, images[name].values.reshape(shape), images[name].attrs)
         for name in names
     }
-    long_name = "K_c, strength K of the kicks at whole times where the last barrier breaks"
+    long_name = "K_c, strength K of the kicks at integer times where the last barrier breaks"
     variables["critical_scale"].attrs["long_name"] = long_name
     weakest = [[weakest_resonance(delay, r) for r in RATIOS.values()] for delay in delays]
     label = "strength over K of the weakest resonance, to first order"
@@ -102,9 +102,10 @@ def findings(table):
     brackets = np.isfinite(width)
     widest = f", at most {100 * width[brackets].max():.2g}% wide" if brackets.any() else ""
     return " ".join([
-        "K_c of two series of kicks, K at whole times and K_α a time τ later, in units of the "
+        "K_c of two series of kicks, K at integer times and K_α a time τ later, in units of the "
         f"period, at {table.delay.size} delays a/q up to 1/2; τ and 1 - τ are equivalent. "
-        "Bars are brackets from a certified circle to converse KAM, arrows those with one end. "
+        "Bars are brackets from a certified circle to converse KAM, arrows those with one known "
+        "end. "
         f"{int(table.critical_scale.notnull().sum())} of {width.size} thresholds have a value, "
         f"{brackets.sum()} a bracket{widest}.",
         _order(table),

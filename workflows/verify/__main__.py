@@ -18,7 +18,7 @@ from workflows.shared.cli import command, flag, place_options, real
 
 _NO_DIGESTS = (
     "its metadata cannot be checked, so its tiles are not repaired: an earlier version stored no "
-    "digests; rerun the command that computed it; this adds them"
+    "digests; to add them, rerun the command that computed it"
 )
 
 
