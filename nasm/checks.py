@@ -181,8 +181,8 @@ def floats(name: str, values: ArrayLike) -> NDArray[np.float64]:
         is_exact = False
     if not is_exact:
         raise ValueError(
-            f"{name}={values!r} is not made of real numbers that floats hold, without a mask; "
-            f"convert them before, e.g. {name}=(0.3, 0.5)"
+            f"{name}={values!r} must consist of real numbers that fit in floats, without a mask; "
+            f"convert them first, e.g. {name}=(0.3, 0.5)"
         )
     return array.astype(float)
 

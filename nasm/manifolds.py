@@ -182,8 +182,9 @@ def _checked(
     norm = float(np.linalg.norm(step_tangent(kicks, x, y)))
     if not miss < settings.max_miss * max(1.0, norm):
         raise ValueError(
-            f"({x}, {y}) is not on an orbit of p/q = {p}/{q}: it misses itself by {miss:.2g}; take "
-            f"a point of `action.ordered_orbits(kappa, {p}, {q})[0].points()`"
+            f"({x}, {y}) is not on an orbit of p/q = {p}/{q}: after q periods "
+            f"it is off by {miss:.2g}; take a point of "
+            f"`action.ordered_orbits(kappa, {p}, {q})[0].points()`"
         )
     return kappa, p, q, x, y, length, spacing, toward
 

@@ -95,8 +95,8 @@ class Plane:
         lengths = [len(vector) for vector in (self.origin, self.first, self.second)]
         if len(set(lengths)) > 1 or not 2 <= lengths[0] <= MAX_PERIOD:
             raise ValueError(
-                f"origin, first and second have {lengths} strengths; they must have one length, "
-                f"from 2 to {MAX_PERIOD}"
+                f"origin, first and second have {lengths} strengths; they must have the same "
+                f"number, from 2 to {MAX_PERIOD}"
             )
         if np.linalg.matrix_rank([self.first, self.second]) < 2:
             raise ValueError(
@@ -105,8 +105,8 @@ class Plane:
             )
         if not isinstance(self.name, str) or not 0 < len(self.name) <= _MAX_NAME_LENGTH:
             raise ValueError(
-                f"name={short_repr(self.name)} must be a text of at most {_MAX_NAME_LENGTH} "
-                "letters, like 'two-kicks'"
+                f"name={short_repr(self.name)} must be a string of at most {_MAX_NAME_LENGTH} "
+                "characters, like 'two-kicks'"
             )
         axes = self.axes if isinstance(self.axes, dict) else {}
         valid = [_AXIS.fullmatch(name) and isinstance(text, str) for name, text in axes.items()]

@@ -111,8 +111,8 @@ def alternate(
     form = _alternated(strengths, spacing, first)
     if strengths.size % (2 * spacing) or (np.abs(form) != np.abs(strengths)).any():
         raise ValueError(
-            f"kappa={kappa!r} does not kick every {spacing}th site alone, an even number of times "
-            "in a period; e.g. repeat it twice"
+            f"kappa={kappa!r} must kick only sites at the spacing {spacing}, an even number of "
+            "times in a period; e.g. repeat it twice"
         )
     return form, x - first / (2 * spacing), y + 1 / (2 * spacing)
 

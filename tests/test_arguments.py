@@ -62,7 +62,7 @@ PROOFS = CELLS, proofs.barrier.prove, proofs.transport.prove
 # Values and messages that several rows share.
 WHOLE = "{name}={value} must be a whole number from"
 MILLION, BILLION = WHOLE + " 1 to 1000000", WHOLE + " 1 to 1000000000"
-NO_FLOATS = "{name}={value} is not made of real numbers that floats hold, without a mask"
+NO_FLOATS = "{name}={value} must consist of real numbers that fit in floats, without a mask"
 INEXACT = [
     np.ma.array([0.25, 0.5], mask=[False, True]),
     np.longdouble([0.25, 0.5]),
@@ -99,7 +99,7 @@ FORCINGS = {
     "kappa1": [(PERIOD_ONE, [nan, inf], "must be finite")],
     "spacing": [
         (symmetries.alternate, [0, 3, 1.0], WHOLE + " 1 to 2"),
-        (symmetries.alternate, [2], "does not kick every 2th site alone"),
+        (symmetries.alternate, [2], "must kick only sites at the spacing 2"),
     ],
     "half_width": [
         (CELLS, [0.0, -0.5], "positive"),
@@ -117,7 +117,7 @@ FORCINGS = {
         (
             symmetry_line.critical_scale,
             [(0.1, 0.2, 0.3), (0.3, 0.2, 0.2, 0.3)],
-            "has no dominant symmetry line, as one or two kicks have",
+            "has no dominant symmetry line; forcings of one or two",
         ),
     ],
     "mean": [
@@ -215,7 +215,7 @@ STARTS = {
         (proofs.barrier.prove, [np.zeros((1, 64)), np.zeros(64)], "are 2 functions on"),
         (periodic.critical_scale, [(0, 0, 0)], "differ in length"),
     ],
-    "u": [(circles.newton_step, [np.zeros((2, 100))], "n a power of 2 from 16")],
+    "u": [(circles.newton_step, [np.zeros((2, 100))], "n a power of 2, at least 16")],
     "circle": [(circles.symmetries.alternate, [CIRCLE_OF_ONE_KICK], "an even number of times")],
 }
 

@@ -47,7 +47,7 @@ def test_the_proved_map_caption_gives_distances_in_plain_percentages(away, expec
     whole = everywhere(filled.assign_attrs(cube.attributes), barrier)
     caption = proved_map_caption(whole, within, barrier)
     assert expected in caption
-    assert "on half of the rays of CB_gt to 10% below it" in caption
+    assert "to within 10% of CB_gt on half of its rays" in caption
     assert "e+0" not in caption
 
 

@@ -206,7 +206,7 @@ def test_numbers_on_the_command_line_may_be_negative():
             "--least-excess 1e-5 --q-max 100",
             "too short for --least-excess 1e-05; use 1000000",
         ),
-        ("frequencies", "--frequency 3/5", "must be a frequency from 0 to 1/2"),
+        ("frequencies", "--frequency 3/5", "must be a frequency above 0, at most 1/2"),
         ("frequencies", "--frequency 20/99", "must have a denominator up to 64"),
         ("frequencies", "--frequency 0.4", "is too close to the fraction 2/5"),
         ("ask", "", "give the strengths of one period, e.g. ask 0.3 0.5"),

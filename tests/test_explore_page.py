@@ -221,7 +221,7 @@ window.WebSocket = class { close() {} }
 
 
 def test_a_page_that_cannot_connect_says_so(opened, chromium, served):
-    words = "A proxy on the way must pass WebSockets on"
+    words = "A proxy in between must forward WebSockets"
     with chromium.new_context() as context:
         context.add_init_script(_ALONE)
         tab = context.new_page()

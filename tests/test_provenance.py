@@ -225,10 +225,10 @@ def test_values_bound_to_a_function_are_part_of_its_identity():
 
 
 def test_a_function_that_cannot_be_identified_is_refused():
-    with pytest.raises(ValueError, match="cannot be read; define it by def"):
+    with pytest.raises(ValueError, match="cannot be read; define it with def"):
         code_of(eval("lambda kappa: 1.0"))
     lock = __import__("threading").Lock()
-    with pytest.raises(ValueError, match=r"lock=.* cannot be kept"):
+    with pytest.raises(ValueError, match=r"lock=.* cannot be stored"):
         code_of(lambda kappa: lock.locked())
 
 

@@ -407,9 +407,9 @@ def test_a_worker_does_not_recreate_a_cube_that_has_disappeared(on_disk, tmp_pat
     plan = toy.cube()
     fill(on_disk, plan, [(0, 0)])
     os.rename(on_disk.cube("toy"), tmp_path / "away")
-    with pytest.raises(store.StoreFailed, match="its disk is gone"):
+    with pytest.raises(store.StoreFailed, match="its disk was removed"):
         store.commit(on_disk, "toy", (1, 1), arrays(plan, (1, 1)), 0.25)
-    with pytest.raises(store.StoreFailed, match="its disk is gone"):
+    with pytest.raises(store.StoreFailed, match="its disk was removed"):
         store.record_failure(on_disk, "toy", (1, 1), "no answer")
     assert os.listdir(on_disk.root) == []
 

@@ -76,7 +76,7 @@ STORED = '{"name": "plane", "axes": {}, "origin": [%s, 0], "first": [1, 0], "sec
         (numbers.rational, Decimal("1e-99999999"), f"'1E-99999999' {FRACTION}"),
         (named_by, f"3/{'7' * 99}", "is rational, and has no circle"),
         (parse_omega, f"[0;{','.join(['9' * 99] * 60)}]", "is rational, so no"),
-        (parse_frequency, "1e-99999999", "'1e-99999999' must be a frequency from 0 to 1/2"),
+        (parse_frequency, "1e-99999999", "'1e-99999999' must be a frequency above 0, at most 1/2"),
         (parse_frequency, f"1/{DIGITS}", FRACTION),
         (parse_axis, f"0:1:{DIGITS}", "is not an axis; write LO:HI:N"),
         (partial(option, "escape_plane", "--plane"), "rotating:1e-99999999", FRACTION),

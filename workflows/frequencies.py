@@ -31,7 +31,8 @@ def parse_frequency(text):
     number = fraction("frequency", text) if "/" in text else parse_float(text)
     if not 0 < number <= 0.5:
         raise ValueError(
-            f"{short_repr(text)} must be a frequency from 0 to 1/2, like 8/21 or 0.41421356237"
+            f"{short_repr(text)} must be a frequency above 0, at most 1/2, like 8/21 "
+            "or 0.41421356237"
         )
     near = Fraction(number).limit_denominator(64)
     if "/" in text and number != near:

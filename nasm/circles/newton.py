@@ -481,7 +481,7 @@ def _deviations(u, n_sites):
     if u.ndim != 2 or u.shape[0] != n_sites or u.shape[1] < 16 or u.shape[1] & (u.shape[1] - 1):
         raise ValueError(
             f"deviations of shape {u.shape}; they are P={n_sites} functions on a grid of n points, "
-            "n a power of 2 from 16, e.g. np.zeros((2, 64)) for the rotation"
+            "n a power of 2, at least 16, e.g. np.zeros((2, 64)) for the rotation"
         )
     if not np.isfinite(u).all():
         raise ValueError("deviations must be finite numbers")

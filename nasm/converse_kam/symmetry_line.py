@@ -412,8 +412,8 @@ def _line_coefficients(strengths, settings=DEFAULT_SETTINGS):
     strengths = primitive(strengths)
     if strengths.size > 2:
         raise ValueError(
-            f"kappa={strengths.tolist()} has no dominant symmetry line, as one or two kicks have; "
-            "see nasm.converse_kam.transversal"
+            f"kappa={strengths.tolist()} has no dominant symmetry line; "
+            "forcings of one or two kicks have one; for others see nasm.converse_kam.transversal"
         )
     site, a = dominant_centre(strengths)
     strengths = np.roll(strengths, -site)

@@ -381,7 +381,7 @@ def product(quotients: list[int]) -> tuple[tuple[int, int], tuple[int, int]]:
 
 def exact(text: Any) -> Fraction:
     """Read a number in the form of `float.hex`; refute others, as "0.5" would be read as 5/16."""
-    demand(type(text) is str and len(text) <= 24, "a number is not a text of at most 24 letters")
+    demand(type(text) is str and len(text) <= 24, "a number is not a text of at most 24 characters")
     try:
         number = float.fromhex(text)
         demand(number.hex() == text, f"{text!r} is not as float.hex writes it")
@@ -500,7 +500,7 @@ def both_halves(
     start : as returned by `on_the_segment`. kicks : k and the h_i of each kick, beginning with the
     kick at the curve.
     """
-    demand(Fraction(float(1 - split)) == 1 - split, "a share of the site is not a float")
+    demand(Fraction(float(1 - split)) == 1 - split, "a part of the site is not a float")
     for half, ahead, n in zip(halves(start, split), (kicks, kicks[::-1]), lifetime, strict=True):
         demand(isinstance(n, int) and n > 0, f"a lifetime of {n!r} kicks")
         with ctx.workprec(128):

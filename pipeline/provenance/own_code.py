@@ -140,7 +140,7 @@ def _tree(label: str, item: Any) -> ast.Module:
             raise OSError("it was made by eval, exec or python -c")
         return ast.parse(textwrap.dedent(inspect.getsource(item)))
     except (OSError, TypeError, SyntaxError):
-        cure = "define it by def, in a file or in a cell of a notebook"
+        cure = "define it with def, in a file or in a cell of a notebook"
         raise ValueError(f"{label}: the text of {item!r} cannot be read; {cure}") from None
 
 
@@ -225,6 +225,6 @@ def _value(label: str, value: Any) -> str:
         return repr(cloudpickle.dumps(value))
     except Exception:
         raise ValueError(
-            f"{label}={value!r:.80}: the function refers to it, but its value cannot be kept; "
+            f"{label}={value!r:.80}: the function refers to it, but its value cannot be stored; "
             "create it inside the function"
         ) from None

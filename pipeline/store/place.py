@@ -91,7 +91,7 @@ class Place:
         path = self.cube(name) if name else self.root
         exists = os.path.isfile(f"{path}/zarr.json") if name else os.path.isdir(path)
         if self.is_directory and not exists:  # obstore would create it
-            raise FileNotFoundError(f"{path} does not exist, was moved, or its disk is gone")
+            raise FileNotFoundError(f"{path} does not exist, was moved, or its disk was removed")
         return _opened(path)
 
     def read(self, key: str, most: int = MAX_FILE) -> bytes:

@@ -72,7 +72,7 @@ def arrays_of(place: Place, name: str) -> dict[str, Array]:
 def _damaged(place: Place, name: str) -> Refused:
     """Return the error for metadata that cannot be read."""
     return Refused(
-        f"the metadata of {place.cube(name)} are damaged, or another program's, or in an earlier "
+        f"the metadata of {place.cube(name)} are damaged, from another program, or in an earlier "
         "format; rerun the workflow that computed the cube; it rewrites or refuses them"
     )
 
@@ -363,7 +363,7 @@ def record_failure(place: Place, name: str, index: Sequence[int], reason: str) -
 
 
 def wanted_key(name: str) -> str:
-    """Return the key of the number of wanted tiles, which is stored only if some are not wanted."""
+    """Return the key of the number of wanted tiles, stored if a sweep is of some tiles only."""
     return f"{name}.zarr/.wanted"
 
 

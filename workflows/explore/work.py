@@ -1,7 +1,7 @@
 """Computations outside the event loop: threads pass their results to the document of a tab.
 
-Everything here is called on the event loop, except for the functions that compute. They run in
-daemon threads, so that neither a closed tab nor Ctrl-C waits for them; kernels release the GIL.
+The functions that compute run in daemon threads, so that neither a closed tab nor Ctrl-C waits for
+them; kernels release the GIL. All else is called on the event loop, unless its docstring says so.
 """
 
 from contextlib import suppress

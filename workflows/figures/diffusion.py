@@ -9,7 +9,7 @@ _UNRESOLVED = "0.6"
 
 
 def draw_diffusion(law):
-    """Draw D over the plane; draw D and the flux of the last cantorus along up to five rays."""
+    """Draw D over the plane; draw D and the flux of the last cantorus along up to seven rays."""
     figure, (plane, along) = panels(1, 2, 13, 5.8)
     _draw_plane(plane, law)
     for i, angle in enumerate(law.angle.values[:: max(1, law.angle.size // 4)]):

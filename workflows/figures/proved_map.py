@@ -94,6 +94,6 @@ def proved_map_caption(whole, triangles, barrier):
         f"shown outside CB_gt (line, by residues), in cells down to 1/{whole.attrs['cells']}. "
         f"{within} A "
         f"barrier is proved to exist in {triangles.sizes['triangle']} triangles with a corner at 0 "
-        f"and their images: on half of the rays of CB_gt to {half:.3g}% below it, on 95% to "
-        f"{most:.3g}%, on all to {last:.3g}%."
+        f"and their images: they reach to within {half:.3g}% of CB_gt on half of its rays, "
+        f"{most:.3g}% on 95%, and {last:.3g}% on all."
     )

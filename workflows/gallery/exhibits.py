@@ -14,7 +14,8 @@ from workflows.shared.cli import main_of
 class Exhibit:
     """A command, its title, and its options for a preview and for the size of the paper.
 
-    beyond : True if it answers a question that the paper does not ask.
+    name : the folder of its results. beyond : True if it answers a question that the paper does not
+    ask. command : the command, unless it is the same as `name`.
     """
 
     name: str
@@ -22,6 +23,7 @@ class Exhibit:
     quick: str = ""
     full: str = ""
     beyond: bool = False
+    command: str = ""
 
     def options(self, quick):
         """Return the options of the command line as a list."""
@@ -38,7 +40,7 @@ def listed(file):
 
 def run(exhibit, out, workers, quick, quiet):
     """Run the command of an exhibit, which writes to the folder OUT/NAME."""
-    main = main_of(exhibit.name)
+    main = main_of(exhibit.command or exhibit.name)
     swept = any(option.name == "scheduler" for option in main.params)
     options = [*exhibit.options(quick), "--out", f"{out}/{exhibit.name}"]
     options += ["--quiet"] * quiet + [*workers] * swept
@@ -48,6 +50,6 @@ def run(exhibit, out, workers, quick, quiet):
 
 
 def command_of(exhibit, quick):
-    """Return the command line of an exhibit, which writes to the folder named after it."""
-    start = ["python", "-m", f"workflows.{exhibit.name}"]
+    """Return the command line of an exhibit, which writes to the folder `name`."""
+    start = ["python", "-m", f"workflows.{exhibit.command or exhibit.name}"]
     return shlex.join([*start, *exhibit.options(quick), "--out", exhibit.name])
