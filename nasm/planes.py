@@ -143,7 +143,7 @@ class Plane:
         Parameters
         ----------
         angle : array_like
-            Degrees, counted from the axis of a towards that of b.
+            Degrees, measured from the axis of a towards the axis of b.
 
         Returns
         -------
@@ -164,7 +164,7 @@ class Plane:
         if any(self.origin):
             raise ValueError(
                 f"plane={self.name} has the origin {self.origin}; {method} needs rays from zero: "
-                "take a plane whose origin is zero"
+                "use a plane whose origin is zero"
             )
 
     def _along(self, a: ArrayLike, b: ArrayLike) -> FloatArray:
@@ -184,9 +184,9 @@ class Plane:
 
     @cached_property
     def exact_symmetries(self) -> tuple[tuple[bool, int, int], ...]:
-        """The `symmetries` that map each forcing to one that is equivalent to the last bit.
+        """The `symmetries` for which the equivalence is exact, down to the last bit.
 
-        For the planes of this module, all are exact.
+        For the planes in this module, all of them are exact.
 
         Examples
         --------
@@ -317,7 +317,7 @@ def rotating(frequency: Fraction | str, phase: Fraction | str | int = 0) -> Plan
 
     Notes
     -----
-    Cosines that should be equal, opposite, 0 or 1 are so to the last bit. Symmetric
+    Cosines that should be equal, opposite, 0 or 1 are exactly so, to the last bit. Symmetric
     forcings, and those of a shorter period, are therefore recognized.
 
     Examples
@@ -337,7 +337,7 @@ def rotating(frequency: Fraction | str, phase: Fraction | str | int = 0) -> Plan
 
 
 def _cosine(turn: Fraction) -> float:
-    """Compute cos 2πt of a Fraction t from 0 to 1/2; at 1/2 - t the result is exactly opposite."""
+    """Compute cos 2πt for a Fraction t from 0 to 1/2; 1/2 - t gives exactly the negative."""
     if turn > Fraction(1, 4):
         return -_cosine(Fraction(1, 2) - turn)
     rest = Fraction(1, 4) - turn
@@ -368,7 +368,7 @@ def pairs(delay: Fraction | str) -> Plane:
     Notes
     -----
     Both strengths are in units of the period, as in the physics literature: the momentum p changes
-    by (K/2π) sin 2πx, and x by p in a time of 1. In a time of 1/q, x changes by y = p/q, so the
+    by (K/2π) sin 2πx, and x by p in unit time. In a time 1/q, x changes by y = p/q, so the
     forcing has q kicks: the first is K/q, the a-th after it is K_α/q, and the others are 0.
 
     References
@@ -415,15 +415,15 @@ def from_json(text: str) -> Plane:
 
 
 def parse(text: str) -> Plane:
-    """Parse a text that names a plane.
+    """Return the plane with the given name.
 
-    The text is "two-kicks", "rotating:1/3,1/48" (a frequency, and a phase if it is not 0),
+    The name is "two-kicks", "rotating:1/3,1/48" (a frequency, and a phase if it is not 0),
     "three-kicks:0.2" or "pairs:1/3".
 
     Raises
     ------
     ValueError
-        If the text is anything else.
+        If `text` is anything else.
 
     Examples
     --------

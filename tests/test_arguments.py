@@ -83,7 +83,7 @@ FORCINGS = {
         ((*LINES, transversal.longest_lived), [(0.3, nan), [inf]], "is not finite"),
         (proofs.barrier.prove, [(0.3, nan)], "is not finite"),
         (CELLS, [(0.5, nan)], "not finite"),
-        ((maps.forcing, maps.step), NO_NUMBERS, "kappa={value} is not made of real numbers"),
+        ((maps.forcing, maps.step), NO_NUMBERS, "kappa={value} must consist of real numbers"),
         ((maps.forcing, symmetry_line.longest_lived, *PROOFS), INEXACT, NO_FLOATS),
         (proofs.transport.prove, [(nan, 0.1), (inf,), (1e7,), (), "a"], "kappa={value}"),
         (CELLS, [(0.5,), (0.1, 0.2, 0.1)], "two strengths"),

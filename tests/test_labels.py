@@ -234,7 +234,7 @@ def as_claimed():
     wrong_beyond, wrong_below = ~barrier & near, barrier & near
     labels["escape"] = labels.escape.where(~wrong_beyond, np.inf)
     labels["digits"] = labels.digits.where(~wrong_below, 0.0)
-    # Half of the near forcings of either kind have the value of the other kind.
+    # Half of the near forcings of each kind get the value of the other kind.
     mixed = near & (labels.forcing % 2 == 0)
     for name in ("exponent", "fli"):
         labels[name] = xr.where(mixed, -1 - labels[name], labels[name])

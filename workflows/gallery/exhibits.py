@@ -1,4 +1,4 @@
-"""Exhibits: commands, their titles, and their options for a preview and for the full size."""
+"""Exhibits: commands, their titles, and their options for a preview and for a full-size run."""
 
 import shlex
 import tomllib
@@ -12,7 +12,7 @@ from workflows.shared.cli import main_of
 
 @dataclass(frozen=True)
 class Exhibit:
-    """A command, its title, and its options for a preview and for the size of the paper.
+    """A command, its title, and its options for a preview and for the sizes used in the paper.
 
     name : the folder of its results. beyond : True if it answers a question that the paper does not
     ask. command : the command, unless it is the same as `name`.
@@ -26,7 +26,7 @@ class Exhibit:
     command: str = ""
 
     def options(self, quick):
-        """Return the options of the command line as a list."""
+        """Return the command-line options as a list."""
         return shlex.split(self.quick if quick else self.full)
 
 

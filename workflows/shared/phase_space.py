@@ -22,7 +22,7 @@ Box = tuple[float, float, float, float]
 """Left, bottom, width and height of a part of phase space."""
 
 CELL: Box = (0.0, -0.25, 1.0, 1.0)
-"""The unit cell, placed so that it does not cut the circles of 0 ≤ ω/P ≤ 1/2."""
+"""The unit cell, placed so that it does not cut the circles with 0 ≤ ω/P ≤ 1/2."""
 
 _N_ORBITS, _STEPS = 80, 600
 _MIN_AVERAGED, _MAX_AVERAGED = 2000, 10**5  # steps over which ω is averaged
@@ -42,7 +42,7 @@ def portraits(
     every: int | None = None,
     first: int = 1000,
 ) -> Iterator[xr.Dataset]:
-    """Yield the portrait of a box with more and more points, each time with twice the steps.
+    """Yield the portrait of a box with more and more points, doubling the steps each time.
 
     Parameters
     ----------
@@ -53,16 +53,16 @@ def portraits(
     added : array_like, shape (n, 2)
         Additional starts (x, y).
     every : int, optional
-        Number of kicks from one point to the next; by default those of one step.
+        Number of kicks from one point to the next; by default P, which is one step.
     first : int
-        Number of points, in the box or outside, computed for each orbit before the first yield.
+        Number of points, inside or outside the box, computed for each orbit before the first yield.
 
     Yields
     ------
     xarray.Dataset
         `x`, `y` and `which`, the number of the orbit, have dim (point). `start_x`, `start_y`,
         `omega` (NaN if chaotic) and `near` have dim (orbit); `near` is ω reduced to [0, P/2], since
-        ±ω and ω + P·n are equivalent. ω is averaged over as many steps as are drawn, but at least
+        ±ω and ω + P·n are equivalent. ω is averaged over the number of steps drawn, but at least
         2000 and at most 10⁵.
     """
     kappa = forcing(kappa)
