@@ -3,7 +3,7 @@
     v_n = DT(z_{n-1}) … DT(z_0) v_0,     v_0 = (0, 1),
     λ_N = ln|v_N| / N,                   FLI_N = max { ln|v_n| : n ≤ N }.
 
-n counts steps, periods of the forcing. On a regular orbit v_n grows linearly, because the map
+n counts steps, i.e. periods of the forcing. On a regular orbit v_n grows linearly, because the map
 twists, so that λ_N ~ ln N / N; on a chaotic one λ_N tends to the Lyapunov exponent (Froeschlé,
 Lega & Gonczi, Celest. Mech. Dyn. Astron. 67 (1997) 41). Both are statements about one orbit, up to
 N: they distinguish neither a circle from an island, nor an orbit that sticks to a cantorus from one

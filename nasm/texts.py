@@ -109,7 +109,7 @@ def short_repr(value: object) -> str:
 
 
 def abbreviate(text: str) -> str:
-    """Replace a text of more than 80 characters by its beginning and its length."""
+    """Shorten a text of more than 80 characters to its beginning, and add its length."""
     return text if len(text) <= _MAX_LENGTH else f"{text[:40]}… ({len(text)} characters)"
 
 

@@ -1,4 +1,4 @@
-"""Orbits in phase space, each in the colour of its rotation number: for `ask` and the explorer."""
+"""Orbits in phase space, coloured by rotation number, for `ask` and the explorer."""
 
 import numpy as np
 from matplotlib import colormaps

@@ -25,7 +25,7 @@ PROFILES["three-kicks"] = 1.0, 0.7, 0.3
 
 @dataclass(frozen=True)
 class Ray:
-    """A problem: on κ = s·profile the last circle, that of omega, breaks at s = value ± error."""
+    """A problem: on κ = s·profile the last circle, with ω = omega, breaks at s = value ± error."""
 
     profile: tuple
     omega: RotationNumber
@@ -146,7 +146,7 @@ def barrier(ray, tol):
 
 
 def transport_proof(ray, excess):
-    """Prove that transport is global at a scale that exceeds the breakup by a relative excess."""
+    """Prove that transport is global at a relative distance `excess` beyond the breakup."""
     scale = (1 + excess) * ray.value
     proof = proofs.transport.prove(scale * np.array(ray.profile), 1000.0)
     return ((scale if proof.proved else nan, excess * ray.value),)
