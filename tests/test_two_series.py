@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from commands import invoke
 from figure_faults import faults
+from oracles import KAPPA_G
 
 from nasm import barriers, numbers, periodic
 from nasm.planes import pairs
@@ -141,6 +142,13 @@ def test_thresholds_and_panels_are_legible(column):
             assert faults(figure) == []
     said = planes_caption(curves)
     assert "τ = 1/5: 13 of 13 rays have a value, brackets at most 10% wide" in said
+    assert "CB_gt meets the axes, where the map is the standard map, at 2. " in said
+
+
+@OF_A_DELAY
+def test_without_the_second_series_the_threshold_is_that_of_the_standard_map(delay):
+    result = barriers.critical_scale(pairs(delay).forcing(1.0, 0.0), 1e-2)
+    assert abs(result.value - KAPPA_G) <= result.error + 1e-12
 
 
 @pytest.mark.parametrize("delay", ["1", "3/2", "1/65", "0.3x"])

@@ -114,5 +114,16 @@ def planes_caption(curves):
         "CB_gt in the plane of K, the strength of the kicks at integer times, and K_α, that of "
         "the kicks a time τ later, in units of the period; inside (grey) there are barriers. It is "
         "symmetric under (K, K_α) → (-K, -K_α). Colours show the ω per period of the last circle, "
-        f"which is its mean p; if q is even, the larger of ω and q/2 - ω. {' '.join(parts)}"
+        "which is its mean p; if q is even, the larger of ω and q/2 - ω. "
+        f"{_on_axes(curves)}{' '.join(parts)}"
     )
+
+
+def _on_axes(curves):
+    """State where CB_gt meets the axes, on which only one of the series acts."""
+    on_axes = [curve.critical_scale.where(curve.angle % 90 == 0, drop=True) for curve in curves]
+    values = np.concatenate([scales.dropna("angle").values for scales in on_axes])
+    if not values.size:
+        return ""
+    ends = dict.fromkeys(f"{end(values):.7g}" for end in (np.min, np.max))
+    return f"CB_gt meets the axes, where the map is the standard map, at {' to '.join(ends)}. "

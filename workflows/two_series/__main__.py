@@ -10,6 +10,10 @@ To first order the kicks drive a resonance at every integer p = k, as strong as 
 map of strength abs(K + K_α e^{2πikτ}). So a barrier next to a weak resonance should persist up to
 strong kicks, and the threshold should be lowest at the delay whose weakest resonance is strongest.
 
+If one series vanishes, the map is the standard map for any τ, and CB_gt meets the axes at κ_G, the
+only number in the abstract of arXiv:2509.11593, whose neural network finds it. The abstract also
+says that the boundary is deformed systematically as τ increases; K_c is not monotonic in τ.
+
 The delays τ and 1 - τ are equivalent, by time reversal; so are (K, K_α), (K_α, K) and (-K, -K_α),
 and (K, -K_α) if q is even.
 
