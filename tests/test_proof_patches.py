@@ -12,7 +12,7 @@ from flint import arb, ctx
 
 from nasm import barriers, periodic, proofs
 from nasm.numbers import parse
-from nasm.proofs import barrier
+from nasm.proofs import barrier, residuals
 from nasm.proofs import certificate_checker as checker
 from nasm.proofs import patches as module
 from nasm.proofs.certificate_checker import check
@@ -456,6 +456,16 @@ def test_circles_at_all_points_have_the_same_phase():
     with ctx.workprec(128):
         modes = patch(kappa, (0.0,) * 3, 0.0, 1.0, shape).circles(starts)
     assert not modes[:, :, 0, :, 0].any()
+
+
+def test_a_patch_with_a_strength_that_is_not_known_to_106_bits_is_not_proved(monkeypatch):
+    def strength_nearly_cancels(*_):
+        return residuals._pairs([arb(1e-9, 1e-39)], relative=True)
+
+    monkeypatch.setattr(module, "residuals", strength_nearly_cancels)
+    result = tried(GAMMA, *TRIANGLE, np.array([0.0, 0.5, 1.0]) * breakup(*TRIANGLE))
+    assert not result.proved
+    assert "too wide for a sum of two floats" in result.reason
 
 
 def test_a_patch_whose_certificate_might_not_be_confirmed_is_not_proved(monkeypatch):

@@ -263,6 +263,18 @@ def test_modes_survive_the_way_to_integers_and_back():
     assert module.upper_sizes(modes)[0, 0] == pytest.approx([0.125, hypot(0.25, 0.625)])
 
 
+def test_modes_so_small_that_floats_underflow_are_refused():
+    with pytest.raises(ValueError, match="unit=-1100 must be at least -900"):
+        module.from_integers([[[[], [0, 1]]]], -1100, True)
+
+
+def test_the_sine_of_a_huge_number_is_not_a_number():
+    angles, _ = module._grid_tables(module._PARTS)
+    for x in (2.0**24, -np.inf, np.nan):
+        assert np.isnan(module._sine((x, 0.0), angles)).all()
+    assert module._sine((2.0**24 - 0.25, 0.0), angles)[0] == -1
+
+
 def test_upper_sizes_are_not_below_the_sizes():
     rng = np.random.default_rng(8)
     modes = np.zeros((2, 1, 1, 2, 500))

@@ -304,7 +304,8 @@ def claim(data: Certificate) -> str:
         low, high = (repr(float.fromhex(number)) for number in data["scales"])
         if any(map(exact, data["tilt"])):
             middle = f"({middle} + t {decimals(data['tilt'])}), -1 <= t <= 1"
-        under = f"every forcing from {low} to {high} times {middle}"
+        of = "every forcing with coordinates" if "plane" in data else "every forcing"
+        under = f"{of} from {low} to {high} times {middle}"
     if "plane" in data:
         rows = (decimals(data["plane"][name]) for name in _PLANE)
         under += " in the plane {} + a {} + b {}".format(*rows)

@@ -20,7 +20,8 @@ knowledge of its modes; it is small because E_j is computed at more points than 
 
 Adjoining patches from s = 0 upwards therefore show that the circle exists for all weaker kicks too:
 it does not break and reappear on the way. See proofs/README.md, "A patch". A proof relies on
-`_Patch` and the functions of `nasm.proofs.barrier` that it calls; C may come from any source.
+`_Patch` and the functions of `nasm.proofs.barrier` and `nasm.proofs.residuals` that it calls; C may
+come from any source.
 In certificates, a patch is called a fan.
 """
 
@@ -250,17 +251,20 @@ def _proved_between(low: float, high: float, value: float, about: dict[str, Any]
                 return BarrierProof(False, reason, **about)
             starts.append(start.u)
     unit = floor(log2(epsilon / (1000 * n)))
-    with working_precision(128 if n < 2**18 else 160):
-        exact = _vectors(plane, about["short_kappa"], about["tilt"], arb)
-        patch = _Patch(omega, *exact[1:], low, high, n, Q, R, exact[0])
-        modes = patch.circles(starts, epsilon)
-        if modes is None:
-            return BarrierProof(False, "not proved: Newton's method diverges", **about)
-        coefficients = patch.coefficients(modes, unit)
-        if R > 1:
-            coefficients = _above_rounding(coefficients, Q, R)
-        finer = _Patch(omega, *exact[1:], low, high, n, *_more(Q, R), exact[0])
-        outcome = finer.verified(_with_zeros(coefficients, Q, R), unit)
+    try:
+        with working_precision(128 if n < 2**18 else 160):
+            exact = _vectors(plane, about["short_kappa"], about["tilt"], arb)
+            patch = _Patch(omega, *exact[1:], low, high, n, Q, R, exact[0])
+            modes = patch.circles(starts, epsilon)
+            if modes is None:
+                return BarrierProof(False, "not proved: Newton's method diverges", **about)
+            coefficients = patch.coefficients(modes, unit)
+            if R > 1:
+                coefficients = _above_rounding(coefficients, Q, R)
+            finer = _Patch(omega, *exact[1:], low, high, n, *_more(Q, R), exact[0])
+            outcome = finer.verified(_with_zeros(coefficients, Q, R), unit)
+    except ArithmeticError as error:  # a strength nearly cancels at a point
+        return BarrierProof(False, f"not proved: {error}", **about)
     coefficients = [coefficients[first : first + R] for first in range(0, Q * R, R)]
     return BarrierProof(**about, n=n, unit=unit, coefficients=coefficients, **outcome)
 
@@ -449,6 +453,7 @@ class _Patch:
 
     def verified(self, coefficients: list[Any], unit: int) -> dict[str, Any]:
         """Try to verify the theorem for all s and t; return fields of a `BarrierProof`."""
+        check_arithmetic()
         C = from_integers(coefficients, unit, self.odd)
         modes = combined([np.array(T, object) for T in self.T], C)
         sizes = upper_sizes(C)

@@ -55,6 +55,7 @@ UNDERFLOW = 2.0**-500  # exceeds the total effect of underflow
 TINY = 2.0**-600  # absolute error of strengths so small that pairs underflow
 _PARTS = 128  # the sine is tabulated at this many angles
 _TERMS, _IN_PAIRS = 7, 4  # terms of the series of sine and cosine; number that need two floats
+_MIN_UNIT = -900  # smallest binary exponent of modes
 _LARGEST = 1e3  # upper limit of |u|; beyond it the bounds are infinite
 
 _SINE, _COSINE = (
@@ -158,7 +159,12 @@ def _transform(x, turns, first, y):
 
 @njit
 def _sine(x, angles):
-    """Return sin 2πx, |x| < 2⁴⁰, with an error of at most 18·2⁻¹⁰⁶; angles are e^{2πii'/128}."""
+    """Return sin 2πx, with an error of at most 18·2⁻¹⁰⁶; angles are e^{2πii'/128}.
+
+    For |x| ≥ 2²⁴ or NaN, return NaN.
+    """
+    if not abs(x[0]) < 2.0**24:
+        return np.nan, np.nan
     nearest = rint(_PARTS * x[0])
     r = two_sum(x[0] - nearest / _PARTS, x[1])  # both differences are exact
     square = _product(r, r)
@@ -352,7 +358,7 @@ def combined(matrices: list[NDArray[Any]], x: FloatArray) -> FloatArray:
     Returns
     -------
     array, shape (2, Q'·R', P, parts, K)
-        With an error of at most (19.2 + 3.02(Q + R)) 2⁻¹⁰⁶ Σ_ml |x_ml|.
+        With an error of at most (18.2 + 3.02(Q + R)) 2⁻¹⁰⁶ Σ_ml |x_ml|.
     """
     shape, (A, B) = x.shape[2:], map(_table, matrices)
     Q, R = A.shape[2], B.shape[2]
@@ -387,8 +393,10 @@ def from_integers(coefficients: list[Any], unit: int, odd: bool) -> FloatArray:
     Raises
     ------
     ValueError
-        If a function is not real, or not odd.
+        If a function is not real, or not odd; or if `unit` is so small that floats underflow.
     """
+    if unit < _MIN_UNIT:
+        raise ValueError(f"unit={unit} must be at least {_MIN_UNIT}")
     size = max(1, *(len(part) for table in coefficients for row in table for part in row))
     result = np.zeros((2, len(coefficients), len(coefficients[0]), 2 - odd, size))
     for i, table in enumerate(coefficients):
