@@ -3,9 +3,9 @@
 The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
 With three kicks or more, circles may break and reappear in bands of scales, which may be
 arbitrarily narrow next to the boundary. The search resolves bands down to relative widths of about
-tol, or of 10⁻³ if tol is larger. If it meets any, the relative error is at least tol, since
-narrower bands may lie above the value, and upper is at least value + error. On a segment that does
-not start at zero, the search is for the first breakup.
+tol, or of 10⁻³ if tol is larger. If it meets any, narrower bands may lie above the value: the
+relative error is at least tol, or 2·10⁻³ if tol is larger, and upper is at least value + error. On
+a segment that does not start at zero, the search is for the first breakup.
 
 The search proceeds from the outside inwards.
 
@@ -85,9 +85,8 @@ class Effort:
         Minimum number of steps of converse KAM to locate the last circle under one or two kicks.
     resolution : float
         Largest tolerance of the search of the Farey tree; a larger tol widens only the bracket and,
-        in bands, the error.
-        With a tolerance of 10⁻² the search missed bands of one of the forcings that were judged by
-        other methods (`tests/judged_forcings.csv`).
+        in bands, the error. With a tolerance of 10⁻² the search missed bands of one of the forcings
+        that were judged by other methods (`tests/judged_forcings.csv`).
     max_questions : int
         Maximum number of scales at which the Farey tree is searched. Once this number is
         reached, the search, converse KAM and certification all end. Among the judged forcings,
@@ -161,6 +160,13 @@ class Effort:
     def search_tol(self, tol: float) -> float:
         """Return the tolerance of the search of the tree, given that of the bracket."""
         return min(tol, self.resolution)
+
+    def error_in_bands(self, tol: float) -> float:
+        """Return the smallest relative error where circles break and reappear in bands.
+
+        Bands that are narrower than the tolerance of the search may be missed.
+        """
+        return min(tol, 2 * self.resolution)
 
 
 DEFAULT_EFFORT = Effort()
@@ -411,7 +417,7 @@ def _value(tree, tol, bracket):
     if bracket.breakup is not None:
         return bracket.breakup.value, bracket.breakup.error
     half = (bracket.outside - bracket.inside) / 2
-    error = tree.segment.length(bracket.outside, tol)
+    error = tree.segment.length(bracket.outside, tree.effort.error_in_bands(tol))
     return bracket.inside + half, max(half, error)
 
 
