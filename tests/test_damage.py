@@ -191,7 +191,7 @@ def test_the_same_command_restores_edited_metadata_and_computes_no_tile(on_disk,
     plan = toy.cube(10, 15, 5, plane='{"name": "a plane"}', n_max=10, precision="double")
     fill(on_disk, plan)
     before = {key: get(on_disk, key) for key in contents(on_disk)}
-    for by in (US, "mathematics 2"):  # a later version may restore them too: the cube is complete
+    for by in (US, "mathematics 2"):  # if a cube is complete, a later version may also restore it
         EDITS[edit](on_disk)
         ((index, what),) = store.verify(on_disk, "toy", repair=True)
         assert index == ()

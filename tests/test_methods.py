@@ -205,7 +205,7 @@ METHODS = {
 def test_rescaling_a_profile_changes_only_the_unit_even_for_tiny_profiles(name):
     expected = METHODS[name](PROFILE, 1.0)
     assert expected.status is Status.OK
-    for size in (2.0**-996, 2.0**13):  # powers of 2, so that rounding changes no escape time
+    for size in (2.0**-996, 2.0**13):  # powers of 2, so that rounding does not change escape times
         result = METHODS[name](size * PROFILE, size)
         assert (result.status, result.omega) == (expected.status, expected.omega)
         assert result.error * size == pytest.approx(expected.error, rel=0.3)

@@ -55,7 +55,7 @@ def reached(omega, profile, value, tilt, nearest):
 
 
 def breakup(profile, tilt):
-    """Return the smallest scale at which γ's circle breaks on five rays, by Greene's residues."""
+    """Return the smallest scale at which γ's circle breaks on any of five rays, using residues."""
     across = np.array(profile) + np.linspace(-1, 1, 5)[:, None] * tilt
     return min(periodic.critical_scale(GAMMA, kappa).value for kappa in across)
 
@@ -169,7 +169,7 @@ def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.
 
 
 def complex_modes(tilt, shape):
-    """Return random modes at three sites, of functions that are not odd."""
+    """Return random modes, at three sites, of functions that are not odd."""
     rng = np.random.default_rng(5)
     moves = [
         [[[0, *rng.integers(-(2**20), 2**20, 3).tolist()] for _ in "ri"] for _ in range(3)]
@@ -196,7 +196,7 @@ CASES = {
     "complex": lambda: complex_modes((0.0, 0.0, 0.0), (3, 1)),
     "complex in t": lambda: complex_modes((0.05, 0.1, 0.1), (3, 2)),
 }
-ORIGIN = {"kicks in a plane": (0.4, -0.3)}  # origin of the plane of profile and tilt
+ORIGIN = {"kicks in a plane": (0.4, -0.3)}  # origin of the plane that contains profile and tilt
 UNIT = {"complex": -29, "complex in t": -31}
 made_case = cache(lambda case: CASES[case]())
 
@@ -243,7 +243,7 @@ def modes_of(case):
 
 @cache
 def truth(case, rho):
-    """Return the largest n, p, k, ‖E‖ and |κ| over many σ and t, in floats."""
+    """Return the largest n, p, k, ‖E‖ and |κ| over many σ and t, computed in floats."""
     profile, tilt, high, (Q, R), _ = made_case(case)
     P, k = len(profile), np.fft.fftfreq(N, 1 / N)
     weight, alpha = np.exp(2 * np.pi * rho * np.abs(k)) * (np.abs(k) < 100), float(GAMMA) / P

@@ -1,8 +1,8 @@
 """Where are the period-one orbits stable, and where do the secondary ones exist? Figs. 3 and 4.
 
-Computes residues of the primary points, and the secondary points near (1/2, 0) with the error of
-the paper's cubic estimate (arXiv:1606.04824, Sec. IV), by exact formulas and one equation that is
-solved numerically.
+Computes the residues of the primary points by exact formulas, and the secondary points near
+(1/2, 0) by solving one equation numerically; also computes the error of the paper's cubic estimate
+of the secondary points (arXiv:1606.04824, Sec. IV).
 
 Two cubes and two figures in OUT, in a few CPU seconds.
 """

@@ -1,7 +1,7 @@
-"""CB_gt as the envelope of the CB_ω: the last circle at each angle, and how early others break.
+"""CB_gt as the envelope of the CB_ω: the last circle at each angle, and how early the others break.
 
 The rays are those of the fundamental domain 0° ≤ φ ≤ 45°; all others are their images. CB_gt has a
-cusp at 45°, where the last circles alternate faster and faster; rays next to it are spaced
+cusp at 45°, towards which the last circle changes ever more often; rays near it are spaced
 logarithmically, down to a fraction of a degree from it. ω in [0, 1] represents ±ω and all ω + 2n.
 """
 
@@ -68,9 +68,9 @@ def summary(circles, barrier, rows):
     return [
         f"On {domain.angle.size} rays there are {len(rows)} ranges and "
         f"{len({row['circle'] for row in rows if row['circle']})} different last circles. "
-        f"One of the paper's six is the last circle on {len(of_six)} of the ranges. The best "
-        f"falls short of CB_gt by {short[worst]:.3%} at φ = {domain.angle.values[worst]:.6g}°, "
-        f"where the last circle is {domain.circle.values[worst]}; averaged over the rays, by "
-        f"{np.nanmean(short):.3%}.",
+        f"On {len(of_six)} of the ranges the last circle is one of the paper's six. The best of "
+        f"the six falls short of CB_gt by up to {short[worst]:.3%} (at "
+        f"φ = {domain.angle.values[worst]:.6g}°, where the last circle is "
+        f"{domain.circle.values[worst]}), and by {np.nanmean(short):.3%} on average over the rays.",
         f"From 40° towards the cusp at 45° the last circles are: {', '.join(cascade)}.",
     ]

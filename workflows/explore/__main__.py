@@ -3,11 +3,12 @@
 The page shows the plane of forcings on the left, with first escape times and the boundary of the
 last circle; the phase portrait of the selected forcing on the right; and the verdict above both.
 
-Escape times and the boundary of an earlier run in OUT are shown immediately; OUT is only read, and
-need not exist. Everything else is computed on demand. Ctrl-C stops the explorer.
+Escape times and the boundary from an earlier run in OUT are shown immediately; OUT is only read,
+and need not exist. Everything else is computed on demand. Ctrl-C stops the explorer.
 
-The page is served on localhost only. To view it on another machine, forward a port from that
-machine, ssh -L 5006:localhost:5006 MACHINE, and open http://localhost:5006/ there.
+The page is served on localhost only. To view it on another machine, forward a port by running
+ssh -L 5006:localhost:5006 MACHINE there, where MACHINE is the one that runs the explorer, and then
+open http://localhost:5006/ there.
 """
 
 import click
@@ -17,7 +18,7 @@ from workflows.shared.cli import cluster_options, command, directory, flag, plan
 
 @command(default_map={"out": "out/critical_boundary"})
 @plane_option
-@whole("--port", 5006, 0, 65535, "Port of the page on this machine; 0 takes any free one.")
+@whole("--port", 5006, 0, 65535, "Port of the page on this machine; 0 means any free one.")
 @flag("--no-browser", "Print the address of the page without opening a browser.")
 @cluster_options
 @directory("Directory of a run whose cubes are shown, if it exists.")

@@ -10,11 +10,11 @@ from nasm.types import FloatArray
 
 
 def read_forcings(words: Sequence[float | Path]) -> tuple[list[FloatArray], bool]:
-    """Return the forcings that the arguments KAPPA specify, and True if they form a table.
+    """Return the forcings that the KAPPA arguments specify, and True if they form a table.
 
     The arguments are the strengths of one forcing, or the path of one file. Raise ValueError if a
-    file is combined with other arguments, or if it contains anything but numbers, comments and the
-    names of columns.
+    file is combined with other arguments, or if it contains anything but numbers, comments and
+    column names.
     """
     paths = [word for word in words if isinstance(word, Path)]
     if not paths:
@@ -28,11 +28,11 @@ def read_forcings(words: Sequence[float | Path]) -> tuple[list[FloatArray], bool
 
 
 def numbers_in(content: bytes) -> list[float]:
-    """Return the numbers in a text file, separated by spaces, line breaks, or commas and spaces."""
+    """Return the numbers in a text file, separated by spaces, line breaks or commas with spaces."""
     text = _decoded(content)
     for word in text.split():
         if re.search(r"\d,\d", word):
-            hint = "may be one number or two; write one like 0.3, or two like 0 3"
+            hint = "may be one number or two; write one like 0.3, or two with a space, like 0 3"
             raise ValueError(f"{abbreviate(word)} {hint}")
     return [parse_float(word) for word in text.replace(",", " ").split()]
 
