@@ -1,4 +1,4 @@
-"""Unsound one-token changes to the proofs: those that tests noticed earlier are still noticed."""
+"""Unsound one-token changes to the proofs: those that the tests caught before are still caught."""
 
 import subprocess
 import sys
@@ -36,7 +36,7 @@ def test_every_line_of_the_table_about_sums_of_two_floats_is_in_the_sources():
 
 @pytest.mark.slow
 def test_unsound_changes_are_still_noticed():
-    """Check every eighth noticed change in the table; `changes_of_proofs.py` can check all."""
+    """Check every eighth noticed change in the table; `changes_of_proofs.py` can check them all."""
     numbers = NOTICED[::8]
     command = [sys.executable, changes_of_proofs.__file__, "table", *map(str, numbers)]
     output = subprocess.run(command, check=True, capture_output=True, text=True).stdout

@@ -1,4 +1,4 @@
-"""Secondary fixed points compared with the map, and with Eq. (38b) expanded at their birth."""
+"""Secondary fixed points compared with the map, and with Eq. (38b) expanded about their birth."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from nasm import fixed_points, maps
 
 @pytest.mark.parametrize("distance", [1e-2, 1e-5, 1e-9, 1e-13])
 def test_secondary_points_are_found_however_close_to_their_birth(distance):
-    # At κ1 = κ2 = 4 secondary points branch off the primary one: z² = 6·(κ/4 - 1) to first order.
+    # At κ1 = κ2 = 4, secondary points branch off the primary one: z² = 6·(κ/4 - 1) to first order.
     kappa = 4 + 4 * distance
     z, _, _ = fixed_points.secondary(kappa, kappa)
     assert z[0] == pytest.approx((6 * distance) ** 0.5, rel=0.003 + distance)

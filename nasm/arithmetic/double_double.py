@@ -102,7 +102,7 @@ def _polynomial(coefficients, square):
 
 @njit
 def sincos_2pi(x):
-    """Compute sin 2πx and cos 2πx of a pair x, to 1e-23."""
+    """Compute sin 2πx and cos 2πx for a pair x, to 1e-23."""
     x = renormalised(x[0] - rint(x[0]), x[1])
     quarter = rint(4 * x[0])
     r = two_sum(x[0] - 0.25 * quarter, x[1])

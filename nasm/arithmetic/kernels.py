@@ -6,16 +6,16 @@
   other files is compiled into the kernel. Here the directory is named after a digest of all sources
   of this package and the version of rocket-fft; Numba's own keys are its version, the processor and
   the types. So every version of the sources has its own directory. A process whose sources have
-  been edited or upgraded since it imported them may contain code of both versions: it neither loads
-  nor stores kernels.
+  been edited or upgraded since it imported them may contain code from both versions: it neither
+  loads nor stores kernels.
 - *Many processes.* If several processes need the same missing kernel, one compiles it while the
   others wait and then load it: a lock is held until the kernel is stored. On a file system without
   locks each may compile it; files are replaced atomically, so none is corrupted.
 - *No harm.* If a file cannot be written or read, because the disk is full or the file is damaged,
-  the kernel is compiled as if there were no cache; from a read-only directory kernels are still
-  loaded. Each file ends with a digest of its content: machine code with one flipped bit would crash
-  every process that loads it. A kernel runs with the rights of its user: directories and files that
-  belong to anyone but this user or root, or to which others can write, are not used.
+  the kernel is compiled as if there were no cache; kernels are still loaded from a read-only
+  directory. Each file ends with a digest of its content: machine code with one flipped bit would
+  crash every process that loads it. A kernel runs with its user's permissions: directories and
+  files that belong to anyone but this user or root, or to which others can write, are not used.
 
 The directory is in NUMBA_CACHE_DIR if that is set, otherwise in the user's cache folder. Only
 functions called from Python need to be kernels; the functions that kernels call are compiled into
@@ -91,9 +91,9 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 def begin_without_scipy() -> None:
     """Import what Numba needs for its first kernel, except scipy.fft and scipy.linalg.
 
-    Those two make up half of what Numba imports. Call this function in programs; no module calls it
-    on import. Afterwards Numba can compile neither np.cov nor scipy.fft, but no kernel of nasm
-    calls either of them.
+    Those two make up half of what Numba imports. Programs should call this function; no module
+    calls it on import. Afterwards Numba can compile neither np.cov nor scipy.fft, but no kernel of
+    nasm calls either of them.
     """
     if unused := {"scipy.fft", "scipy.linalg"} - sys.modules.keys():
         sys.modules.update(dict.fromkeys(unused))  # type: ignore[arg-type]  # None hides a module
@@ -187,7 +187,7 @@ class _CompileResults(CompileResultCacheImpl):
 
 
 class _Files(IndexDataCacheFile):
-    """Numba's cache files of a function: an index, and one file per signature.
+    """Numba's cache files for a function: an index, and one file per signature.
 
     Reading a damaged file raises OSError.
     """
@@ -223,14 +223,14 @@ def _check(path, start=0):
     """
     with open(path, "rb") as file:
         if not _is_trusted(os.fstat(file.fileno())):
-            raise OSError(f"users other than this one can write to {path}")
+            raise OSError(f"{path} can be written by other users")
         content = file.read()[start:]
     if hashlib.sha256(content[:-32]).digest() != content[-32:]:
         raise OSError(f"{path} is damaged")
 
 
 class _Cache(FunctionCache):
-    """Numba's cache of a function; if it fails, the function is silently compiled instead."""
+    """Numba's cache for a function; if it fails, the function is silently compiled instead."""
 
     _impl_class = _CompileResults
 

@@ -36,7 +36,7 @@ _MAX_QUOTIENTS = 32  # maximum number of partial quotients of a rotation number
 
 
 def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barrier") -> Job:
-    """Return the Job of the cube `barrier`, which also contains the exact ω as partial quotients.
+    """Return the Job for the cube `barrier`, which also contains the exact ω as partial quotients.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barri
     tol : float
         Relative width of the bracket.
     name : str
-        Name of the cube; in a store of several planes each cube needs its own, see `cube_name`.
+        Name of the cube; in a store with several planes each cube needs its own; see `cube_name`.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def job_of_barriers(
     warm_up: Callable[[], object],
     more: Mapping[str, str] | None = None,
 ) -> Job:
-    """Return the Job of a cube of last barriers.
+    """Return the Job for a cube of last barriers.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def job_of_barriers(
 
 
 def last_circles(on: Labels) -> Labels:
-    """Return the variables of last circles, without values, over the coordinates `on`."""
+    """Return the variables that describe last circles, without values, over coordinates `on`."""
     quotients = range(_MAX_QUOTIENTS)
     place = {"quotient": coordinate("quotient", quotients, "index of a partial quotient")}
     step, omega = f"jumps from circle to circle; {NO_MEAN}", "rotation number of the last circle"
@@ -176,9 +176,9 @@ def unfolded(barrier: xr.Dataset, angles: ArrayLike) -> xr.Dataset:
     -------
     xr.Dataset, dim (angle)
         The coordinate `circle` is the exact ω of the last circle, in [0, P/2], as a string; ""
-        where it is unknown (NaN in a cube read from a store). The circle of P - ω is its mirror
-        image. `tied` is the ω of a circle that breaks at the same scale by symmetry, as on the axes
-        of the plane of two kicks; "" elsewhere.
+        where it is unknown (or NaN, if the cube was read from a store). The circle with rotation
+        number P - ω is its mirror image. `tied` is the ω of a circle that breaks at the same scale
+        by symmetry, as on the axes of the plane of two kicks; "" elsewhere.
     """
     angles, plane = np.asarray(angles, dtype=float), plane_of(barrier.attrs)
     folded, shifts = plane.fold(angles)
@@ -197,7 +197,7 @@ def unfolded(barrier: xr.Dataset, angles: ArrayLike) -> xr.Dataset:
 def with_circles(
     cube: xr.Dataset, shifts: Iterable[int] | None = None, per: str = "period"
 ) -> xr.Dataset:
-    """Load the cube, and return it with the coordinate `circle` in place of partial quotients.
+    """Load the cube, and return it with the coordinate `circle` in place of the partial quotients.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def degenerate_circle(plane: Plane, circle: str, angle: float, scale: float) -> 
     angle : float
         Direction of the ray, in degrees.
     scale : float
-        Scale of the breakup.
+        Scale at which the circle breaks.
     """
     start, profile = plane.ray(angle)
     return (

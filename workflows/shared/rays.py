@@ -1,4 +1,4 @@
-"""Rays in planes of forcings: their angles, the texts of their circles, and cubes on them."""
+"""Rays in planes of forcings: their angles, the labels of their circles, and cubes on them."""
 
 from collections.abc import Mapping
 
@@ -28,9 +28,9 @@ def ray_angles(plane: Plane, n: int, n_cusp_rays: int) -> FloatArray:
         Number of rays, evenly spaced from 0 to 180 degrees, or to 360 where κ and -κ are not
         equivalent.
     n_cusp_rays : int
-        For two kicks, number of extra rays on either side of each cusp, at 45° and 135°. Their
-        distances from it are spaced logarithmically from 2 to 0.02 degrees. The rays of the cusps
-        themselves are included.
+        For two kicks, number of extra rays on either side of each of the cusps at 45° and 135°.
+        Their distances from the cusp are spaced logarithmically from 2 to 0.02 degrees. The rays
+        through the cusps themselves are included.
 
     Returns
     -------
@@ -54,12 +54,12 @@ def rotated_rays(n: int, n_cusp_rays: int) -> FloatArray:
 
 
 def with_degenerate(circle: str, angle: float) -> str:
-    """Return the text of ω and of the circle degenerate with it on a ray of two kicks."""
+    """Return, as text, ω and the circle degenerate with it on a ray of two kicks."""
     return circle_text(circle, degenerate_circle(two_kicks(), circle, angle, 1.0))
 
 
 def circle_text(circle: str, degenerate: str) -> str:
-    """Return the text of ω, and of the circle that is degenerate with it if there is one."""
+    """Return ω as text, followed by the circle degenerate with it if there is one."""
     return f"{circle}, degenerate with {degenerate}" if degenerate else circle or "undecided"
 
 

@@ -63,7 +63,7 @@ def sentences(kappa: FloatArray, point: Point, verdict: Verdict) -> list[str]:
             "A barrier is also proved to exist for all weaker kicks, from 0 to "
             f"{int(below * 1e4) / 1e4} times these strengths."
             if below > 0
-            else "This proof makes no statement about weaker kicks."
+            else "This proof says nothing about weaker kicks."
         )
     if verdict.steps < inf:
         lifetime = lifetime_text(kappa, verdict.steps)
@@ -105,17 +105,17 @@ def steps_text(kappa: FloatArray, steps: float) -> str:
 
 
 def lifetime_text(kappa: FloatArray, steps: float) -> str:
-    """Return a lifetime as text in kicks, e.g. "1 kick", because it may be shorter than a step."""
+    """Return a lifetime as text, e.g. "1 kick"; in kicks, as it may be shorter than a step."""
     return plural(round(steps * kappa.size), "kick")
 
 
 def scale_text(boundary: CriticalScale) -> str:
-    """Return the scale at which the last circle breaks, with the digits that its error allows."""
+    """Return the scale at which the last circle breaks, to as many digits as its error allows."""
     digits = 2 + int(min(10, max(0, log10(boundary.value / max(boundary.error, 1e-300)))))
     return f"{boundary.value:.{digits}g}"
 
 
 def bracket_of(boundary: CriticalScale) -> tuple[str, str]:
-    """Return the ends of the bracket as texts, "" for an end that is not known."""
+    """Return the ends of the bracket as strings; "" for an end that is not known."""
     lower, upper = rounded_bracket(boundary.lower, boundary.upper)
     return lower, upper
