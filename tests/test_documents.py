@@ -63,8 +63,8 @@ def test_the_readme_is_short():
 def test_the_sections_of_the_readme_are_in_the_order_a_newcomer_needs():
     heads = re.findall(r"^## (.+)$", README, re.M)
     expected = ["Install", "Three things to try", "From Python", "Your own forcing"]
-    expected += ["What to trust", "Commands by question", "On a cluster", "Compare"]
-    assert heads == [*expected, "Cite, and contribute"]
+    expected += ["What to trust", "Commands by question", "On a cluster"]
+    assert heads == [*expected, "Compared with other software", "Citing and contributing"]
 
 
 @pytest.mark.parametrize("call", dict.fromkeys(CALLS))

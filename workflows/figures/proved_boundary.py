@@ -46,7 +46,7 @@ def proved_boundary_caption(barrier):
         "one forcing, and transport is proved to be global at another; their relative distance is "
         f"{100 * np.nanmedian(width):.2g}% in the median and at most "
         f"{100 * np.nanmax(width):.2g}%. Between the two nothing is proved. A proof at one forcing "
-        "makes no statement about weaker kicks, because a circle might break and reappear; but up "
+        "says nothing about weaker kicks, because a circle might break and reappear; but up "
         f"to {np.ceil(1e4 * (1 - below)) / 100:g}% below the breakup (median of the rays on which "
         "such a proof succeeds) a barrier is proved to exist all along the ray. The proofs rely on "
         "IEEE-754 arithmetic and FLINT."
