@@ -89,7 +89,7 @@ FORCINGS = {
         (CELLS, [(0.5,), (0.1, 0.2, 0.1)], "two strengths"),
         (CELLS, [(0.1, 0.5)], "multiples of"),
         (LINES, [(0.1, 0.2, 0.3)], "no dominant symmetry line"),
-        (symmetries.alternate, [[0.3], [0.3, 0, 0.2]], "every 1th site alone"),
+        (symmetries.alternate, [[0.3], [0.3, 0, 0.2]], "only sites at the spacing 1"),
     ],
     "kappas": [
         (escape.first_escape, [0.3], "is a number; give an array of shape"),
@@ -212,7 +212,7 @@ STARTS = {
     "start": [
         (circles.invariant_circle, [np.zeros((1, 64))], "they are P=2 functions"),
         (circles.invariant_circle, [np.full((2, 64), nan)], "deviations must be finite"),
-        (proofs.barrier.prove, [np.zeros((1, 64)), np.zeros(64)], "are 2 functions on"),
+        (proofs.barrier.prove, [np.zeros((1, 64)), np.zeros(64)], "must have 2 rows"),
         (periodic.critical_scale, [(0, 0, 0)], "differ in length"),
     ],
     "u": [(circles.newton_step, [np.zeros((2, 100))], "n a power of 2, at least 16")],

@@ -46,7 +46,7 @@ NASM, PIPELINE, FIGURES, WORKFLOWS = (
 
 # Several processes write kernels to disk, hence the lock; the extra `proof` installs flint.
 MORE = {"arithmetic.kernels": "filelock", "proofs.barrier": "flint", "proofs.patches": "flint"}
-MORE |= {"proofs.residuals": "flint"}
+MORE |= {"proofs.residuals": "flint", "proofs.precision": "flint"}
 
 
 @pytest.mark.parametrize("module", NASM)

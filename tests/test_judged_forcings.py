@@ -90,7 +90,7 @@ def test_residues_of_the_judge_reproduce_the_breakup_of_the_standard_map():
     [
         ("lower", 1.001, "no circle"),
         ("upper", 0.999, "a start survives"),
-        ("value", 1 + 1e-6, "limit"),
+        ("value", 1 + 1e-6, "by residues"),
     ],
 )
 def test_the_judge_doubts_a_false_row(name, factor, words):

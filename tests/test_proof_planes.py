@@ -79,7 +79,8 @@ def test_claims_name_the_plane_by_its_matrix(cell, patch):
     assert cell[1].startswith("transport is global under every forcing within (0.00390625, ")
     assert cell[1].endswith(rows.format(0.2))
     assert patch[1].startswith(
-        "a rotational invariant circle of [0;(1)] exists under every forcing"
+        "a rotational invariant circle of [0;(1)] exists under every forcing "
+        "with coordinates from 0.0 to "
     )
     assert patch[1].endswith("-1 <= t <= 1 " + rows.format(0.05))
 

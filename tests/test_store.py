@@ -316,7 +316,7 @@ def test_a_group_of_another_program_or_version_is_refused_and_not_changed(on_dis
             refuse(on_disk, toy.cube(), US)
     (state,), (damaged,) = store.status(on_disk), store.verify(on_disk, "toy", repair=True)
     assert damaged == ((), state.damage)
-    assert "another program's, or in an earlier format" in state.damage
+    assert "from another program, or in an earlier format" in state.damage
     assert contents(on_disk) == before
 
 

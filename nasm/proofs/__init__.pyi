@@ -4,6 +4,7 @@ from . import cells as cells
 from . import certificate_checker as certificate_checker
 from . import certificates as certificates
 from . import patches as patches
+from . import precision as precision
 from . import residuals as residuals
 from . import transport as transport
 from . import transport_cells as transport_cells

@@ -92,7 +92,8 @@ def certificate(
         raise ValueError(f"{proof.reason}; a certificate needs proved=True")
     domain, forcings = "the forcing", _decimals(kappa)
     if scales:
-        domain = f"every forcing from {scales[0]!r} to {scales[1]!r} times"
+        forcing = "every forcing with coordinates" if plane else "every forcing"
+        domain = f"{forcing} from {scales[0]!r} to {scales[1]!r} times"
         if any(half_width):
             forcings = f"({forcings} + t {_decimals(half_width)}), -1 <= t <= 1"
     elif any(half_width):

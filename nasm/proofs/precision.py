@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import RLock
 
+__all__ = ["working_precision"]
+
 try:
     from flint import ctx
 except ImportError:  # the extra `proof` is not installed

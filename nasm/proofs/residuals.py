@@ -54,7 +54,7 @@ SLACK = 1.01  # covers the roundings of the bounds themselves, and products of e
 UNDERFLOW = 2.0**-500  # exceeds the total effect of underflow
 TINY = 2.0**-600  # absolute error of strengths so small that pairs underflow
 _PARTS = 128  # the sine is tabulated at this many angles
-_TERMS, _IN_PAIRS = 7, 4  # terms of the series of sine and cosine; number that need two floats
+_TERMS, _IN_PAIRS = 7, 4  # of the series of sine and cosine; terms that need two floats
 _MIN_UNIT = -900  # smallest binary exponent of modes
 _LARGEST = 1e3  # upper limit of |u|; beyond it the bounds are infinite
 
