@@ -70,7 +70,8 @@ def test_intervals_cover_scales_up_to_the_first_gap():
 def test_a_failed_interval_is_shortened_and_retried_before_the_next(failure, monkeypatch):
     tried = []
 
-    def proof_of(low, high, value, about):
+    def proof_of(low, high, value, about, reduction):
+        assert reduction == 1
         tried.append((low, high))
         proved = len(tried) != failure
         return barrier.BarrierProof(
@@ -86,8 +87,32 @@ def test_a_failed_interval_is_shortened_and_retried_before_the_next(failure, mon
     assert 0.9 < below == scales[-1][1] == proofs.covered_up_to(scales)
 
 
+def test_a_patch_whose_inequalities_fail_is_retried_with_a_smaller_residual(monkeypatch):
+    tried = []
+
+    def proof_of(low, high, value, about, reduction):
+        tried.append((low, high, reduction))
+        return barrier.BarrierProof(reduction < 1, "", **about, scales=(low, high), n=64)
+
+    monkeypatch.setattr(module, "_proved_between", proof_of)
+    below, patches = module.proved_below(GAMMA, (1.0,), 0.97, np.inf, nearest=0.01)
+    assert [reduction for *_, reduction in tried] == [1.0] + [0.01] * len(patches)
+    assert tried[0][:2] == tried[1][:2] == patches[0].scales
+    assert below == patches[-1].scales[1]
+
+
+@pytest.mark.slow
+def test_triangles_of_other_circles_are_proved_as_close_to_the_boundary():
+    # Between 34.5 and 40 degrees, where [0;1,3,(1)] breaks last.
+    low, high = np.array([0.64836, 0.44560]), np.array([0.73828, 0.61949])
+    middle, tilt = (low + high) / 2, (high - low) / 2
+    at = [periodic.critical_scale("[0;1,3,(1)]", middle + t * tilt).value for t in (-1, 0, 1)]
+    below, _ = proofs.proved_below("[0;1,3,(1)]", middle, min(at), np.inf, tilt, 0.03)
+    assert below > 0.965 * min(at)
+
+
 def test_the_proved_scale_ends_at_the_first_gap_between_proofs(monkeypatch):
-    def with_a_gap(low, high, value, about):
+    def with_a_gap(low, high, value, about, reduction):
         scales = (low + 0.1 * (low > 0.6), high)
         return barrier.BarrierProof(True, "", **about, scales=scales)
 

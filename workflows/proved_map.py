@@ -15,7 +15,7 @@ from workflows.shared.cli import command, plane_option, preset, proof_options, s
 
 @command()
 @plane_option
-@proof_options(8)
+@proof_options(8, 1024, 0.06, 0.019)
 @preset("--full", "In full, two CPU hours", cells="2048", cpu_seconds=0.2, distance=0.01)
 @sweeps
 def main(run, plane, cells, cpu_seconds, distance):

@@ -83,8 +83,11 @@ except ImportError:  # the extra `proof`
 # Distance from the breakup at the end of a patch, relative to that at its beginning.
 _MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
 # The ε that suffices 1% below the breakup; ε is proportional to this power of the distance.
-# Both were measured on rays and triangles; if a patch of another ω fails, a shorter one is tried.
+# Both were measured on rays and triangles of the golden circle.
 _RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 1e-14, 4.6
+# If the inequalities fail, ε is multiplied by the first factor, until it is reduced by the second;
+# then shorter patches are tried. Triangles with other last circles need one reduction.
+_REDUCTION, _MAX_REDUCTION = 1e-2, 1e-4
 _MORE_POINTS = 2  # E is computed at this many more points than there are degrees
 _MAX_NEWTON_STEPS = 8  # 1 to 3 are needed
 _UNDERFLOW = 1e-280  # a residual that is too small to be corrected in doubles
@@ -176,13 +179,9 @@ def proved_below(
     about = {"omega": omega, "kappa": tuple(profile.tolist()), "tilt": tuple(tilt.tolist())}
     about |= {"short_omega": short_omega, "short_kappa": tuple(short.tolist())}
     about["plane"] = plane
-    reached, proofs, part, until, pace = (
-        0.0,
-        [],
-        _MIN_DISTANCE_RATIO,
-        time.thread_time() + budget,
-        0.0,
-    )
+    reached, part, reduction = 0.0, _MIN_DISTANCE_RATIO, 1.0
+    proofs: list[BarrierProof] = []
+    until, pace = time.thread_time() + budget, 0.0
     while part <= _MAX_DISTANCE_RATIO and not omega.is_rational:
         before = time.thread_time()
         # The work is roughly proportional to 1/distance.
@@ -191,10 +190,12 @@ def proved_below(
         if not distance < _MAX_DISTANCE_RATIO * (1 - reached / value):
             break
         high = value * (1 - distance)
-        proof = _proved_between(reached, high, value, about)
+        proof = _proved_between(reached, high, value, about, reduction)
         if proof.proved:
             reached, part = high, max(_MIN_DISTANCE_RATIO, part**1.5)
             proofs.append(proof)
+        elif proof.n and reduction > _MAX_REDUCTION:
+            reduction *= _REDUCTION
         else:
             part = sqrt(part)
         pace = (time.thread_time() - before) * distance
@@ -217,14 +218,20 @@ def covered_up_to(intervals: Iterable[tuple[float, ...]]) -> float:
     return reached
 
 
-def _proved_between(low: float, high: float, value: float, about: dict[str, Any]) -> BarrierProof:
-    """Try to prove that the circle exists for low ≤ s ≤ high, below the breakup at `value`."""
+def _proved_between(
+    low: float, high: float, value: float, about: dict[str, Any], reduction: float = 1.0
+) -> BarrierProof:
+    """Try to prove that the circle exists for low ≤ s ≤ high, below the breakup at `value`.
+
+    The error of interpolation is at most ε, which is multiplied by `reduction`.
+    """
     about = about | {"scales": (low, high)}
     omega, plane = about["short_omega"], about.get("plane")
     origin, profile, tilt = _vectors(plane, about["short_kappa"], about["tilt"])
     middle, half, distance = (low + high) / 2, (high - low) / 2, 1 - high / value
     epsilon = (
-        _RESIDUAL_AT_1_PERCENT
+        reduction
+        * _RESIDUAL_AT_1_PERCENT
         * (distance / 0.01) ** _RESIDUAL_POWER
         / max(1, len(profile) - 1) ** 3
     )

@@ -367,7 +367,7 @@ def proved_triangles(
     template = xr.Dataset(variables, axes, {"title": title})
     settings = plane.record | {"triangles": triangles, "nearest": nearest}
     cube = Cube("proved_triangles", template, {"triangle": 1}, settings)
-    seconds = 2 * _seconds(plane, nearest)
+    seconds = _seconds(plane, nearest)
     return Job(cube, _compute_triangle, lambda *_: seconds, _load_triangles)
 
 
@@ -392,7 +392,7 @@ def _load_triangles() -> None:
 
 def _seconds(plane: Plane, nearest: float) -> float:
     """Estimate the CPU seconds that a triangle takes; triangles next to a cusp take longer."""
-    return (1 + 7 * (0.1 / nearest) ** 1.95) * (max(len(plane.origin), 2) / 2) ** 2.5
+    return (1 + 6 * (0.1 / nearest) ** 1.35) * (max(len(plane.origin), 2) / 2) ** 2.5
 
 
 def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
@@ -412,7 +412,7 @@ def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
             circle, value = omega, least
     if value > 0:
         distance = 0.68 * nearest  # the last proof may stop at a distance a tenth larger
-        budget = 4 * _seconds(plane, nearest)  # a busy machine may take twice as long
+        budget = 8 * _seconds(plane, nearest)  # a busy machine may take twice as long
         within = None if plane == two_kicks() else plane
         scale, proved = proofs.proved_below(circle, middle, value, budget, tilt, distance, within)
     corners = dict(zip(corner_names(plane), np.array([*low, *high])[:, None], strict=True))

@@ -437,18 +437,23 @@ def plane_options(n_max: int, tile: int, levels: int, precision: str) -> Decorat
     )
 
 
-def proof_options(coarsest: int) -> Decorator:
-    """Make the options of proofs in a plane, the arguments of `proved_plane.ProvedPlane`."""
-    cells = [str(2**n) for n in range(3, 13) if 2**n >= coarsest]
+def proof_options(
+    coarsest: int, cells: int = 512, seconds: float = 0.02, distance: float = 0.09
+) -> Decorator:
+    """Make the options of proofs in a plane, the arguments of `proved_plane.ProvedPlane`.
+
+    coarsest : smallest number of cells per unit of strength. The other arguments are defaults.
+    """
+    allowed = [str(2**n) for n in range(3, 13) if 2**n >= coarsest]
     return together(
-        choice("--cells", cells, "512", "Finest cells per unit of strength."),
+        choice("--cells", allowed, str(cells), "Finest cells per unit of strength."),
         real(
-            *("--cpu-seconds", 0.02, 1e-3, 1e4),
+            *("--cpu-seconds", seconds, 1e-3, 1e4),
             "CPU time limit per cell; a cell not proved in time is subdivided, or left open if "
             "finest.",
         ),
         real(
-            *("--distance", 0.09, 1e-3, 0.5),
+            *("--distance", distance, 1e-3, 0.5),
             "Relative distance from the boundary at which proofs of barriers stop.",
         ),
     )
