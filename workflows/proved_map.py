@@ -6,8 +6,8 @@ theorems. In open cells neither is proved. Images under the symmetries of the pl
 
 Three cubes and a figure in OUT; needs the extra `proof`. The defaults take about twelve CPU
 minutes. In other planes, choose larger cells and distances: `--plane pairs:1/3 --cells 32
---cpu-seconds 0.2 --distance 0.3` takes five CPU minutes. Under three kicks or more, transport is proved only where
-strong kicks do not follow each other too closely.
+--cpu-seconds 0.2 --distance 0.3` takes five CPU minutes. Under three kicks or more, transport is
+proved only where strong kicks do not follow each other too closely.
 """
 
 from workflows.shared.cli import command, plane_option, preset, proof_options, sweeps
