@@ -41,11 +41,12 @@ class VerdictSettings:
     Attributes
     ----------
     first_tol : float
-        First tolerance of the boundary, with three or more kicks per period.
+        First tolerance for the boundary, if there are three or more kicks per period.
     clear_distance : float
         Distance |value - 1| of the forcing from the boundary above which `first_tol` suffices.
     tols : tuple of float
-        Tolerances of the boundary, tried in turn until its error is below the distance |value - 1|.
+        Tolerances for the boundary, tried in turn until its error is below the distance
+        |value - 1|.
     unrelated_ratio : float
         If the boundary has no value and its bracket begins above this multiple of the forcing, a
         tighter tolerance cannot change the verdict.
@@ -60,8 +61,8 @@ class VerdictSettings:
     proof_seconds : float
         CPU seconds for a proof.
     n_orbits, n_kicks : int
-        Number of orbits for direct iteration under long periods, and number of kicks of each orbit;
-        the iteration takes a few CPU seconds.
+        Number of orbits for direct iteration of forcings with long periods, and number of kicks for
+        each orbit; the iteration takes a few CPU seconds.
 
     Examples
     --------
@@ -106,7 +107,7 @@ class Evidence(Enum):
     )
     CIRCLE_BEYOND = (
         "the circle is certified further out on the ray from κ = 0, not at this forcing; that it "
-        "exists all the way is an assumption"
+        "exists everywhere before that point is an assumption"
     )
     CONVERSE_KAM = (
         "converse KAM excludes a circle through every sampled initial condition at exactly this "
@@ -121,8 +122,8 @@ class Evidence(Enum):
         "of nasm/proofs/README.md (Transport is global), checked with rigorous rounding"
     )
     ESCAPE = (
-        "an orbit crosses the whole cell by direct iteration under exactly this forcing, so no "
-        "invariant circle stops it; rounding aside"
+        "in direct iteration under exactly this forcing, an orbit crosses the whole cell; apart "
+        "from rounding errors, this shows that no invariant circle stops it"
     )
     NONE = "no circle is certified at this forcing, and not all starts are eliminated"
 
@@ -138,7 +139,7 @@ class Verdict(Result):
     kappa : ndarray, shape (P,)
         The forcing, first kick first.
     answer : Answer
-        Whether a barrier exists or transport is global. UNDECIDED makes no statement about either.
+        Whether a barrier exists or transport is global. UNDECIDED says nothing about either.
     evidence : Evidence
         The kind of evidence for the answer.
     boundary : CriticalScale
@@ -151,7 +152,7 @@ class Verdict(Result):
         Steps (periods of the forcing) within which converse KAM eliminated all starts; inf if
         some starts survived.
     proof : BarrierProof, TransportProof or None
-        The proof that was tried, proved or not.
+        The proof that was tried, whether or not it succeeded.
     proved_below : float
         A barrier is proved to exist under s·kappa for 0 ≤ s ≤ proved_below. 0 if no
         proof succeeded in the time given, NaN if none was tried.
@@ -295,7 +296,7 @@ def verdict(
                 break
         too_close = boundary.error < end - 1 < min_distance
         if too_close or (boundary.lower > settings.unrelated_ratio and np.isnan(boundary.value)):
-            break  # a tighter tolerance would not decide either
+            break  # a tighter tolerance would not settle it either
     if (
         answer is Answer.UNDECIDED
         and boundary.lower >= 1

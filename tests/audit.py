@@ -46,7 +46,7 @@ def mutant(module, *changes):
     return other
 
 
-ULP, COS_ERROR = 2.0**-53, 2.03e-14  # bounds on errors of rounding and of cos 2πx (tested)
+ULP, COS_ERROR = 2.0**-53, 2.03e-14  # bounds on rounding errors and the error of cos 2πx (tested)
 LONGEST = 1e11  # maximum lifetime of a box, in kicks
 
 

@@ -320,7 +320,7 @@ def test_a_start_that_is_not_a_circle_proves_nothing_and_raises_no_error(start):
         (GAMMA, (1.2,), {}, "no circle was found"),
         (GAMMA, (5.0, 1.0), {}, "no circle was found"),
         (RotationNumber((0, 1, 10**6), (1,)), (0.5,), {}, "no circle was found"),
-        (GAMMA, (0.96,), {"budget": 0.01}, "beyond the budget"),  # no proof is tried
+        (GAMMA, (0.96,), {"budget": 0.01}, "beyond the budget"),  # no proof is attempted
         (GAMMA, (0.9,), {"n": 64}, "ratio"),
     ],
 )
@@ -348,7 +348,7 @@ def test_a_bound_outside_its_strip_is_refused():
 def test_the_golden_circle_is_proved_as_close_to_its_breakup_as_published(kappa, n):
     """Figueras, Haro and Luque (2017) proved that this circle exists at κ = 0.9716.
 
-    This is 0.99996 of its breakup.
+    This is 0.99996 of its breakup value.
     """
     omega, near_kappa, u = near((1.0,), "gamma", 0.971635406, 1 - kappa / 0.971635406)
     assert near_kappa == pytest.approx(kappa, abs=1e-9)

@@ -1,4 +1,4 @@
-"""Strings from untrusted sources are parsed, or refused in one sentence, without delay."""
+"""Strings from untrusted sources are promptly parsed, or rejected with a one-sentence message."""
 
 import signal
 from decimal import Decimal
@@ -27,7 +27,7 @@ def alarm():
     """Make a test fail if it hangs."""
 
     def hangs(*_):
-        raise TimeoutError("a text takes more than 60 s")
+        raise TimeoutError("a string took more than 60 s to parse")
 
     before = signal.signal(signal.SIGALRM, hangs)
     signal.alarm(60)

@@ -8,7 +8,8 @@ of an irrational Ω, tend to the scale of Ω?
 The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(1)], √5 - 2, √2 - 1,
 1 - 1/√2, π - 3, 1/e and 1 - 1/τ - 1/τ², where τ is the tribonacci constant.
 
-A cube, a table and a figure in OUT. The defaults take about 19 CPU minutes, --quick two.
+Writes a cube, a table and a figure to OUT. The defaults take about 19 CPU minutes;
+--quick takes about two.
 """
 
 from fractions import Fraction
@@ -58,7 +59,7 @@ def parse_frequency(text):
         ALSO + IRRATIONAL,
         parse_frequency,
         "OMEGA",
-        "Further Ω, fractions or irrational numbers.",
+        "Additional values of Ω, either fractions or irrational numbers.",
     ),
     shown=f"{', '.join(ALSO)} and the irrational numbers above",
 )

@@ -98,7 +98,7 @@ _KICKS_PER_BLOCK = 8  # between checks for events; rounded up to whole periods
 _STATE, _ROWS, _V = 18, 19, 6  # numbers per box that change, all numbers per box, and index of V
 _FIRST_EXCESS = 0.1  # relative excess of s over value with which `proved_upper` begins
 _KICKS_PER_CALL = 2_000_000  # kicks per kernel call, between checks of the clock
-_MIN_CROWD = 128  # a piece of the polygon on which more boxes wait may be bent
+_MIN_CROWD = 128  # a piece of the polygon may be bent if more boxes than this wait on it
 _MAX_STEPS = 2**14  # periods within which floats must eliminate all starts on a polygon
 _CORNER_GRID = 2.0**26  # inverse spacing of corners, so that their sums are exact in two floats
 
@@ -129,7 +129,7 @@ class Outcome(Enum):
 class Proof(Result):
     """A proof that transport is global, or the reason why no proof was found.
 
-    A failed proof makes no statement about circles.
+    A failed proof says nothing about circles.
     """
 
     outcome: Outcome
@@ -152,7 +152,7 @@ class TransportProof(Proof):
     Attributes
     ----------
     outcome : Outcome
-        PROVED, or the reason why not; a failed proof makes no statement about circles.
+        PROVED, or the reason why not; a failed proof says nothing about circles.
     original_kappa : tuple of float
         Forcing passed to `prove`. The proof holds for exactly these floats.
     kappa : tuple of float
@@ -254,7 +254,7 @@ def prove(kappa: ArrayLike, budget: float = 10.0) -> TransportProof:
     Returns
     -------
     TransportProof
-        A proof that fails makes no statement about circles.
+        A proof that fails says nothing about circles.
 
     Raises
     ------
@@ -491,7 +491,7 @@ def _covered(
 
 
 def _slopes(kappa: FloatArray, points: FloatArray, starts: FloatArray) -> FloatArray:
-    """Choose γ of each box so that, if possible, V in floats becomes ≤ 0 in both directions."""
+    """Choose γ for each box so that, if possible, V in floats becomes ≤ 0 in both directions."""
     x, y = (np.interp(2 * starts, np.arange(len(points)), axis) for axis in points.T)
     _, slopes = transversal.elimination(kappa, x, y, _MAX_STEPS * len(kappa))
     return np.clip(np.rint(slopes * 2.0**20) / 2.0**20, -3, 1 - 2.0**-20)
@@ -714,7 +714,8 @@ def _kick(k, scale, state):
     kc = k * c
     f2 = -TWO_PI2 * k * h  # κh''/2
 
-    # Bounds on |x - x̂|: its first order, the unknown rest, all beyond first order, and the total.
+    # Bounds on |x - x̂|: the first-order part, the unknown remainder, everything beyond first
+    # order, and the total.
     straight = fabs(t)
     unknown = fma(A, fabs(v), B * straight)
     curved = fabs(q) + unknown

@@ -80,7 +80,7 @@ class Axis:
     def coarsened(self, factor: int) -> "Axis":
         """Return the same interval cut into n/factor cells; ValueError unless factor divides n."""
         if self.n % factor:
-            reason = f"{self.n} cells cannot be halved to that level; use a multiple of {factor}"
+            reason = f"{self.n} cells cannot be halved that many times; use a multiple of {factor}"
             raise ValueError(f"axis {self}: {reason}")
         return Axis(self.lo, self.hi, self.n // factor)
 
@@ -152,7 +152,7 @@ def join_tiles(job: "Job") -> "Job":
     """Repeatedly double the size of a job's tiles along all dims while at least 4096 tiles remain.
 
     Doubling ends before any tile of a sample would take more than 3 s of predicted CPU time. The
-    result depends on the job alone, so that the command that began a cube can resume it.
+    result depends on the job alone, so the command that started a cube can also resume it.
     """
     while True:
         sizes, tile = job.cube.template.sizes, job.cube.tile

@@ -11,7 +11,7 @@ from workflows.figures.planes import symbols
 from workflows.figures.style import COLOURS, VERMILION, cell, dots
 
 _ESCAPING, _BREAKUP = VERMILION, COLOURS[0]
-_PLAIN = {"frameon": False, "fontsize": "small"}  # options of legends
+_PLAIN = {"frameon": False, "fontsize": "small"}  # legend options
 
 
 def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):

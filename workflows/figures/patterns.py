@@ -1,4 +1,4 @@
-"""Draw thresholds of pairs of kicks against their spacing, and thresholds of signs and bursts."""
+"""Draw thresholds of kick pairs against their spacing, and those of sign patterns and bursts."""
 
 from fractions import Fraction
 
@@ -11,7 +11,7 @@ SIGNS, FLIPS = "one sign of P flipped", "flipped every M kicks"
 
 
 def draw_patterns(cube):
-    """Draw K_c of pairs against ε, and thresholds of signs and bursts, as middles of brackets."""
+    """Draw K_c of pairs against ε, and κ_c of sign patterns and bursts, as bracket midpoints."""
     figure, (spacing, others) = style.panels(1, 2, 12, 5)
     cube = cube.assign(middle=(cube.lower + cube.upper) / 2)
     golden = style.of_family(cube, CONSTANT).critical_scale.item()
@@ -47,7 +47,7 @@ def _draw_pairs(axes, pairs, golden):
 def _draw_others(axes, cube):
     bursts = style.of_family(cube, BURSTS).sortby("period")
     kicked = bursts.groupby((bursts.parameter * bursts.period).round().astype(int).rename("n"))
-    labels = {SIGNS: "one sign of $P$ flipped", FLIPS: "flipped every $M = P/2$ kicks"}
+    labels = {SIGNS: "one of $P$ signs flipped", FLIPS: "flipped every $M = P/2$ kicks"}
     lines = [(labels[family], style.of_family(cube, family)) for family in labels]
     lines += [(f"bursts of {n} kicks", bursts_of_n) for n, bursts_of_n in kicked]
     for i, (label, family_cube) in enumerate(lines):

@@ -27,7 +27,7 @@ def draw_snapshot_tori(cube):
 def snapshot_tori_caption(cube, findings):
     return (
         f"Snapshot tori in ramps that begin at κ = {float(cube.strength[0]):g}. (a) EAPD "
-        "(ensemble-averaged pairwise distance, a logarithm) of each torus for "
+        "(ensemble-averaged pairwise distance, as a logarithm) of each torus for "
         f"r = {cube.attrs['kept_rate']:g}, and its bound for graphs; vertical line: "
         "converse KAM excludes all graphs. (b) Finite-time exponents on two of these tori: median, "
         "and range of 80% of the orbits. (c) κ at which all graphs through a point of a torus of "

@@ -39,7 +39,7 @@ def secondary_dataset(axis: Axis) -> xr.Dataset:
         "x": (dims, x, "x of the point, in turns"),
         "y": (dims, y, "y of the point"),
         "residue": (dims, residue, _RESIDUE),
-        "estimate_error": (dims, error, "error of z by the cubic estimate, its sign corrected"),
+        "estimate_error": (dims, error, "error of the cubic estimate of z (sign corrected)"),
     }
     return dataset("Secondary period-one orbits", _plane(axis), variables, references)
 
