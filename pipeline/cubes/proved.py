@@ -412,7 +412,7 @@ def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
             circle, value = omega, least
     if value > 0:
         distance = 0.68 * nearest  # the last proof may stop at a distance a tenth larger
-        budget = 8 * _seconds(plane, nearest)  # a busy machine may take twice as long
+        budget = 4 * _seconds(plane, nearest)  # a busy machine may take twice as long
         within = None if plane == two_kicks() else plane
         scale, proved = proofs.proved_below(circle, middle, value, budget, tilt, distance, within)
     corners = dict(zip(corner_names(plane), np.array([*low, *high])[:, None], strict=True))
