@@ -1,4 +1,4 @@
-"""Audits of the proof programs: copies with changed lines, and checks that must detect changes."""
+"""Audits of the proof programs: copies with changed lines, and the checks that must detect them."""
 
 import ast
 import inspect
@@ -83,7 +83,7 @@ def in_python(functions, *changes, fma=fused):
 class Kernel:
     """The properties of a kernel that audits need.
 
-    functions : the last one applies one kick; it calls the others. names : names of the numbers of
+    functions : the last one applies one kick; it calls the others. names : names of the numbers in
     a state. known : for each term of the known displacement of an orbit, Σ factor·displacement, the
     names of the displacement, of its last difference, and of its sum in Q. The factors are the
     parameters and then their products. places : orbits in a box that are tested, as (σ,) or, in
@@ -156,7 +156,7 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     the bound is too small. For a bad box, these fractions are not computed.
 
     1. Any orbit of the box satisfies the chain up to a defect; A and B grow by its components.
-    2. `rest` grows by all that may increase Q beyond the sums; the payments cover sums and `rest`.
+    2. `rest` grows by whatever may increase Q beyond the sums; the payments cover sums and `rest`.
     3. A box that is too large, or whose Wronskian is no longer accurate, is reported as bad.
     4. The kick changes y and the last differences of all solutions by the right amounts.
     """
@@ -242,7 +242,7 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
 
 
 def audit_of_kicks(kernel, *changes):
-    """Return the largest fraction used of each bound, by name; stop if a bound is too small."""
+    """Return the largest used fraction of each bound, by name; stop if a bound is too small."""
     kick, largest = in_python(kernel.functions, *changes), {}
     for row in rows(kernel):
         for name, share in audit_of_a_kick(kernel, kick, *row).items():
@@ -264,7 +264,7 @@ def row_of_the_cube(kernel):
 def rows(kernel, count=400):
     """Return rows (strengths, scale, numbers) for kicks that test all parts of the bounds.
 
-    Each part dominates in some of the rows. In some rows, nearly all that is due was paid
+    Each part dominates in some of the rows. In some rows, nearly everything due was paid
     before the kick.
     """
     rng, kick = np.random.default_rng(1), in_python(kernel.functions)

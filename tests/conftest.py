@@ -15,7 +15,7 @@ from pipeline.store import place_of
 # Make Ctrl-C work in the tests and in the programs that they start, however pytest was started.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Set no deadline, as the first example compiles kernels, and any may be slow on a busy machine.
+# No deadline: the first example compiles kernels, and any may be slow on a busy machine.
 settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
 

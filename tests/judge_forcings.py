@@ -352,7 +352,7 @@ def new_row(kind, profile, omega, near, start=None):
 def new_bracket(kind, profile, omega, lower, upper, start=None):
     """Return the Row of a ray for a stated bracket; None if the methods do not agree.
 
-    It is claimed that the circle `omega` exists at `lower` and that no circle exists at `upper`.
+    The claim is that the circle `omega` exists at `lower`, and no circle exists at `upper`.
     """
     numbers = (lower + upper) / 2, (upper - lower) / 2, lower, upper
     row = Row(0, kind, tuple(profile), start, *numbers, omega, "bracket")

@@ -27,13 +27,13 @@ class Row:
 
     @property
     def exists_below(self):
-        """The largest scale such that a circle is known to exist just below it."""
+        """The largest scale just below which a circle is known to exist."""
         residues = self.value - self.error if "bracket" not in self.method else -inf
         return max(self.lower, residues)
 
     @property
     def image_of(self):
-        """The number of the row that this is an exact image of, and the operations; or None."""
+        """The number of the row of which this is an exact image, and the operations; or None."""
         if not self.method.startswith("image of "):
             return None
         number, operations = self.method.removeprefix("image of ").split(": ")

@@ -7,8 +7,8 @@
 A search is a function of (profile, tol, start=None) that returns a CriticalScale. For each class
 the script prints
 
-    cases, answered  number of rows searched, and of those with a value (status OK or WIDE);
-    value            false values, which differ from the table's by more than the sum of errors;
+    cases, answered  number of rows searched, and number with a value (status OK or WIDE);
+    value            false values, which differ from the table's by more than both errors together;
     lower            false lower ends: above a scale beyond which no circle exists;
     upper            false upper ends: below a scale at which a circle exists;
     width            (upper - lower)/value, median and largest;

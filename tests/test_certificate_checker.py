@@ -1,4 +1,4 @@
-"""Each bound in the checker is at least the bounded quantity, and less than twice as large."""
+"""Each bound in the checker is at least the quantity that it bounds, and less than twice it."""
 
 import json
 import lzma

@@ -183,7 +183,7 @@ def test_a_function_close_to_a_circle_is_polished_and_nan_is_rejected():
     assert circles.newton.polish(GAMMA, kappa, off)
     np.testing.assert_allclose(off, wanted, atol=1e-8)
     assert circles.newton.polished_is_circle(GAMMA, kappa, off)
-    nothing = np.full((2, 512), np.nan)  # kernels ignore NaN in max and min, not in the twist
+    nothing = np.full((2, 512), np.nan)  # kernels ignore NaN in max and min, but not in the twist
     assert not circles.newton.polished_is_circle(GAMMA, kappa, nothing)
     assert not circles.newton.polish(GAMMA, kappa, nothing)
     assert circles.newton.solve(GAMMA, kappa, nothing, 512)[1] is Status.NO_CIRCLE

@@ -123,7 +123,7 @@ def test_the_circles_of_the_main_job_are_right_on_all_rays():
     judge(result)
 
 
-# Relative distances below the breakup at which circles are certified; the larger is for cusps.
+# Relative distances below the breakup at which circles are certified; the larger one is for cusps.
 AWAY = 1e-3, 1e-2
 
 

@@ -87,8 +87,8 @@ def test_breakups_for_tails_other_than_golden_have_adequate_errors(tail):
     assert compared >= 3
 
 
-# In these cases the path of circles ends before the tail of ω is reached, or where the step to the
-# next circle is 3 units of scale; or ω is close to a fraction; or the circle breaks almost at once.
+# In these cases the path of circles ends before it reaches the tail of ω, or where the next circle
+# is 3 units of scale away; or ω is close to a fraction; or the circle breaks almost at once.
 # If a circle is certified nevertheless, its scale is between `low` and `high`. Two values of `high`
 # come from residues of minimizing orbits with q up to 60 000; their errors are 5e-7 and 2.3e-5.
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ SETTINGS = {
 
 @pytest.mark.slow
 def test_a_sweep_runs_under_the_settings_of_other_programs(tmp_path):
-    """All SETTINGS apply at once; a sitecustomize.py changes further settings of the session."""
+    """All SETTINGS apply at once; a sitecustomize.py changes other settings of the session."""
     (tmp_path / "sitecustomize.py").write_text(SESSION)
     (tmp_path / "matplotlibrc").write_bytes("# größer\nfont.size: 20".encode("latin-1"))
     paths = {"PYTHONPATH": f"{tmp_path}:{ROOT}", "MATPLOTLIBRC": f"{tmp_path}/matplotlibrc"}

@@ -50,7 +50,7 @@ def _kick_each(c, x, y):
 
 
 def scalar_times(kappa, x, y, n_max, window, precision="double"):
-    """Compute times orbit by orbit with the kernel's kick, without lanes, blocks or packing."""
+    """Compute times orbit by orbit with the kernel's kick but without lanes, blocks or packing."""
     kind, series = escape._PRECISIONS[precision]
     arrays = escape.kick_series(np.array(kappa), series), x - 0.25, y
     return _scalar_times(*(array.astype(kind) for array in arrays), n_max, *window)

@@ -84,8 +84,8 @@ def test_the_exponent_agrees_with_renormalisation():
 @pytest.mark.parametrize(("kappa", "p", "q"), [(0.9, 377, 305), (1.2, 21, 17), (1.8, 21, 17)])
 def test_the_standard_map_has_a_flux_though_some_denominators_are_even(kappa, p, q):
     # Convergents of 2γ: 5/4, 21/17, 89/72, 377/305. For q = 4 and 72 the minimizing orbit has no
-    # symmetry centre on a site if P = 1. At each strength, p/q belongs to the longest orbit
-    # found for the other convergents; its action difference is already close to the limit.
+    # symmetry centre on a site if P = 1. At each strength, p/q is the longest of the
+    # other convergents whose orbits are found; its action difference is already close to the limit.
     result = flux(parse("2gamma"), (kappa,))
     assert result.status is Status.OK
     assert result.error < 1e-2 * result.value

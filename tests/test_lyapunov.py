@@ -21,7 +21,7 @@ def test_without_kicks_vectors_grow_by_the_shear_alone(P):
 
 @pytest.mark.parametrize(("kappa", "n"), [((1.0,), 3000), ((2.5, 0.5), 3000), ((1e6,) * 64, 2)])
 def test_at_a_hyperbolic_fixed_point_vectors_grow_as_powers_of_a_matrix(kappa, n):
-    """|v_n| would overflow after a few hundred steps, and in one step of 64 strong kicks."""
+    """|v_n| would overflow after a few hundred steps, or in a single step of 64 strong kicks."""
     with mpmath.workdps(40):
         step = mpmath.eye(2)
         for strength in map(mpmath.mpf, kappa):

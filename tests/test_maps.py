@@ -16,7 +16,7 @@ forcings = st.lists(strengths, min_size=1, max_size=3)
 coordinates = st.floats(-1, 1)
 
 # For |κ| ≤ 2 and |x|, |y| ≤ 4 the error of one kick is below 2e-15: 4e-16·κ/2π from the sine, and
-# half an ulp from each sum. Each further kick magnifies this error by at most
+# half an ulp from each sum. Each later kick magnifies this error by at most
 # ‖DS‖ ≤ 2 + |κ| ≤ 4.
 ROUNDING = 2e-15
 

@@ -189,7 +189,7 @@ def module_of(item: Any) -> str:
 
 
 def is_own(module: str) -> bool:
-    """Return True for a module outside Python, installed packages, `nasm` and `pipeline`.
+    """Return True unless a module belongs to Python, an installed package, `nasm` or `pipeline`.
 
     Modules of `workflows` count as the user's own, installed or not: workers need not have them.
 
@@ -199,13 +199,13 @@ def is_own(module: str) -> bool:
     >>> is_own("numpy"), is_own("nasm.maps"), is_own("__main__")
     (False, False, True)
     """
-    if module == "__main__":  # also if a launcher runs the script
+    if module == "__main__":  # even if a launcher runs the script
         return True
     root = module.partition(".")[0]
     if root in ("nasm", "pipeline") or not module:
         return False
     file = getattr(sys.modules.get(module), "__file__", None)
-    if file is None:  # it is built in, or was made in a session
+    if file is None:  # built in, or created in an interactive session
         return root not in sys.stdlib_module_names
     is_installed = Path(file).is_relative_to(_STDLIB) or bool(_SITES & {*Path(file).parts})
     return root == "workflows" or not is_installed

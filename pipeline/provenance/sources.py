@@ -29,7 +29,8 @@ def _read(suffix: str) -> dict[str, bytes]:
     return files
 
 
-# The files are read at import: a process that is running while they are edited uses the old text.
+# The files are read at import, so a process that is running when they are edited keeps the old
+# text.
 _SOURCES, _STUBS = _read(".py"), _read(".pyi")
 
 PROGRAM = f"{DISTRIBUTION} {__version__}"

@@ -87,8 +87,8 @@ def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
 def create(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None:
     """Create the cube with all tiles missing, or check that an existing cube may be resumed.
 
-    Metadata and coordinates that are damaged or missing are written again. Further parameters and
-    errors are as for `check`.
+    Metadata and coordinates that are damaged or missing are written again. The other parameters
+    and the errors are those of `check`.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def _check_settings(place: Place, cube: "Cube") -> dict[str, Any]:
 
 
 def _brief(setting: Any) -> Any:
-    """Shorten a setting for messages: a plane to its name; other settings stay unchanged."""
+    """Shorten a setting for messages: a plane becomes its name, other settings do not change."""
     with suppress(KeyError, RecursionError, TypeError, ValueError):
         return json.loads(setting)["name"]  # the setting is a plane
     return setting
@@ -207,7 +207,7 @@ def has_digests(place: Place, name: str) -> bool:
 
 
 def changes(place: Place, name: str) -> str:
-    """Return a message that names the changed or lost files of a cube, and the cure.
+    """Return a message that names the changed or lost files of a cube and the remedy.
 
     Files of metadata and coordinates are compared with their digests; in a cube without tiles, all
     files are compared.

@@ -29,14 +29,14 @@ PATIENCE = 30
 """Seconds for which a request is retried while an object store does not answer."""
 
 _NO_LOCKS = errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS
-_NOT_THERE = FileNotFoundError, ValueError  # ValueError for a key that no file can have
+_NOT_THERE = FileNotFoundError, ValueError  # ValueError for a key that cannot be a file name
 _URL = re.compile(r"(s3|gs|az)://[a-z0-9][a-z0-9._-]+(/[\w.=+-]+)+", re.ASCII)
 
 
 class Refused(Exception):
     """The store cannot accept this sweep; nothing was done.
 
-    The message gives the reason and the cure.
+    The message gives the reason and the remedy.
     """
 
 
@@ -45,7 +45,7 @@ class StoreFailed(OSError):
 
 
 def printable(text: str) -> str:
-    """Return the text as one line: spaces replace control characters, e.g. from a foreign store.
+    """Return the text as one line; control characters, e.g. from an unknown store, become spaces.
 
     Examples
     --------
@@ -134,7 +134,7 @@ def place_of(out: str | os.PathLike[str]) -> Place:
     Raises
     ------
     Refused
-        If a URL has another form.
+        If a URL has any other form.
 
     Examples
     --------
@@ -184,8 +184,8 @@ def _opened(path: str) -> "ObjectStore":
 def driver_lock(place: Place) -> Iterator[None]:
     """Lock a directory, creating it if necessary, so that no second driver writes to it.
 
-    Object stores, and directories on file systems without locks, are not locked; in these,
-    two drivers would do the same work twice.
+    Object stores, and directories on file systems without locks, are not locked; there,
+    two drivers would duplicate each other's work.
 
     Raises
     ------
@@ -224,7 +224,7 @@ def store_errors(place: Place) -> Iterator[None]:
     except BaseException as error:
         if isinstance(error, ValueError) and "computed checksum" in str(error):
             reason = "some chunks are damaged; run `python -m workflows.verify --repair` on it"
-        # Errors of files on this machine have an errno. A setting that obstore cannot parse, e.g.
+        # Errors from local files have an errno. A setting that obstore cannot parse, e.g.
         # an endpoint that is not a URL, raises a PanicException.
         elif (
             isinstance(error, BaseError)

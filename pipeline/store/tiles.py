@@ -196,7 +196,7 @@ def _listed(place: Place, array: Array, times: FloatArray | None = None) -> Bool
 def _index(texts: Sequence[str], shape: Sequence[int]) -> tuple[int, ...] | None:
     """Parse an index into an array of this shape.
 
-    Return None if the index is invalid, e.g. in the name of a foreign file.
+    Return None if the index is invalid, e.g. in the name of an unrelated file.
     """
     if len(texts) == len(shape) and all(map(str.isdecimal, texts)):
         index = tuple(map(int, texts))
@@ -331,7 +331,7 @@ def damage(place: Place, arrays: dict[str, Array], index: Sequence[int]) -> str:
     except ValueError as error:
         return str(error)
     checksum = values.pop(COMMIT).flat[1]
-    # The checksum covers no certificates if the tile has none, or is of an earlier version.
+    # The checksum covers no certificates if the tile has none, or an earlier version wrote it.
     if checksum == _checksum(arrays, index, values):
         return ""
     name = arrays[COMMIT].path.split("/")[0].removesuffix(".zarr")
@@ -363,7 +363,7 @@ def record_failure(place: Place, name: str, index: Sequence[int], reason: str) -
 
 
 def wanted_key(name: str) -> str:
-    """Return the key of the number of wanted tiles, stored if a sweep is of some tiles only."""
+    """Return the key of the number of wanted tiles, stored if a sweep covers only some tiles."""
     return f"{name}.zarr/.wanted"
 
 

@@ -103,7 +103,7 @@ def verify(place: Place, name: str, repair: bool = False) -> Iterator[tuple[tupl
     """Yield (index, fault) for each damaged tile of the cube, in tile order.
 
     The index () denotes the metadata, the coordinates, or a cube without tiles. The next run of the
-    cube's command rewrites these; until then its tiles are not verified.
+    cube's command rewrites these; until then the tiles are not verified.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def verify(place: Place, name: str, repair: bool = False) -> Iterator[tuple[tupl
     committed = np.argwhere(np.isfinite(tiles.commit_times(place, arrays)[1]))
     tile_bytes = sum(array.dtype.itemsize * prod(array.chunks) for array, _ in tiled.values())
     n_threads = max(1, min(_MAX_THREADS, MAX_TILE // tile_bytes))
-    with ThreadPoolExecutor(n_threads) as pool:  # an object store is slow to answer
+    with ThreadPoolExecutor(n_threads) as pool:  # object stores are slow to answer
         for first in range(0, len(committed), _MAX_SUBMITTED):
             indices = list(map(tuple, committed[first : first + _MAX_SUBMITTED].tolist()))
             faults = pool.map(partial(tiles.damage, place, arrays), indices)

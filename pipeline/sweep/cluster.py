@@ -103,7 +103,7 @@ def connect(
     address = None if scheduler is None else _address(scheduler)
     if (tls is not None) != (address or "").startswith("tls://"):
         raise ClusterError("a tls:// address needs TLS files: CA, CERT and KEY; others take none")
-    # These loggers would write tracebacks when processes end; the sweep reports this in a sentence.
+    # These loggers would write tracebacks when processes end; the sweep prints a sentence instead.
     for name in ("asyncio", "distributed.batched", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = _QUIET
@@ -178,7 +178,7 @@ def _check_machine(n_workers: int) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """Return the reason dask gives for starting no worker; for a script, also a possible remedy."""
+    """Return dask's reason for not starting workers and, for a script, a possible remedy."""
     while (cause := error.__cause__ or error.__context__) is not None:
         error = cause
     reason = "".join(format_exception_only(error)).strip()
@@ -205,7 +205,7 @@ def write_credentials(client: Client, folder: str | Path) -> list[str]:
 def are_on_this_machine(client: Client) -> bool:
     """Return True if the client's workers are those of a LocalCluster of this process.
 
-    Workers of any other cluster start when its queue allows it.
+    Workers of any other cluster start when that cluster's queue allows it.
     """
     return isinstance(client.cluster, LocalCluster)
 
@@ -236,7 +236,7 @@ def _remote(address: str, tls: Sequence[str] | None) -> Iterator[Client]:
 
 
 def _address(scheduler: str) -> str:
-    """Return `scheduler` if it is an address, else the address in this file, once it exists."""
+    """Return `scheduler` if it is an address; else wait for this file and read the address."""
     address: Any = scheduler
     if "://" not in scheduler:
         file, end = Path(scheduler).expanduser(), time.monotonic() + _FILE_PATIENCE

@@ -118,7 +118,7 @@ def fill(
     ClusterError
         If no worker is suitable, or if `client` is unusable or given together with `workers`.
     ConnectionError
-        If workers cannot be started, or all of them are gone.
+        If workers cannot be started, or all of them are lost.
 
     Examples
     --------
@@ -154,7 +154,7 @@ def compute_missing(
 ) -> xr.Dataset:
     """Compute the missing tiles of the job's cube, or only those in `wanted`; return the cube.
 
-    Parameters and further errors are those of `sweep`.
+    The parameters and the other errors are those of `sweep`.
 
     Raises
     ------

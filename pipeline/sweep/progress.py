@@ -31,7 +31,7 @@ class Progress(AbstractContextManager):
     name : str
         The activity to show at the start.
     stream : file or None
-        Where to write; None for silence.
+        Where to write; None to write nothing.
     predicted : mapping of str to float
         Predicted CPU seconds of each sweep, by its name.
     after : float

@@ -7,8 +7,8 @@
 3. A worker whose versions differ from the driver's, or that cannot see the cube, reports this
    instead of computing. It is retired, and its batch goes to another worker.
 4. Tiles whose worker died are suspects: they are rerun alone at the end. A tile whose worker dies
-   again, or that raises an error, has failed: it stays missing, the store keeps the reason, and
-   the sweep continues with the others.
+   twice more, or that raises an error, has failed: it stays missing, the store keeps the reason,
+   and the sweep continues with the others.
 5. At the end, list the missing tiles once more, to find tiles that were lost, e.g. because a file
    system was unmounted.
 6. On Ctrl-C, submit no more batches, wait for the tiles in flight, and report what remains. If the
@@ -52,7 +52,7 @@ _MIN_BATCH_SECONDS = 0.5  # predicted CPU time of a batch: long compared with 2 
 _BATCH_SECONDS_PER_WORKER = 0.005  # so that the driver spends less than half its time scheduling
 _MAX_PREDICTED = 10_000  # tiles; each prediction takes a millisecond, during which workers wait
 _SIGHT = 2  # seconds that a file system shared by several machines may take to show a file
-_ATTEMPTS_ALONE = 2  # worker deaths after which a tile has failed; the first may have another cause
+_ATTEMPTS_ALONE = 2  # a tile fails if its worker dies in each; one death may have another cause
 
 
 @dataclass(frozen=True)
