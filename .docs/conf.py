@@ -1,6 +1,6 @@
 """Sphinx settings for the site; build it with `python -m sphinx -W .docs out/site`.
 
-Everything that a page loads is in the site itself: no script, style or font comes from elsewhere.
+The site contains everything that its pages load: no script, style or font comes from elsewhere.
 """
 
 import re
@@ -49,11 +49,11 @@ nb_ipywidgets_js = {}  # no widgets: they would load scripts from elsewhere
 
 autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # docstrings have the types
+autodoc_typehints = "none"  # docstrings state the types
 napoleon_google_docstring = False
 napoleon_use_rtype = False
-# Letters in shapes of arrays, such as "(n,)", are also names of several attributes; it does not
-# matter to which of these Sphinx links.
+# Letters in array shapes, such as "(n,)", are also the names of several attributes; it does not
+# matter which of these Sphinx links to.
 suppress_warnings = ["ref.python"]
 
 

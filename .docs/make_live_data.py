@@ -1,4 +1,4 @@
-"""Write what the live page shows: python .docs/make_live_data.py [--proved OUT]
+"""Write the data shown on the live page: python .docs/make_live_data.py [--proved OUT]
 
 `boundary.js` contains CB_gt between 0 and 45 degrees, from which the rest of the plane follows by
 symmetry; computing it takes half a minute of CPU time. `proved.js` contains the results of
@@ -26,7 +26,7 @@ DIGITS = 7  # digits of the corners of triangles, which are rounded towards zero
 
 
 def boundary_data() -> dict[str, object]:
-    """Return the angles of rays, and on each ray the last circle, its breakup and the bracket."""
+    """Return the rays' angles and, for each ray, the last circle, its breakup and the bracket."""
     angles = sorted({*np.linspace(0, 45, 46), *CUSP.round(4)})
     cube = boundary(angles, TOL)
     names = {"value": "critical_scale", "lower": "lower", "upper": "upper"}
@@ -37,9 +37,9 @@ def boundary_data() -> dict[str, object]:
 def proved_data(out: Path) -> dict[str, object]:
     """Return the triangles in which a barrier is proved, and the cells with proved transport.
 
-    A triangle is given by (κ1, κ2) at its two corners other than 0. Cells have the width 1/n; a run
-    [row, from, to] consists of the cells of that row with indices from ≤ i < to along κ1. Triangles
-    and cells cover only 0 ≤ κ2 ≤ κ1.
+    A triangle is given by (κ1, κ2) at its two corners other than 0. Cells have width 1/n; a run
+    [row, from, to] consists of the cells in that row whose index i along κ1 satisfies
+    from ≤ i < to. Triangles and cells cover only 0 ≤ κ2 ≤ κ1.
     """
     names = "proved_map", "proved_triangles"
     cells, triangles = (xr.open_zarr(out / f"{name}.zarr", chunks=None).load() for name in names)
@@ -57,7 +57,7 @@ def proved_data(out: Path) -> dict[str, object]:
 
 
 def write(name: str, data: dict[str, object]) -> None:
-    """Write data to a script of the page, as a JavaScript constant."""
+    """Write data to one of the page's scripts, as a JavaScript constant."""
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
     path = Path(__file__).with_name("live") / f"{name}.js"
     line = f"// Made by make_live_data.py.\nconst {name.upper()} = {text};\n"

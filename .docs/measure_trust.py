@@ -1,8 +1,8 @@
 """Measure how often each method keeps its promise: python .docs/measure_trust.py [--only NAME]
 
 One sample is the table of judged forcings, `tests/judged_forcings.csv`. Each method is applied
-to its forcings in a random order that is always the same, so that the forcings that a short run
-reaches are a fair sample. The script also runs `workflows.stability` and
+to its forcings in a fixed random order, so that even the forcings that a short run reaches are a
+fair sample. The script also runs `workflows.stability` and
 `workflows.work_precision`, which provide the other samples, and `workflows.claims`, which judges
 the claims of the paper. It writes .docs/trust.csv and .docs/claims.csv, which are shown on the
 Trust page of the site.
@@ -103,7 +103,7 @@ def code_of_module(name: str) -> str:
 
 
 def digest(modules: Iterable[str]) -> str:
-    """Return 12 digits of the SHA-256 of the code of modules; comments do not count."""
+    """Return 12 digits of the SHA-256 of the modules' code, without comments."""
     code = "\n".join(map(code_of_module, modules))
     return hashlib.sha256(code.encode()).hexdigest()[:12]
 
@@ -135,7 +135,7 @@ class Method:
     applies : callable
         Returns True for a row to which the method applies.
     fields : tuple of str
-        Names of the fields that are promised, among value, lower and upper.
+        Names of the promised fields: one or more of value, lower and upper.
     """
 
     function: Callable[..., CriticalScale]
@@ -157,7 +157,7 @@ def has_circle(row: Row) -> bool:
     return bool(row.omega) and "bracket" not in row.method
 
 
-# The cheap methods come first: the CPU time that they do not use is left for the search.
+# Cheap methods come first: any CPU time that they do not use is left for the search.
 METHODS = (
     Method(
         symmetry_line.critical_scale,
@@ -334,7 +334,7 @@ def main() -> None:
 
 
 def order(row: Mapping[str, str]) -> tuple[str, bool, str]:
-    """Return a sort key: rows are sorted by method, those of the judged forcings first."""
+    """Return a sort key: by method, with the row for the judged forcings first."""
     return row["method"], row["command"] != COMMAND, row["command"]
 
 

@@ -1,7 +1,7 @@
 """Evaluate three commands that test promises: `stability`, `work_precision` and `claims`.
 
-Each function reads the results that its command has written to a folder. A ratio is the distance of
-a value from that of the most accurate method, divided by the sum of the errors of both; if the
+Each function reads the results that its command has written to a folder. A ratio is the difference
+between a value and that of the most accurate method, divided by the sum of both errors; if the
 ratio exceeds 1, the promise is broken.
 """
 
@@ -38,7 +38,7 @@ class Finding:
     asked, answered, broken : int
         Numbers of cases, of answers that can be compared, and of answers that break the promise.
     worst : float
-        The largest ratio; NaN if answers only keep or break the promise and have no ratio.
+        The largest ratio; NaN if answers have no ratio and simply keep or break the promise.
     """
 
     method: Callable[..., Any]
@@ -55,7 +55,7 @@ def opened(folder: Path, name: str) -> xr.Dataset:
 
 
 def by_ratio(method: Callable[..., Any], promise: str, sample: str, ratio: xr.DataArray) -> Finding:
-    """Return the Finding of an array of ratios; NaN marks a case without an answer."""
+    """Return the Finding for an array of ratios; NaN marks a case without an answer."""
     known = ratio.values[np.isfinite(ratio.values)]
     broken = int((known > 1).sum())
     return Finding(
@@ -64,7 +64,7 @@ def by_ratio(method: Callable[..., Any], promise: str, sample: str, ratio: xr.Da
 
 
 def by_case(method: Callable[..., Any], promise: str, sample: str, broken: xr.DataArray) -> Finding:
-    """Return the Finding of an array that is true where a promise is broken."""
+    """Return the Finding for an array that is true where a promise is broken."""
     return Finding(method, promise, sample, broken.size, broken.size, int(broken.sum()))
 
 

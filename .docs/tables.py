@@ -92,7 +92,7 @@ def statuses() -> str:
 
 
 def trust() -> str:
-    """Return the table of promises that `measure_trust.py` wrote; † marks code changed since."""
+    """Return the table of promises from `measure_trust.py`; † marks code that has since changed."""
     from measure_trust import MEASURED, has_changed, read
 
     rows = read(MEASURED)
@@ -122,7 +122,7 @@ def measured(rows: Sequence[Mapping[str, str]]) -> str:
 
 
 def claims() -> str:
-    """Return the verdicts on the paper's claims by section; † marks code changed since."""
+    """Return the verdicts on the paper's claims by section; † marks code that has since changed."""
     from measure_trust import CLAIMS_HEAD, JUDGED, has_changed, read
 
     rows, shown = read(JUDGED), CLAIMS_HEAD[:-2]
@@ -186,7 +186,7 @@ def command_options() -> str:
 def gallery() -> str:
     """Return the exhibits of the gallery: their commands, and their figures if already drawn.
 
-    Pictures and links are those of `out/gallery`, which `conf.py` copies beside the site.
+    Pictures come from `out/gallery`; links lead to the copy that `conf.py` puts into the site.
     """
     parts = []
     if (GALLERY / "index.html").exists():

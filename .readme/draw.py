@@ -1,9 +1,10 @@
 """Redraw the pictures of the README: python .readme/draw.py out
 
 The directory contains the cubes of critical_boundary, proved_map and work_precision, each in a
-folder of that name, where these commands put them without --out. If cubes are missing, their
-picture is left unchanged, and the command that computes them is printed. The picture of the
-explorer is a screenshot, made with Chromium and Playwright, of the data in critical_boundary.
+folder named after its command, which is where these commands put them without --out. If cubes are
+missing, their picture is left unchanged, and the command that computes them is printed. The picture
+of the explorer is a screenshot, taken with Chromium and Playwright; it shows the data in
+critical_boundary.
 """
 
 import re
@@ -29,14 +30,14 @@ PATIENCE = 100_000  # milliseconds
 
 
 def keep(figure, name, dpi):
-    """Write the figure as NAME.png in true colour: no palette, which would mix colours."""
+    """Write the figure as NAME.png in true colour, because a palette would mix colours."""
     drawn = BytesIO()
     figure.savefig(drawn, dpi=dpi, bbox_inches=style.finish(figure))
     Image.open(drawn).convert("RGB").save(HERE / f"{name}.png", optimize=True)
 
 
 def boundary(cube):
-    """Draw CB_gt alone, coloured and named by its last circles."""
+    """Draw CB_gt alone, coloured and labelled by its last circles."""
     barrier = cube("boundary")
     figure = style.canvas(8, 5, 0)
     axes = figure.subplots()

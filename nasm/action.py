@@ -16,7 +16,7 @@ action* a(x_0), with
 
 where G is the force on x_0, S the Schur complement of the other sites in the Hessian, which is
 tridiagonal, and the pivots are those of the elimination. One sweep from both ends to the middle and
-one sweep back yield all three quantities, and the Newton step of the other sites. For every p/q,
+one sweep back yield all three quantities, and the Newton step for the other sites. For every p/q,
 two orbits are ordered like a rotation: the *minimizing* one, R < 0, at the minimum of a, and the
 *minimax* one, R > 0, at its maximum over the gap between the minimizing orbit and its neighbour.
 Steps of x_0 by +G/|S| lead to the minimizing orbit, and steps by -G/|S| to the minimax orbit.
@@ -27,10 +27,10 @@ Steps of x_0 by +G/|S| lead to the minimizing orbit, and steps by -G/|S| to the 
    residues pass through 0.
 2. *Scan.* Begin the orbit at the site where its gap is widest, and move x_0 across that gap. The
    highest maximum of a is the minimax orbit, which may lie on any symmetry line, or on none.
-3. *Descend.* The scan can fail if the action is steep with several minima, or if no single site
-   shows the maximum. Orbits of periods up to 100 are then found by the argument that shows their
-   existence: orbits whose sites move along the forces on them never cross each other. These
-   orbits descend to minima, and the pass between two minima is on the boundary of their basins of
+3. *Descend.* The scan can fail if the action is steep and has several minima, or if no single
+   site shows the maximum. Orbits of periods up to 100 are then found as in the proof that they
+   exist: orbits whose sites move along the forces on them never cross each other. These orbits
+   descend to minima, and the pass between two minima is on the boundary of their basins of
    attraction.
 4. *Follow.* Orbits are then continued along the segment of forcings by Newton's method, and are
    joined end to end to find longer orbits.
@@ -73,7 +73,7 @@ __all__ = [
 ]
 
 Minimizers: TypeAlias = dict[float, tuple[FloatArray, int, dict[tuple[int, int], FloatArray]]]
-"""For each scale: the forcing that begins at a site, this site, and minimizers keyed by (p, q)."""
+"""For each scale: the forcing from a site on, this site, and the minimizers, keyed by (p, q)."""
 
 SURE_PERIOD = 100
 """Longest period of orbits that are found by descent if the scan misses them."""
@@ -130,7 +130,7 @@ class LostError(Exception):
 
     The message states the reason. These orbits exist under any forcing. Long ones are lost far
     beyond the breakup of the circles near p/q; short ones should always be found, so their loss
-    makes no statement about circles.
+    says nothing about circles.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ class ConvergentOrbits:
     start, profile : ndarray, shape (P,)
         The segment.
     fractions : sequence of Fraction
-        Consecutive convergents of a number, q increasing.
+        Consecutive convergents of a number, in order of increasing q.
     minimizers : dict, optional
         A dict, empty at first; if objects on the same segment share it, they reuse each other's
         constrained minimizers.
@@ -344,8 +344,8 @@ def joined(last: Orbit, one: Orbit, chain: Chain, kind: int) -> Orbit | None:
     Parameters
     ----------
     last, one : Orbit
-        Orbits at the same scale, which is also that of the result. `last` is used once, and `one`
-        as often as `chain` requires.
+        Orbits at the same scale, which is also the scale of the result. `last` is used once, and
+        `one` as often as `chain` requires.
     chain : Chain
         Chain of the result.
     kind : int
@@ -506,7 +506,7 @@ class Chain:
         )
 
     def right(self, u: FloatArray) -> FloatArray:
-        """Return the next orbit to the right, which is the same orbit begun at another time."""
+        """Return the next orbit to the right, which is the same orbit started at another time."""
         return _roll(u, self.frame[1]) + 1 / self.q
 
     def rolled(self, u: FloatArray, first: int) -> FloatArray:
@@ -746,7 +746,7 @@ def _damped_step(kappa, theta, work, u, stiffness):
 
 @kernel
 def _descend(kappa, theta, work, u):
-    """Take damped steps of all sites, in place; return True if they end at a minimum."""
+    """Move all sites by damped steps, in place; return True if they end at a minimum."""
     stiffness = 1.5 * np.abs(kappa).max()
     for _ in range(_DESCENT_STEPS):
         last_stiffness = stiffness
@@ -758,7 +758,7 @@ def _descend(kappa, theta, work, u):
 
 @kernel
 def _saddle(kappa, theta, work, u):
-    """Take Newton steps of all sites, in place, to a stationary orbit.
+    """Move all sites by Newton steps, in place, to a stationary orbit.
 
     Returns R if exactly one curvature of the action is negative at that orbit, NaN otherwise.
     """
@@ -915,7 +915,7 @@ def _eliminate(j, before, force, diagonal, inverse, pull):
 
 @kernel
 def newton_solve(kappa, theta, u, kind, max_step, n_steps, work):
-    """Take steps of `_newton_step`, in place, until only rounding errors are left.
+    """Repeat `_newton_step`, in place, until only rounding errors are left.
 
     Returns the largest change in the last step, followed by what `_newton_step` returns.
     """

@@ -26,8 +26,8 @@ The search proceeds from the outside inwards.
    search continues with that circle. If it shows none, this scale is the last breakup, unless
    residues show that the circle of one of the listed nobles exists above it. The breakup of this
    rival then replaces the scale; if residues do not determine it precisely, the search ends with
-   the narrow interval that remains. In bands residues have no limit: steps continue until the scale
-   without circles and the one with a circle are tol/2 apart, and the value is between them.
+   the narrow interval that remains. In bands residues do not converge: steps continue until the
+   scale without circles and the one with a circle are tol/2 apart, and the value is between them.
 
 With one or two kicks there are no bands, and a faster search comes first. The start that converse
 KAM takes longest to eliminate, just beyond the breakup, is next to what remains of the last circle,
@@ -89,8 +89,8 @@ class Effort:
         that were judged by other methods (`tests/judged_forcings.csv`).
     max_questions : int
         Maximum number of scales at which the Farey tree is searched. Once this number is
-        reached, the search, converse KAM and certification all end. Among the judged forcings,
-        regular ones need 10 to 20 scales, and those with bands up to 60.
+        reached, the search, converse KAM and certification all end. The judged forcings need
+        10 to 20 scales, or up to 60 if they have bands.
     step : float
         Relative length of a step to lower scales, multiplied by the longest period q used: orbits
         of that period exclude circles over about four times this distance. Steps are not shorter
@@ -102,12 +102,12 @@ class Effort:
     breakup_distance : float
         Relative distance, below a scale without circles, within which the last breakup is sought.
     orbit_period, last_period : int
-        Longest period of the orbits whose residues are used for a leap, and of those from which the
-        final value is computed; they yield nine and eleven digits.
+        Longest periods of the orbits used for a leap and for the final value; their residues
+        yield nine and eleven digits.
     cusp_period : int
         Longest period of the orbits that determine the final value if periods up to `last_period`
         are not precise enough, as happens next to a cusp. It also limits the period of the orbits
-        from whose hull functions circles are certified.
+        whose hull functions are used to certify circles.
     blurred_period : int
         If a cusp is resolved only by orbits of periods longer than this, the error extends up to
         `upper`.
@@ -285,7 +285,7 @@ class _Segment:
 
 
 class _Tree:
-    """Results of searches of the Farey tree on a segment, by scale, and the budget of all work.
+    """Results of searches of the Farey tree on a segment, by scale, and the budget for all work.
 
     Parameters
     ----------
@@ -329,11 +329,11 @@ class _Tree:
         return self.began + share * self.seconds
 
     def is_search_over(self):
-        """Return True if the time of the search, or `max_questions`, is used up."""
+        """Return True if the time for the search, or `max_questions`, is used up."""
         return self.has_spent(self.effort.search_share)
 
     def is_elimination_over(self):
-        """Return True if the time of converse KAM, or `max_questions`, is used up."""
+        """Return True if the time for converse KAM, or `max_questions`, is used up."""
         return self.has_spent(self.effort.witness_share)
 
     def has_spent(self, share):
@@ -447,7 +447,7 @@ def _outermost(tree):
 
 
 def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
-    """Return the _Bracket of the last breakup between two scales, wider if the budget is spent.
+    """Return the _Bracket of the last breakup between two scales; wider if the budget runs out.
 
     omega : a circle that exists at `inside`, if one is known. leaps : False to lower the scale
     only by steps until a circle is found.
@@ -609,7 +609,7 @@ def _eliminated_above(tree, tol, bracket):
 
 
 def _certified_below(tree, tol, bracket):
-    """Return the scale of a certified circle at a bracket's lower end or below, or else NaN."""
+    """Return the scale of a certified circle at or below a bracket's lower end; NaN if none."""
     segment, effort = tree.segment, tree.effort
     value, _ = _value(tree, tol, bracket)
     lower, begin = nan, bracket.inside
@@ -679,7 +679,7 @@ def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCi
     -------
     InvariantCircle
         The circle of scale.omega under the forcing scale.lower·profile, or under a weaker forcing
-        if the circle is certified only there; its graph is `circles.graph`. If no circle
+        if the circle is certified only there; `circles.graph` returns its graph. If no circle
         is certified, the status is NOT_CERTIFIED, and the array of deviations is empty.
 
     Raises
@@ -710,7 +710,7 @@ def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCi
 
 
 def boundary(angles: ArrayLike, tol: float = 1e-4) -> list[CriticalScale]:
-    """Compute the boundary of global transport of two kicks, ray by ray.
+    """Compute the boundary of global transport for two kicks, ray by ray.
 
     Parameters
     ----------

@@ -156,7 +156,7 @@ def positive(name: str, value: object, meaning: str) -> float:
 
 
 def floats(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """Check that `values` are real numbers that floats represent; return them as a float array.
+    """Check that `values` are real numbers that floats can represent; return them as a float array.
 
     Raises
     ------

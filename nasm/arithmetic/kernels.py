@@ -56,7 +56,7 @@ _EXPIRY_SECONDS = 30 * 24 * 3600
 """Age at which the kernels of another version are deleted."""
 
 _LOCK_TIMEOUT = 60
-"""Seconds to wait for another process that compiles the same kernel."""
+"""Seconds to wait for another process that is compiling the same kernel."""
 
 
 def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:

@@ -83,7 +83,7 @@ def _elementwise(emit):
 
 
 def _llvm(name):
-    """Return a function that emits calls of an LLVM intrinsic for the type of its operands."""
+    """Return a function that emits calls to an LLVM intrinsic for the type of its operands."""
 
     def emit(builder, *operands):
         kind = operands[0].type

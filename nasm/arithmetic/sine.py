@@ -5,7 +5,7 @@
 An angle in turns is reduced by x - rint(x), which is exact for every x below 2⁵². In radians the
 product 2πx is rounded before it is reduced, so that libm's sin(2π·x) is wrong by 7e-10 at x = 10⁶.
 
-Of all such polynomials whose constant term is exactly 1, this one has the smallest maximum of the
+Of all such polynomials whose constant term is exactly 1, this one has the smallest maximum
 *absolute* error in sin 2πu on |u| ≤ 1/4. Its coefficients were found by Remez exchange in 60-digit
 arithmetic with the weight 2πu, then rounded to double. The error is 1.10e-16 before rounding;
 `tests/test_sine.py` finds the extrema of this error. Including the rounding in the evaluation,
@@ -35,7 +35,7 @@ SINE = (
 """Coefficients 1, c₁, …, c₇ of (sin 2πu)/(2πu) as a polynomial in u²; see the docstring above."""
 
 SINGLE_SINE = (1.0, -6.5797324892444, 12.987386239067208, -12.18679412216513, 6.315699279004127)
-"""The best polynomial of degree 4 in u²: its error, 5e-9, is below single rounding errors, 6e-8."""
+"""Best polynomial of degree 4 in u²; its error, 5e-9, is below single-precision rounding, 6e-8."""
 
 COSINE = tuple((2 * k + 1) * c for k, c in enumerate(SINE))
 """Coefficients of cos 2πu in u², from the derivative of sin 2πu.

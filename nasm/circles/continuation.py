@@ -44,8 +44,8 @@ __all__ = ["ContinuationSettings", "certified_circle", "critical_scale", "finene
 
 METHOD = "continuation of circles"
 UNSTABLE_EIGENVALUES = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}
-"""δ by the tail of ω. Golden: MacKay, Physica D 7 (1983) 283. Twos, threes and fours: measured with
-`nasm.periodic`, as the growth of dR/ds at s_c from one convergent to the next."""
+"""δ for each tail of ω. Golden: MacKay, Physica D 7 (1983) 283. Twos, threes and fours: measured
+with `nasm.periodic`, as the growth of dR/ds at s_c from one convergent to the next."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def critical_scale(
     2. Continue the circle from s = 0, each time by a fixed fraction of the estimated distance to
        the breakup, with as many modes as each circle needs.
     3. Stop when `error` is below tol, or no more modes are available.
-    4. Certify the last circle of at most 2048 points.
+    4. Certify the last circle with at most 2048 points.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def certified_circle(
     Notes
     -----
     The work grows like 1/distance: 0.1 s at 10⁻⁴, 9 s and 1 GB at 10⁻⁵. At such
-    distances rounding sets a limit: next to a cusp, the smallest attainable one may be 3·10⁻⁵.
+    distances rounding sets a limit: next to a cusp, the smallest one attainable may be 3·10⁻⁵.
 
     Examples
     --------
@@ -263,7 +263,7 @@ def certified_circle(
         if u is None:
             break
         path.append((breakup * (1 - d), u))
-    # Try fewer modes first: they add less rounding. No circle is extrapolated from this one.
+    # Try fewer modes first: they add less rounding error. No circle is extrapolated from this one.
     tries = [(distance, factor) for factor in (0.4, 0.7, 1.0)] + [(min(1.4 * distance, 0.5), 0.7)]
     nearest = (
         (breakup * (1 - d), circle_at(d, factor * settings.modes / d))

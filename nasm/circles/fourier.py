@@ -81,7 +81,7 @@ def turns(omega: OmegaLike, n_modes: int) -> NDArray[np.complex128]:
 
 
 def grid(omega: OmegaLike, n_modes: float, settings: GridSettings = DEFAULT_GRID_SETTINGS) -> int:
-    """Choose a grid size for which `cut` keeps n_modes or more, the last just below a resonance.
+    """Choose a grid size for which `cut` keeps n_modes or more, up to just below a resonance.
 
     Near a breakup, the modes just below a resonance are small, but those beyond it are not.
 

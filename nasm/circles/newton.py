@@ -1,4 +1,4 @@
-"""Invariant circles in chain form: their computation by Newton's method, and certification.
+"""Invariant circles in chain form: computation by Newton's method, and certification.
 
 The sites of a circle's orbits are x_j = h_j(θ), j = 0, …, P - 1 within a period, and a period takes
 θ to θ + ω:
@@ -11,7 +11,7 @@ up to a shift θ → θ + constant, which ⟨u_0⟩ = 0 fixes.
 
 The Newton step is that of Levi and Moser (Proc. Sympos. Pure Math. 69 (2001) 733). Write the
 correction of u_j as h_j' w_j. The linearised equations, multiplied by h_j', telescope up to terms
-of the size of E²:
+of order E²:
 
     c_j (w_{j+1} - w_j) - c_{j-1} (w_j - w_{j-1}) = -h_j' E_j,        c_j = h_j' h_{j+1}'.
 
@@ -173,7 +173,7 @@ def invariant_circle(
 
     1. Newton's method starts from `start`, or the circle is continued from κ = 0 along s·kappa: the
        step in s is doubled after a success and halved after a failure.
-    2. The number of modes is doubled while the last of them carry more than 0.3% of the H³ norm.
+    2. The number of modes is doubled while the highest modes carry more than 0.3% of the H³ norm.
     3. For the certificate, Newton's method must converge again, with h' > 0, on a grid four times
        finer.
 
@@ -513,7 +513,7 @@ def _newton(omega, kappa, u, settings):
 
 @kernel(error_model="numpy")
 def _iterate(kappa, angles, turn, kept, u, max_steps, max_update, max_tail):
-    """Take Newton steps to a clear outcome; return its index in _OUTCOMES and the initial error."""
+    """Take Newton steps until the outcome is clear; return its index and the initial error."""
     workspace = _workspace(*u.shape)
     first = last_error = last_change = 1.0
     for step in range(max_steps):

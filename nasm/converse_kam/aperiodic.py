@@ -20,10 +20,10 @@ such family of graphs passes through the start if for some n
     v_{n+1} = (2 + κ_n cos 2π(x_n - θ_n)) v_n - v_{n-1} ≤ 0,   v_site = 0,  v_{site+1} = 1,
 
 or if the same inequality holds for the backward chain, or if that module's inequality for sums
-holds. Before each kick, all graphs cross the line x = a: if all starts on this line are eliminated,
-no family of graphs exists. By the symmetry y → y + 1, it suffices to take y from 0 to 1.
+holds. Before each kick, every graph crosses the line x = a: if all starts on it are eliminated, no
+family of graphs exists. By the symmetry y → y + 1, it suffices to take y from 0 to 1.
 
-The absence of such graphs does not show transport. For aperiodic forcing no theorem like
+The absence of such graphs does not imply transport. For aperiodic forcing no theorem like
 Birkhoff's says that barriers are graphs: `asymptotic` computes curves that are practically circles
 from some kick on, but fold before that kick. So apply the criterion to kicks over which the forcing
 has settled, and search for orbits that escape: only such orbits show transport. Results for N kicks
@@ -91,7 +91,7 @@ class AperiodicSettings:
     max_lines : int
         Maximum number of lines that `last_survivor` searches.
     middle_kicks : int
-        All lines but the first are before a kick less than this many kicks from the middle.
+        All lines but the first precede a kick that is fewer than this many kicks from the middle.
     lower_ratios : tuple of float
         `critical_scale` looks for a lower scale without survivors at these multiples of the lowest
         such scale found so far, in this order.
@@ -125,7 +125,7 @@ def escape_time(
     theta : float or array_like, shape (N,)
         Their phases, in turns.
     x, y : array_like
-        Starts before the first kick, in turns. Their shapes broadcast.
+        Starts before the first kick, in turns. Their shapes must broadcast.
     window : (lo, hi)
         y is inside while lo ≤ y ≤ hi.
 
@@ -251,7 +251,7 @@ def last_survivor(
     effort: int = 8,
     settings: AperiodicSettings = DEFAULT_SETTINGS,
 ) -> LongestLived:
-    """Find the longest-lived start of the first line on which all starts are eliminated.
+    """Find the longest-lived start on the first line where all starts are eliminated.
 
     Up to `settings.max_lines` lines are searched: one before the strongest kick, and the others
     before the strongest kicks near the middle.
@@ -349,7 +349,7 @@ def critical_scale(
     CriticalScale
         upper : on one of the lines of `last_survivor`, no start survives at this scale. value is
         the middle of the bracket, and error half of its width. lower is NaN and omega None, because
-        survivors do not show a barrier. The larger the number of kicks, the lower the scale. Status
+        survivors do not imply barriers. The larger the number of kicks, the lower the scale. Status
         NO_BREAKUP if a start survives kicks of strength 2, and UNDECIDED if the search at the end
         finds a survivor.
 

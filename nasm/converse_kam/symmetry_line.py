@@ -32,7 +32,7 @@ three or more kicks, minimax orbits of different ω may be on different lines:
 `converse_kam.transversal` constructs a curve through them all.
 
 On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the line obeys,
-beyond breakup,
+beyond the breakup,
 
     s/s_c - 1 ≈ C/T,
 
@@ -171,7 +171,7 @@ DEFAULT_SETTINGS = LineSettings()
 
 @dataclass(frozen=True)
 class LongestLived:
-    """The start that takes longest to be eliminated.
+    """The start that takes longest to eliminate.
 
     Attributes
     ----------
@@ -239,7 +239,7 @@ def elimination_time(
 def longest_lived(
     kappa: ArrayLike, n_max: int, settings: LineSettings = DEFAULT_SETTINGS
 ) -> tuple[float, float]:
-    """Find the start on the dominant symmetry line that takes longest to be eliminated.
+    """Find the start on the dominant symmetry line that takes longest to eliminate.
 
     Parameters
     ----------
@@ -307,7 +307,7 @@ def critical_scale(
         upper : no start was found to survive n_max steps at this scale. error : a third of
         upper - value; the whole difference next to a cusp that lifetimes do not resolve. lower is
         NaN and omega None: the method neither finds nor identifies a circle. The status is
-        NOT_CONVERGED if lifetimes contradict each other, or the law, because a search missed a
+        NOT_CONVERGED if lifetimes contradict each other or the law because a search missed a
         survivor.
 
     Raises
@@ -355,7 +355,7 @@ def _lower_scale(lifetime, scale, time, slope, n_kicks, max_scales):
     """Lower the scale until starts survive nearly n_kicks.
 
     Returns the lowest scale at which no start was found to survive, the longest lifetime there, and
-    the slope of the law; NaN if `max_scales` do not suffice.
+    the slope of the law; NaN if `max_scales` is too small.
     """
     survived = 0.0  # the largest scale at which a start is known to survive
     for _ in range(max_scales):

@@ -15,7 +15,7 @@ The combination ξ_n v_{n+1} - ξ_{n+1} v_n = ξ_0 is constant, so v_n > 0, and 
 ξ_0/(v_n v_{n+1}) from each site to the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same holds backwards,
 and ξ_1 + ξ_{-1} is ξ_0 times the right-hand side.
 
-Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. If all starts on one such
+Every rotational circle crosses any curve that leads from y = -∞ to y = ∞. If all starts on one such
 curve are eliminated, no circle exists. Orbits that minimize the action are never eliminated. So the
 curve must pass through the gaps between them, for every ω, and a *minimax* orbit of p/q is in the
 middle of such a gap: among the orbits of p/q that minimize the action for a fixed x_0, it has the
@@ -28,10 +28,9 @@ transversal is that line.
 2. The longest-lived start is on a piece between two orbits, p/q and p'/q'. Bend the piece through
    the minimax orbit of (p + p')/(q + q'), at the point of this orbit nearest to the piece in units
    of the gap.
-3. Repeat step 2 as long as the longest-lived start survives, and its lifetime is long enough
-   to resolve the change.
-   This leads down the Farey tree, to minimizing orbits on the curve, and to the circle that breaks
-   last.
+3. Repeat step 2 as long as the longest-lived start survives, and the number of steps is large
+   enough to resolve the change. This leads down the Farey tree, to minimizing orbits on the curve,
+   and to the circle that breaks last.
 
 On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the curve beyond the
 breakup obeys s/s_c - 1 ≈ C/T, as on a symmetry line, with C in EXCESS_BOUNDS. These results rest
@@ -104,7 +103,7 @@ class TransversalSettings:
     max_sites : int
         Maximum number of sites whose transversals are tried.
     period_factor : float
-        Longest period of the minimax orbits by which pieces are bent, divided by √n_max.
+        Longest period of the minimax orbits used to bend pieces, divided by √n_max.
     short_lifetime : float
         If the longest lifetime, in kicks, does not exceed this value, the transversals of all sites
         are compared to find the one whose longest lifetime is shortest.
@@ -463,7 +462,7 @@ def _bend_while_surviving(transversal, n_steps, search, until, settings):
 
 
 def longest_period(n_steps: float, settings: TransversalSettings = DEFAULT_SETTINGS) -> float:
-    """Return the longest period of the minimax orbits by which pieces are bent, for n_steps.
+    """Return the longest period of the minimax orbits used to bend pieces, given n_steps.
 
     Examples
     --------
