@@ -481,9 +481,9 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
 
 
 def _simplest_near(omega, kappa, period):
-    """Return the noble with the shortest prefix near ω, which an orbit of this period excluded.
+    """Return the noble with the shortest prefix near ω, to the resolution of orbits of this period.
 
-    The two Farey neighbours of that orbit are at least 4/period² apart.
+    The two Farey neighbours of such an orbit are at least 4/period² apart.
     """
     near = float(omega), 4 / period**2, 1
     return [*half_shift_nobles(kappa, *near), *nobles_near(*near)][0]

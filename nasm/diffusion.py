@@ -2,9 +2,9 @@
 
     D = lim <(y_n - y_0)²> / 2n,     with n in periods of the forcing, and y as in `nasm.maps`,
 
-where <…> is the mean over all starts in the cell 0 ≤ x, y < 1. The mean includes islands, from
-which nothing spreads; with this definition, a density gradient drives the flux -D ∂ρ/∂y. The
-literature on the standard map mostly states <(p_n - p_0)²>/n for p = 2πy, which is 8π²D. While a
+where <…> is the mean over all starts in the cell 0 ≤ x, y < 1. The mean includes orbits in islands,
+which do not spread; with this definition, a density gradient drives the flux -D ∂ρ/∂y. The
+literature on the standard map usually quotes <(p_n - p_0)²>/n for p = 2πy, which is 8π²D. While a
 barrier exists, D is 0.
 
 Motion within a cell adds a constant to <(y_n - y_0)²>, so D is computed from the slope between lags

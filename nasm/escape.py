@@ -5,7 +5,7 @@
 An escape from y_0 in [0, 0.3] out of the window (-2, 2.3) shows global transport (Proposition 1 of
 arXiv:1606.04824, Sec. V.B), as long as every invariant circle has an amplitude below 1. The
 criterion is one-sided: n* = inf only means that nothing escaped up to n_max. The boundary of the
-set {n* ≤ N} is outside the boundary of global transport, by a distance that decreases only as
+set {n* ≤ N} lies outside the boundary of global transport, at a distance that decreases only as
 N^(-1/3.012).
 
 n* of an ensemble is effectively random: different floating-point arithmetic yields a different
@@ -18,9 +18,9 @@ quarter turn,
     y' = y - κ u·p(u²),   X' = r + y',       since sin 2πx = -sin 2πu = -2πu·p(u²)
 
 where p is the polynomial of `nasm.arithmetic.sine`; the kernel uses its coefficients multiplied by
--κ. The test for escape is made once per block of steps, with the largest |y| in the block. If this
-value is beyond the nearer end of the window, the block is repeated step by step, so escape times
-are exact. In single precision p has degree 4.
+-κ. Orbits are tested for escape once per block of steps, using the largest |y| in the block. If it
+exceeds the distance from 0 to the nearer end of the window, the block is repeated step by step, so
+escape times are exact. In single precision p has degree 4.
 """
 
 from collections.abc import Sequence
@@ -488,7 +488,7 @@ def kick_series(kappas: FloatArray, series: Sequence[float] | FloatArray = SINE)
 
 
 def polynomial(c: FloatArray, p: int, v: FloatArray) -> FloatArray:
-    """Evaluate Σ c_k vᵏ for kick p; the precision of c fixes the number of terms."""
+    """Evaluate Σ c_k vᵏ for kick p; the precision of c determines the number of terms."""
     raise NotImplementedError("polynomial is compiled inside kernels only")
 
 

@@ -5,12 +5,12 @@ and the simplest is the *mediant* (p + p')/(q + q'). A path of mediants leads to
 circle of ω exists, the residues of the minimax orbits along the path decay to 0. At the breakup of
 a noble circle they stay near 0.25 (Greene). Below and above the breakup, ln(R/0.25) of a mediant is
 approximately the sum of the values of its two neighbours. So no circle exists between neighbours
-with large residues, and beyond the last breakup typically a hundred mediants exclude all ω.
+with large residues, and beyond the last breakup a hundred mediants typically exclude all ω.
 
 The orbit of a mediant is obtained by joining the orbits of its neighbours (`nasm.action`). The
-search does not decide everything: a circle within a relative distance δ of its breakup is resolved
+search leaves some cases undecided: a circle within a relative distance δ of its breakup is resolved
 only by periods of order 1/δ. But the tree has no gaps. Converse KAM, by contrast, samples starts;
-for three kicks or more, those that survive may be confined to intervals of width 10⁻⁶.
+for three kicks or more, the surviving starts may be confined to intervals of width 10⁻⁶.
 """
 
 from collections.abc import Sequence
@@ -64,18 +64,18 @@ class TreeSettings:
         paths to the last circles of 144 forcings of one to twelve kicks, products at the breakup
         were at most 0.19. From period 10 on they were at most 0.08, except for the tail (4), where
         they reached 0.19. Products just above a breakup should also be below the limit, so that the
-        search tries the circle that breaks there: with 0.2 it missed one with the tail (4).
+        search tries the circle that breaks there: a limit of 0.2 excluded one with the tail (4).
     largest_residue : float
         Largest residue of two neighbours that may enclose a circle, if one of their periods is
-        `short_period` or longer. On these paths residues were at most 0.8, except one of 1.57 with
-        11 kicks.
+        `short_period` or longer. On the paths above, residues were at most 0.8, except for one of
+        1.57 at 11 kicks.
     short_period : int
-        Neighbours whose periods are both shorter may have any residues; one was 49.
+        Neighbours whose periods are both shorter may have any residues; a residue of 49 occurred.
     small_residue : float
         If the residues of neighbours are below this value, the noble between them is tested
         directly.
     max_mediants : int
-        Maximum number of mediants tried; forcings that were decided took up to 1700.
+        Maximum number of mediants tried; deciding a forcing took up to 1700.
     scanned_period : int
         Up to this period, the highest maximum of the action is sought; for longer orbits, the
         maximum next to those of the neighbours.
@@ -234,13 +234,13 @@ def circle_exists(
     known : sequence of Orbit
         Known minimax orbits of convergents of ω.
     settings : TreeSettings
-        Sets the range of periods whose residues are compared.
+        Limits on residues, and the range of periods whose residues are compared.
 
     Returns
     -------
     bool
-        True if the residues of the last three minimax orbits show a decrease. False otherwise,
-        or if long orbits are lost, which happens far beyond the breakup.
+        True if the residues of the last three minimax orbits decrease. False otherwise, and also
+        if an orbit is lost because the forcing is far beyond the breakup.
 
     Examples
     --------

@@ -152,7 +152,7 @@ def secondary_equation(kappa1: ArrayLike, kappa2: ArrayLike, z: ArrayLike) -> Fl
 
 
 def cubic_estimate(kappa1: ArrayLike, kappa2: ArrayLike) -> FloatArray:
-    """Estimate z of the secondary point to third order, by the corrected Eq. (39).
+    """Estimate z of the secondary point to third order, from the corrected Eq. (39).
 
     Return NaN where z is not real.
 

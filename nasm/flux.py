@@ -1,6 +1,6 @@
 """The flux through a broken circle: the difference in action of two periodic orbits.
 
-A circle that breaks leaves a cantorus, through whose gaps orbits pass. In one step of T the same
+A broken circle leaves behind a cantorus, through whose gaps orbits pass. In one step of T the same
 area passes upwards and downwards,
 
     ΔW = lim ΔW_{p/q},    ΔW_{p/q} = W(minimax orbit) - W(minimizing orbit),

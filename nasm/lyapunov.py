@@ -5,9 +5,9 @@
 
 n counts steps, i.e. periods of the forcing. On a regular orbit v_n grows linearly, because the map
 twists, so that λ_N ~ ln N / N; on a chaotic one λ_N tends to the Lyapunov exponent (Froeschlé,
-Lega & Gonczi, Celest. Mech. Dyn. Astron. 67 (1997) 41). Both are statements about one orbit, up to
-N: they distinguish neither a circle from an island, nor an orbit that sticks to a cantorus from one
-on a circle.
+Lega & Gonczi, Celest. Mech. Dyn. Astron. 67 (1997) 41). Both describe one orbit, and only up to
+step N: they distinguish neither a circle from an island, nor an orbit that sticks to a cantorus
+from an orbit on a circle.
 """
 
 from math import floor, log

@@ -104,7 +104,7 @@ def unstable(
     spacing : float
         Largest distance from each point of the branch to the next, in turns, > 0.
     toward : {1, -1}
-        1 for the branch that begins to the right, -1 for the one to the left.
+        1 for the branch that starts to the right, -1 for the branch that starts to the left.
     settings : ManifoldSettings
         How the branch begins, and how many points it may have.
 
@@ -288,7 +288,7 @@ def turnstile(
     Raises
     ------
     LostError
-        If the orbits that tend to the homoclinic ones are not found, are longer than
+        If the orbits that approximate the homoclinic ones are not found, are longer than
         settings.max_period, or differ only by rounding errors, as they do where R is about 0; or if
         the manifolds do not come close to the homoclinic orbits within settings.max_length.
 

@@ -29,7 +29,7 @@ NAMES = ("gamma", "gamma+1", "2gamma", "2gamma+1", "(5gamma+6)/(4gamma+5)", "(ga
 """The six rotation numbers of the paper, Sec. VI, as `parse` reads them."""
 
 MAX_CHARACTERS = 10_000
-"""Length of the longest text that `parse` reads."""
+"""Maximum length of a text that `parse` accepts."""
 
 MAX_QUOTIENTS = 1000
 """Maximum number of partial quotients read or computed, in prefix and period together."""

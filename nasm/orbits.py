@@ -1,4 +1,4 @@
-"""Orbits on the lift, phase portraits, and the rotation number by weighted Birkhoff average.
+"""Orbits on the lift, phase portraits, and rotation numbers by weighted Birkhoff averages.
 
     ω = lim (x_n - x_0)/n  =  Σ_t w(t/n) (x_{t+1} - x_t) / Σ_t w(t/n),   w(s) = exp(-1/(s(1-s)))
 
@@ -111,7 +111,7 @@ def passages(
     kappa : array_like, shape (P,)
         The forcing, first kick first.
     x, y : array_like, scalars or shape (m,)
-        Starts, in turns; they count among the points of the orbits.
+        Starts, in turns; each is the first point of its orbit.
     n : int
         Number of points of each orbit, 1 to 10⁹.
     box : (left, bottom, width, height)
@@ -162,7 +162,7 @@ def rotation_number(
         Starts, in turns. Their shapes broadcast.
     n : int
         Number of steps to average over, 4 to 10⁹; 10⁴ steps yield 12 digits or more on a robust
-        circle. Once the averages over the halves agree, further steps lose digits, because rounding
+        circle. Once the averages over the halves agree, more steps cost digits, because rounding
         errors make y drift.
 
     Returns
@@ -246,7 +246,7 @@ def rotation_number_of(x: ArrayLike) -> tuple[FloatArray, FloatArray]:
     advance, half = np.diff(x, axis=0), (len(x) - 1) // 2
     parts = advance[: 2 * half], advance[:half], advance[half : 2 * half]
     averages = [np.tensordot(bump(len(part)), part, 1).ravel() for part in parts]
-    # By summation by parts, errors of positions are multiplied by differences of weights, whose
+    # After summation by parts, errors of positions are multiplied by differences of weights, whose
     # absolute values add up to 5.3/n.
     rounding = 5.3 * np.finfo(float).epsneg * np.abs(x).max(initial=0.0) / half
     omega, digits = _with_digits(averages, 2 * half, rounding, 1.5)

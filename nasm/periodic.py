@@ -50,7 +50,7 @@ class ResidueSettings:
         Period from which orbits resolve the sheets of a boundary. Along the ray, the residues of
         the first pair of orbits with at least this period are compared.
     single_sheet_period : int
-        The same period for forcings of one or two kicks, whose boundaries have one sheet.
+        The corresponding period for forcings of one or two kicks, whose boundaries have one sheet.
     min_broken_residue : float
         Both residues of that pair must exceed this value to show a breakup; smaller ones may be due
         to a change of the dominant line, where residues pass through 0.
@@ -164,10 +164,10 @@ def critical_scale(
 
     Notes
     -----
-    `_limit` estimates the error. Next to a cusp, the error is doubled unless the longest
-    period is at least four times that from which orbits resolve the cusp. If two families of orbits
-    are used, the error is at least the difference of their values. Residues of long orbits decrease
-    with q just below the value, and increase just above it.
+    `_limit` estimates the error. Next to a cusp, the error is doubled unless the longest period is
+    at least four times the `cusp_period`. If two families of orbits are used, the error is at least
+    the difference between their values. Residues of long orbits decrease with q just below the
+    value, and increase just above it.
 
     Examples
     --------
@@ -196,7 +196,7 @@ def crossings(
     """Compute the scales at which consecutive convergents have equal residues, R_n(s) = R_{n+m}(s).
 
     The orbits are minimax orbits. If the forcing repeats itself up to a symmetry, the shorter map
-    is used: on κ1 = κ2, the standard map at ω/2. Parameters and errors are those of
+    is used: on κ1 = κ2, the standard map at ω/2. Parameters and exceptions are those of
     `critical_scale`.
 
     Returns
@@ -278,7 +278,7 @@ def _residues_decay(orbits, shorter, longer, scale):
     """Return True if the longer of two minimax orbits has the smaller residue.
 
     Return False otherwise, and also if an orbit is lost far beyond the breakup. Return None if an
-    orbit is lost that should have been found.
+    orbit that should have been found is lost.
     """
     try:
         residues = [_residue(orbits, n, scale) for n in (shorter, longer)]
@@ -523,7 +523,7 @@ def torus_scale(
 
 
 def cusp_period(kappa: ArrayLike) -> float:
-    """Compute the period from which orbits distinguish a forcing next to a cusp from the cusp.
+    """Compute the shortest period that distinguishes a forcing next to a cusp from the cusp.
 
     The period is 5·d^-0.6, where d is the smallest of `distances_to_shorter` (see `CUSP_EXPONENT`).
     It is inf at a cusp.

@@ -54,7 +54,7 @@ PAIRS_AXES = {
 class Plane:
     """A plane of forcings of one period, κ(a, b) = origin + a·first + b·second.
 
-    Planes with equal fields are equal. They are hashable, so that they can be members of sets.
+    Planes with equal fields are equal. Planes are hashable, so they can be members of sets.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ class Plane:
         omega_shift : ndarray of int, shape of angle
             The circle of ω on the ray at `angle` breaks at the same scale as that of
             ω + omega_shift on the folded ray. For two kicks the mirrors κ1 → -κ1 and κ2 → -κ2 add
-            1, Eqs. (24) to (28); swapping the kicks and κ → -κ add nothing.
+            1, Eqs. (24) to (28); swapping the kicks adds 0, and so does κ → -κ.
 
         Examples
         --------
@@ -317,8 +317,8 @@ def rotating(frequency: Fraction | str, phase: Fraction | str | int = 0) -> Plan
 
     Notes
     -----
-    Cosines that should be equal, opposite, 0 or 1 are exactly so, to the last bit. Symmetric
-    forcings, and those of a shorter period, are therefore recognized.
+    Cosines that should be equal, opposite, 0 or 1 are so to the last bit. Forcings that are
+    symmetric or have a shorter period are therefore recognized.
 
     Examples
     --------
@@ -368,7 +368,7 @@ def pairs(delay: Fraction | str) -> Plane:
     Notes
     -----
     Both strengths are in units of the period, as in the physics literature: the momentum p changes
-    by (K/2π) sin 2πx, and x by p in unit time. In a time 1/q, x changes by y = p/q, so the
+    by (K/2π) sin 2πx, and x by p in unit time. In a time of 1/q, x changes by y = p/q, so the
     forcing has q kicks: the first is K/q, the a-th after it is K_α/q, and the others are 0.
 
     References

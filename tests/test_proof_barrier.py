@@ -33,7 +33,7 @@ CASES = [("gamma", (0.3, 0.2), 64), ("[0;(3)]", (-0.5,), 128), ("gamma", (0.15, 
 
 
 def near(profile, omega, breakup, distance):
-    """Return ω, kappa and deviations (floats) of a circle at a relative distance below breakup."""
+    """Return ω, kappa and deviations (floats) of a circle this relative distance below breakup."""
     omega, profile = parse(omega), np.array(profile)
     scale, u = continuation.certified_circle(omega, profile, breakup, distance)
     return omega, scale * profile, u

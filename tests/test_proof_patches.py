@@ -170,7 +170,7 @@ def nodes(n):
 
 
 def circles_at_points(profile, tilt, high, shape):
-    """Return a case made of circles at Q·R points: residuals are small only at these points."""
+    """Return a case built from circles at Q·R points; its residuals are small only there."""
     result, kappa = patch(profile, tilt, 0.0, high, shape), np.array(profile)
     starts = [
         proofs.barrier.circles.invariant_circle(GAMMA, high / 2 * (1 + s) * (kappa + t * b)).u

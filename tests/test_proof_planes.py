@@ -117,10 +117,10 @@ def test_boxes_that_a_circle_crosses_are_not_eliminated():
     """Each box contains a point of a circle that exists under one forcing of the box's cell.
 
     This point is not the middle of the box, nor is this forcing the middle of the cell.
-    Most of these boxes are eliminated under much stronger kicks, so the test could fail.
+    Most of these boxes are eliminated under much stronger kicks, so the test is not vacuous.
     """
     rng, n_beyond = np.random.default_rng(7), 0
-    omega, plane = number("[1;2,(1)]"), three_kicks(0.2)  # the last circle at 20°, up to 0.440
+    omega, plane = number("[1;2,(1)]"), three_kicks(0.2)  # the last circle at 20° breaks at 0.440
     forcings = np.ascontiguousarray(np.transpose([plane.origin, plane.first, plane.second]))
     turn = np.deg2rad(20)
     place = 0.43 * np.array([np.cos(turn), np.sin(turn)])
@@ -311,7 +311,7 @@ def started(way, rng):
 
 @pytest.mark.parametrize("way", [0, 1])
 def test_a_start_has_bounds_on_its_rounding(way):
-    """A and B bound the start's rounding errors, and even six roundings of every term."""
+    """A and B bound the rounding errors of the start, even if every term is rounded six times."""
     rng, ulp = np.random.default_rng(9), Fraction(1, 2**53)
     for _ in range(300):
         _, points, box, state, _ = started(way, rng)

@@ -1,4 +1,4 @@
-"""Residuals of a patch in sums of two floats: the error bounds are derived, and obeyed."""
+"""Residuals of a patch, computed in sums of two floats: error bounds are derived and tested."""
 
 import re
 import time
@@ -52,7 +52,7 @@ def test_sums_and_products_are_as_accurate_as_the_bounds_assume(a, b, near):
 
 
 def test_the_constants_of_the_bounds_follow_from_those_of_sums_and_products():
-    much = 1 + 1e-3  # products of errors
+    much = 1 + 1e-3  # allows for products of errors
     product = ROOT * (MULTIPLY + ADD) * much
     assert product < 14.2
     times_root = (14.2 + ROOT * TABLE) * much
@@ -116,7 +116,7 @@ def inputs(n):
     yield rng.normal(size=n) + 1j * rng.normal(size=n)
     yield np.ones(n) * (1 + 1j) / 3
     yield np.exp(2j * np.pi * (n // 3) * i / n)  # one large result
-    yield np.exp(1j * np.pi * i * i / n)  # all results of one size
+    yield np.exp(1j * np.pi * i * i / n)  # all results have the same size
     yield (-1.0) ** i * (0.1 + 0.7j)
     yield np.where(i == n - 1, 1 / 3 + 1j / 7, 0)
     yield np.exp(-1.5 * i) * (1 + 1j)
@@ -150,7 +150,7 @@ def test_a_transform_is_within_its_bound(n):
             bound = (68 + 22 * log2(n)) * arb(2) ** -106 * (n * size).sqrt()
             ratios.append(float(error.sqrt() / bound))
     assert max(ratios) < 1
-    assert max(ratios) > 1e-3  # in fact 0.005 to 0.02
+    assert max(ratios) > 1e-3  # observed: 0.005 to 0.02
 
 
 def modes_of(case, n, n_sites):
@@ -167,7 +167,7 @@ def modes_of(case, n, n_sites):
 
 
 def exactly(u, node, odd):
-    """Return the modes at a forcing as exact balls, as `barrier.residual` takes them."""
+    """Return the modes at a forcing as exact balls, the input of `barrier.residual`."""
     rows = []
     for part in np.moveaxis(u[:, node], 0, -1).tolist():
         balls = [[arb(a) + arb(b) for a, b in row] for row in part]
@@ -202,7 +202,7 @@ def test_residuals_contain_those_of_balls_of_256_bits(n, n_sites, case):
                     assert (y - x).contains(0)
                     middle = acb(acb(y).real.mid(), acb(y).imag.mid())
                     ratios.append(float(abs(middle - x).abs_upper() / (r + 1e-300)))
-    assert max(ratios) > 0.1  # the errors of u are the largest allowed
+    assert max(ratios) > 0.1  # the errors added to u are the largest allowed
 
 
 def test_the_bound_of_the_rounding_alone_is_not_much_too_large():

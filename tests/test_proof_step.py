@@ -23,7 +23,7 @@ RHO = 0.004
 
 
 def near_breakup(omega, profile, value, n, distance=0.05):
-    """Return a proof that a circle exists, on so few points that it must compute the first step."""
+    """Return a proof of a circle, on so few points that it must compute the first step."""
     omega, profile = parse(omega), np.array(profile)
     scale, u = continuation.certified_circle(omega, profile, value, distance)
     return barrier.prove(omega, scale * profile, start=u, n=n)
@@ -61,7 +61,7 @@ def test_the_checker_confirms_a_computed_step_with_nearly_the_same_constants(nam
 
 
 def functions(rng, sites, modes, rest):
-    """Return bounds on the modes of u_j, E_j and 1/g_j', and on the rests of the latter two."""
+    """Return bounds on the modes of u_j, E_j and 1/g_j', and on the remainders of the last two."""
     k = np.arange(modes)
     u, E, near = (rng.uniform(0, 1, (sites, modes)) * size for size in (
         0.02 * np.exp(-0.3 * k) * (k > 0), 1e-9 * np.exp(-0.1 * k), 0.2 * np.exp(-0.4 * k)

@@ -399,7 +399,7 @@ def test_no_proof_is_attempted_where_a_circle_obviously_exists(kappa, monkeypatc
 
 
 def test_the_search_for_a_polygon_ends_with_the_budget(monkeypatch):
-    # The clock advances whenever it is read. A circle exists, so that the search would take minutes
+    # The clock advances whenever it is read. A circle exists, so the search would take minutes
     # without a limit.
     clock = SimpleNamespace(thread_time=partial(next, count(0, 0.1)))
     searches, bend = proofs.transport.transversal, proofs.transport.transversal.Transversal.bend
@@ -455,10 +455,9 @@ def test_proved_upper_is_above_the_breakup_and_near_it_for_any_estimate():
 
 
 def tried(profile, excess, checks):
-    """Try a proof beyond the breakup found by `barriers`, and proofs below it; return the former.
+    """Try a proof beyond the breakup found by `barriers`, then proofs below it; return the first.
 
-    Below the breakup nothing may be proved, neither on the polygon of the former proof nor on any
-    other polygon.
+    Below the breakup nothing may be proved, on the polygon of the first proof or on any other.
     """
     result = barriers.critical_scale(profile, 1e-3)
     proof = prove((1 + excess) * result.upper * np.array(profile))
@@ -488,7 +487,7 @@ RANDOM += np.array([0.838, 0.654, 0.771]), np.array([-0.064, -0.015, -0.444, -0.
     pytest.param(RANDOM[-2::-2], id="the others", marks=pytest.mark.release),
 ])  # fmt: skip
 def test_transport_under_random_kicks_is_proved_only_beyond_the_breakup(profiles):
-    """Proofs are tried 1% beyond the breakup.
+    """Proofs are attempted 1% beyond the breakup.
 
     One profile is close to a multiple of (0, 0, 1, 1); its polygon nearly follows the longest-lived
     starts.

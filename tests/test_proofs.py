@@ -119,7 +119,7 @@ def test_stored_certificates_are_compared_with_tiles_and_checked(job, n, tmp_pat
     }
     for data, reason in wrong.items():
         path.write_bytes(data)
-        longest = "60" if "seal" in reason else "0"  # other faults show without checking proofs
+        longest = "60" if "seal" in reason else "0"  # other faults are found without this check
         result = invoke("verify", tmp_path, "--proofs", "--max-cpu-seconds", longest)
         assert result.exit_code == 1, reason
         assert reason in result.output.split("wrong: 1 tile\n")[1]

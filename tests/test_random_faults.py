@@ -1,6 +1,6 @@
 """Sweeps survive faults: a seed decides what happens to the driver and its workers, and when.
 
-A driver is a program that sweeps with workers it has started, by default two. After each run with
+A driver is a program that starts workers, by default two, and sweeps with them. After each run with
 faults the store is compared with its earlier contents and with a serial computation; a last run
 without faults completes the cube.
 """

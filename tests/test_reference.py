@@ -27,7 +27,7 @@ QUICKLY = "residue", "rotation_number", "escape_time"
 
 
 def lines_agree(value):
-    """Return True if the lines, run by Python without installed packages, reproduce the value."""
+    """Return True if the lines, run by Python without third-party packages, reproduce the value."""
     lines = "\n".join(value["check"]["lines"])
     names = [
         name for node in ast.walk(ast.parse(lines)) if isinstance(node, ast.ImportFrom)

@@ -1,4 +1,4 @@
-"""Snapshot tori: mean distances, exponents and folds against exact cases, and the findings."""
+"""Snapshot tori: mean distances, exponents and folds compared with exact cases; the findings."""
 
 import math
 
@@ -112,7 +112,7 @@ def test_folds_and_times_are_those_of_plain_loops():
     shear = 2 * np.log(np.maximum(np.arange(kappa.size), 1))
     rows = [dumb_separations(kappa, *each) for each in np.transpose(start)]
     mean, largest = np.mean([row[0] for row in rows], axis=0), max(row[2].max() for row in rows)
-    # Each of 100 kicks rounds by 10⁻¹⁶, and these errors grow up to σ_n times.
+    # Each of the 100 kicks rounds by 10⁻¹⁶; these errors grow by a factor of up to σ_n.
     assert followed.distance == pytest.approx(mean, abs=1e-14 * math.exp(largest))
     for i, (logarithm, xi, stretch) in enumerate(rows):
         assert followed.folded[i] == (np.argmax(xi <= 0) if (xi <= 0).any() else np.inf)

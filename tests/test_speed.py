@@ -20,7 +20,7 @@ from pipeline import fill
 
 pytestmark = pytest.mark.benchmark
 
-KAPPA = (0.3, 0.3)  # no orbit escapes, so that the kernels run at their steady speed
+KAPPA = (0.3, 0.3)  # no orbit escapes, so the kernels run at their steady speed
 
 
 def median_times(*timed, repeats=9):

@@ -299,7 +299,7 @@ def of_an_earlier_format(place):
 
 
 def of_pickles(place):
-    """Write a store of zarr format 2, whose arrays may name a codec that unpickles their data."""
+    """Write a store in zarr format 2, whose arrays may name a codec that unpickles their data."""
     of_another_program(place, 2)
     with pytest.raises(store.StoreFailed):
         store.read(place, "toy")

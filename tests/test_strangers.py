@@ -1,4 +1,4 @@
-"""Stores from untrusted sources: nothing in them is executed or exhausts the memory."""
+"""Stores from untrusted sources can neither execute code nor exhaust the memory."""
 
 import json
 import lzma

@@ -25,8 +25,8 @@ def elimination_time(kappa, site, x, y, n_kicks):
 
 @pytest.mark.parametrize("kappa", FORCINGS)
 def test_a_start_is_eliminated_once_its_orbit_is_not_minimizing(kappa):
-    # Check the definition by the second variation on the part |k| < n of the orbit, not by tangent
-    # vectors.
+    # Check the definition with the second variation on the part |k| < n of the orbit, not with
+    # tangent vectors.
     period, rng = len(kappa), np.random.default_rng(len(kappa))
     n_max, eliminated = 25, 0
     for x, y in rng.uniform(0, 1, (40, 2)):
@@ -61,8 +61,8 @@ def test_on_a_symmetry_line_both_criteria_give_the_same_times(kappa, site, a):
 
 
 def test_a_certified_circle_survives_on_every_transversal():
-    # With more kicks per period, starts with more values of ω are long-lived; the search must find
-    # the start on the circle among them.
+    # With more kicks per period, there are long-lived starts at more values of ω; the search must
+    # find the start on the circle among them.
     kappa = 0.255 * direction(rotating_forcing(1, 1, "2/7", 0.02))
     assert circles.invariant_circle(parse("[3;9,4,(1)]"), kappa).certified
     assert np.isinf(longest_lived(kappa, 1000).kicks)

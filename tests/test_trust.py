@@ -1,4 +1,4 @@
-"""The page Trust counts broken promises, and each row of its table names an existing method."""
+"""The Trust page counts broken promises, and each row of its table names an existing method."""
 
 from importlib import import_module
 from pathlib import Path

@@ -26,7 +26,7 @@ OF_A_DELAY = pytest.mark.parametrize("delay", ["1/2", "1/3", "1/4", "2/5", "3/8"
 
 
 def shifts_of(plane, first, second):
-    """Return the shifts of ω that take the plane's forcings to a·first + b·second."""
+    """Return the shifts of ω by symmetries that map the plane's forcings to a·first + b·second."""
     vectors = np.array([plane.first, plane.second])
     images = equivalent_forcings(vectors)
     return {shift for shift, image in images if (image == [first, second]).all()}

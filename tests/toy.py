@@ -89,7 +89,7 @@ def watched(coords, settings):
 
 
 def watched_sweep(client, place, plan, events=()):
-    """Sweep with a worker in this process; call the `events` during it, and fill COMPUTED."""
+    """Sweep with a worker in this process; call the `events` as it runs, and fill COMPUTED."""
     COMPUTED.clear()
     EVENTS.clear()
     EVENTS.update(events)

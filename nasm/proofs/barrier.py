@@ -16,9 +16,9 @@ to h + v.
 
 A proof relies on the balls of FLINT (python-flint, the extra `proof`), and on the functions from
 `_omega_ball` to `balls`. In these functions, every number that enters a bound is a ball or an exact
-dyadic number; floats only choose ρ, ρ̂, the mode at which sums are cut off, and the polynomial that
-approximates 1/g_j', and the proof is sound for any choice. The functions that follow `balls` search
-for u, which may come from any source.
+dyadic number. Floats are used only to choose ρ, ρ̂, the mode at which sums are cut off, and the
+polynomial that approximates 1/g_j'; the proof is sound for any choice. The functions that follow
+`balls` search for u, which may come from any source.
 
 For P ≤ 2 the u_j are odd, because h_j(θ) → -h_{-j}(-θ) maps circles to circles. Their modes are
 then imaginary, so each is stored as one real number, and one transform serves two functions.
@@ -80,7 +80,7 @@ class BarrierProof(Result):
     Attributes
     ----------
     proved : bool
-        True if the circle is proved to exist; False makes no statement about it.
+        True if the circle is proved to exist; False implies nothing about its existence.
     reason : str
         "" if proved, else "not proved: " and the reason.
     omega : RotationNumber
@@ -98,7 +98,7 @@ class BarrierProof(Result):
         Number of points of the grid.
     rho : float
         Half width ρ of the strip to which the constants refer; NaN if E was not bounded. If the
-        first step is computed, E was bounded in 2ρ.
+        first step is computed, E was bounded in the strip 2ρ.
     constants : dict of float
         Upper bounds on the constants of the theorem for all s and t; see proofs/README.md. If the
         first step is computed, n, p, k and error are those before the step; the others follow from
@@ -212,8 +212,8 @@ def prove(
     2. Compute the circle in doubles, by `circles.invariant_circle`, unless `start` is passed.
     3. Refine it by Newton's method, with linear algebra in doubles and the residual E in
        ball arithmetic.
-    4. Try to verify the theorem with each residual. If that fails because the grid is too coarse,
-       repeat with a third more points, as long as the budget lasts.
+    4. Try to verify the theorem with each residual. If that fails, repeat with at least a third
+       more points, as long as a finer grid helps and the budget lasts.
 
     FLINT's precision is global to the process, so proofs in several threads wait for each other.
 
@@ -235,7 +235,7 @@ def prove(
     Returns
     -------
     BarrierProof
-        A failed proof makes no statement about the circle.
+        A failed proof implies nothing about the circle's existence.
 
     Raises
     ------
@@ -248,7 +248,7 @@ def prove(
     References
     ----------
     J.-Ll. Figueras, A. Haro and A. Luque, Found. Comput. Math. 17 (2017) 1123, arXiv:1601.00084:
-    a-posteriori KAM proofs on a computer. `nasm/proofs/README.md` states the theorem used here.
+    computer-assisted a-posteriori KAM proofs. `nasm/proofs/README.md` states the theorem used here.
 
     Examples
     --------
@@ -299,8 +299,8 @@ def proved_lower(
 
     The forcing is s·profile. Proofs are tried closer and closer to the breakup until the budget is
     spent; the work grows like the distance from it to the power -1.2 to -1.4. The proof holds for
-    exactly s·profile rounded to doubles. It makes no statement about smaller scales, at which the
-    circle might not exist; `patches.proved_below` covers those.
+    exactly s·profile rounded to doubles. It implies nothing about smaller scales, at which the
+    circle might not exist; `patches.proved_below` covers these scales.
 
     Parameters
     ----------
@@ -312,8 +312,8 @@ def proved_lower(
         Scale at which the circle breaks, e.g. from `periodic.critical_scale`; between 1e-300 and
         1e306. Used only to choose where to try proofs.
     budget : float
-        Approximate limit in CPU seconds. In 0.1 s the proofs reach 0.95 of the breakup scale, in
-        1 s more than 0.99.
+        Approximate limit in CPU seconds. Proofs reach 0.95 of the breakup scale in 0.1 s, and more
+        than 0.99 in 1 s.
 
     Returns
     -------
@@ -658,7 +658,7 @@ def verified(
         Maps (error, rho, norms of the C_jml, j) to a bound on ‖E_j‖ on the whole patch, where
         `error` is the bound at the points.
     largest
-        Bound on Σ|ℓ_i|, ℓ_i being the polynomials that interpolate between the points.
+        Bound on Σ|ℓ_i|, where the polynomials ℓ_i interpolate between the points.
     part : float
         As for `inequalities`.
 
@@ -666,7 +666,7 @@ def verified(
     -------
     dict
         Fields of a `BarrierProof`, and `estimated_ratio`, the left-hand side of (1) in floats.
-        Floats only choose ρ, ρ̂, the cut and the polynomials near 1/g_j'.
+        Floats are used only to choose ρ, ρ̂, the cut and the polynomials near 1/g_j'.
     """
     (grid, *_), two_pi = grids, 2 * arb.pi()
     bounds = [[[[x.abs_upper() for x in row] for row in t] for t in rows] for rows in (u, E)]

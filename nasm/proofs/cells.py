@@ -146,7 +146,7 @@ def proved_cells(
     """Prove global transport in the 4**depth cells of a square.
 
     1. Try a proof for the whole square, unless it is too close to the boundary.
-    2. If that fails, divide the square into quarters, and begin with those far from the boundary.
+    2. If that fails, continue with its quarters, beginning with the farthest from the boundary.
     3. Once a proof has failed, skip squares that are no smaller and no farther from the boundary.
 
     Squares outside the plane's `wedge` are skipped, as they are images of others. In planes other
@@ -166,7 +166,7 @@ def proved_cells(
     rays : sequence of (angle, scale)
         The boundary, as for `distance`.
     seconds : float
-        CPU time for a proof in a cell of the finest level; larger squares get half of it.
+        CPU time for a proof in a cell at the finest level; larger squares get half of it.
     failed : list of (size, distance), optional
         Squares for which no proof of transport was found; used in recursive calls.
     curve : (int, ndarray), optional

@@ -322,7 +322,7 @@ def decimals(numbers: list[str]) -> str:
 def shortened(data: Certificate) -> None:
     """Refute unless the forcing and ω are the original ones, unchanged or correctly shortened.
 
-    Either the original κ repeats the shortened one; or only every m-th site is kicked, and the
+    Either the original κ repeats the shortened one, or only every m-th site is kicked and the
     original repeats the shortened one up to alternating signs, because x advances by an extra 1/2
     from each kicked site to the next.
     """
@@ -464,8 +464,8 @@ def curve(
 ) -> tuple[list[tuple[Fraction, ...]], list[tuple[Fraction, ...]], int]:
     """Return the corners of a curve, its boxes, and its site.
 
-    Refute unless, with some site left out, kicks no stronger than `largest` yield a twist map, and
-    unless the images of the curve continue the curve.
+    Refute unless kicks no stronger than `largest` yield a twist map for some choice of the first
+    kick, and the images of the curve continue the curve.
     """
     is_twist = any(is_positive(largest[m + 1 :] + largest[:m]) for m in range(len(largest)))
     demand(is_twist, "the theorem does not apply")
@@ -1057,8 +1057,8 @@ def after_a_step(
 
     Each function is bounded by a pair: f = f₁ + f₂, where the pair contains bounds on the modes
     k ≥ 0 of f₁, which also hold for -k, and a bound on ‖f₂‖ in the strip 2ρ. For the step
-    v_j = g_j'w_j this strip is narrowed to 3ρ/2 by the first small divisors, and to ρ by the second
-    ones. totals : polynomials whose coefficients are bounds on the modes of u_j.
+    v_j = g_j'w_j this strip is narrowed to 3ρ/2 by the first division by small divisors, and to ρ
+    by the second. totals : polynomials whose coefficients are bounds on the modes of u_j.
     """
     P, e, two_pi, zero = len(kappa), arb(1).exp(), 2 * arb.pi(), arb(0)
     wide, middle, r = ((two_pi * x).exp() for x in (2 * rho, 3 * rho / 2, rho))

@@ -62,7 +62,7 @@ def certificate(
 ) -> dict[str, Any]:
     """Return the certificate of a proof as a JSON-serializable dict.
 
-    The dict contains `fields`, the claim, the theorem, and the SHA-256 of all these.
+    The dict contains `fields`, the claim, the theorem, and the SHA-256 of all of these.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def matrix_in_hex(plane: Plane) -> dict[str, list[str]]:
 def columns_in_hex(rows: FloatArray) -> list[str]:
     """Write each column of a matrix as one hexadecimal string: 16 digits per float, big-endian.
 
-    Certificates may have a million rows, and this form is compact.
+    This form is compact; certificates may have a million rows.
 
     Examples
     --------

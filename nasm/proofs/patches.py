@@ -14,12 +14,13 @@ points. The residual obeys
 
     ‖E_j‖ ≤ Λ_Q Λ_R max ‖E_j‖ at the points + interpolation error,    Λ_Q = 1 + (2/π) log Q.
 
-If the theorem fails with these bounds, the first step is bounded through modes, as README.md, "A
-first step that is computed", describes. Then only the interpolation error is bounded without
-knowledge of its modes; it is small because E_j is computed at more points than there are degrees.
+If these bounds are too large for the theorem, the first step is bounded mode by mode, as described
+in README.md, "A first step that is computed". Then only the interpolation error is bounded
+without knowledge of its modes; it is small because E_j is computed at more points than there are
+degrees.
 
-Adjoining patches from s = 0 upwards therefore show that the circle exists for all weaker kicks too:
-it does not break and reappear on the way. See proofs/README.md, "A patch". A proof relies on
+Adjacent patches from s = 0 upwards therefore show that the circle exists for all weaker kicks too:
+it does not break and reappear in between. See proofs/README.md, "A patch". A proof relies on
 `_Patch` and the functions of `nasm.proofs.barrier` and `nasm.proofs.residuals` that it calls; C may
 come from any source.
 In certificates, a patch is called a fan.
@@ -85,8 +86,8 @@ _MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
 # The ε that suffices 1% below the breakup; ε is proportional to this power of the distance.
 # Both were measured on rays and triangles of the golden circle.
 _RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 1e-14, 4.6
-# If the inequalities fail, ε is multiplied by the first factor, until it is reduced by the second;
-# then shorter patches are tried. Triangles with other last circles need one reduction.
+# If the inequalities fail, ε is multiplied by the first factor, until the product of these factors
+# is the second; then shorter patches are tried. Triangles of other circles need one reduction.
 _REDUCTION, _MAX_REDUCTION = 1e-2, 1e-4
 _MORE_POINTS = 2  # E is computed at this many more points than there are degrees
 _MAX_NEWTON_STEPS = 8  # 1 to 3 are needed
@@ -100,8 +101,8 @@ _SLOWDOWN = 1.25  # allowance for work that grows faster than 1/distance
 _BOUND_FRACTION = 0.8
 """A patch counts as proved if the theorem's left sides are below this fraction of its right sides.
 
-The checker of certificates computes its own bounds, which may be slightly larger: they are larger
-by a factor of 1.15 for one of 988 cells of forcings.
+The checker of certificates computes its own bounds, which may be slightly larger: for one of 988
+cells of forcings, by a factor of 1.15.
 """
 
 
@@ -133,13 +134,13 @@ def proved_below(
     nearest : float
         Relative distance from the breakup at which to stop, from 0 to 1.
     plane : Plane, optional
-        A plane of which profile and tilt are coordinates; s is counted from its origin. The proof
-        is about exactly the floats of plane, profile and tilt.
+        A plane in whose coordinates profile and tilt are given; s is counted from its origin. The
+        proof holds for exactly the floats of plane, profile and tilt.
 
     Returns
     -------
     scale : float
-        The circle exists under s·(profile + t·tilt) for all real s and t, 0 ≤ s ≤ scale. This is a
+        The circle exists under s·(profile + t·tilt) for all real 0 ≤ s ≤ scale, |t| ≤ 1. This is a
         statement about real numbers: forcings rounded to floats lie off the ray by about 10⁻¹⁶.
     proofs : list of BarrierProof
         Proofs of the patches that fill the ray or the triangle.
@@ -408,9 +409,9 @@ class _Patch:
     def circles(self, starts: list[FloatArray], epsilon: float = 0.0) -> FloatArray | None:
         """Return the modes of circles at the points, by Newton's method from values on grids.
 
-        The steps and the first residual are computed in doubles, later residuals in sums of two
-        floats, like the modes, of shape (2, N, P, parts, K); see `nasm.proofs.residuals`. Return
-        None if Newton's method diverges.
+        The steps and the first residual are computed in doubles, later residuals as sums of two
+        floats. The modes are such sums too, of shape (2, N, P, parts, K); see
+        `nasm.proofs.residuals`. Return None if Newton's method diverges.
         """
         n, K = self.grids[0].n, int(MODES_PER_POINT * self.grids[0].n) + 1
         u = np.zeros((2, len(starts), self.sites, 2 - self.odd, K))
@@ -488,8 +489,8 @@ class _Patch:
     def _between(self, error: Ball, rho: Ball, norms: list[Ball], j: int) -> Ball:
         """Bound ‖E_j‖ for all σ and t, from its bound `error` at the points.
 
-        The error of interpolating the sine, in σ and in t, is bounded on ellipses whose
-        semi-axes have the sum r.
+        The error of interpolating the sine, in σ and in t, is bounded on ellipses whose semi-axes
+        add up to r.
         """
         (Q, R), two_pi, misses = self.shape, 2 * arb.pi(), []
         degrees = [*product(range(Q), range(R))]

@@ -12,8 +12,8 @@ from workflows.shared.verdict_sentences import forcing_text, lifetime_text, sent
 
 _STARTS, _STEPS = 64, 10**6  # for direct iteration, which only illustrates the verdict
 _POINTS = 2**20  # total length of the orbits searched for an escape
-# No escape is sought if the boundary is above this multiple of the strengths: on 12 rays, none was
-# found 4% beyond the boundary.
+# No escape is sought if the boundary is above this multiple of the strengths: on 12 rays, no orbit
+# was found to escape 4% beyond the boundary.
 _NEAR = 0.96
 _TRACED = 5000  # maximum number of steps drawn from the longest-lived start
 

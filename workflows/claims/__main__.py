@@ -1,4 +1,4 @@
-"""Does each claim of the paper hold? A page and tables to read beside the paper.
+"""Does each claim of the paper hold? A page and tables to read alongside the paper.
 
 The page lists, for every claim of arXiv:1606.04824, our value with its error, the verdict that a
 rule derives from it (`claims.rules`), and the command that shows it. It also lists the errata and

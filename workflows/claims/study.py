@@ -53,7 +53,7 @@ def planned(n_rays, n_cusp_rays, n_image_rays, tol, n_max, n_orbits):
 
 
 def examine(cubes, rays, n_max, n_orbits):
-    """Judge all claims and measure all errata; return a Dataset with dims (claim) and (erratum)."""
+    """Judge all claims and check all errata; return a Dataset with dims (claim) and (erratum)."""
     barrier = unfolded(cubes["barrier"], rays)
     tori, angles = cubes["tori"], cubes["tori"].angle.values
     three = by_phase({phase: unfolded(cubes[phase], angles) for phase in _THREE})

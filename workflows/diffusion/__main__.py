@@ -1,9 +1,9 @@
 """How fast is global transport? The diffusion of momentum beyond the boundary.
 
-Ensembles measure the diffusion coefficient D(κ1, κ2), with errors, on rays from CB_gt outwards.
-Next to CB_gt, where ensembles are too slow, the flux ΔW through the cantorus of the last circle is
-computed: if this cantorus were the only obstacle, D would be ΔW/m, where m is the number of such
-cantori per unit of y, and D would vary like (s/s_c - 1)^3.01.
+Ensembles of orbits yield the diffusion coefficient D(κ1, κ2) and its error on rays from CB_gt
+outwards. Close to CB_gt, where ensembles are too slow, the flux ΔW through the cantorus of the last
+circle is computed: if this cantorus were the only obstacle, D would be ΔW/m, where m is the number
+of such cantori per unit of y, and D would vary like (s/s_c - 1)^3.01.
 
 Three cubes, a table and a figure in OUT. The defaults take about six CPU minutes, --quick one.
 """

@@ -23,8 +23,8 @@ from distributed.utils import get_ip_interface
 
 SUBMIT = "sbatch --parsable --array=1-1000%8 --cpus-per-task=16 --time=02:00:00 --partition=normal"
 CANCEL = "scancel"
-INTERFACE = "ib0"  # the network that all nodes share; the scheduler listens there
-SHARED = Path.home()  # a directory that all nodes see
+INTERFACE = "ib0"  # the network that all nodes share; the scheduler listens on it
+SHARED = Path.home()  # a directory that all nodes can access
 # Workers end before the queue kills them, and not all at once. The tile that a worker is computing
 # when it ends is computed again elsewhere, so a tile should take much less time than a
 # worker's lifetime.

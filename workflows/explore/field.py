@@ -32,7 +32,7 @@ _FIRST_PAUSE, _MAX_PAUSE = 0.3, 2.0  # seconds between pictures; the pause doubl
 class View:
     """A rectangle of a plane in pixels."""
 
-    a: tuple[float, float]  # low and high end of the first coordinate
+    a: tuple[float, float]  # low and high ends of the first coordinate
     b: tuple[float, float]
     shape: tuple[int, int]  # rows, columns: multiples of 27
 

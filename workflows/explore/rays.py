@@ -1,4 +1,4 @@
-"""Breakups of the last circle on rays: those known so far, and the rays that a view needs.
+"""Breakups of the last circle on rays: the known breakups, and the rays that a view needs.
 
 Breakups are computed as in arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`. The result
 for a ray also applies to its images under the symmetries of the plane.

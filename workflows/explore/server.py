@@ -1,10 +1,10 @@
 """The server of the page: a Bokeh server on loopback, for browsers on this machine only.
 
 One process serves all tabs and runs short computations in threads; dask workers run the long ones.
-A page of another site may be open in the same browser. It can neither read this page nor connect to
-it, even if the name of its host is made to point at this machine: a request must name this machine
-(with any port, because ssh may forward one) and must not come from a page of another name or port.
-Links to this page may be on any site. Opening an address starts no computation until the page is
+A page from another site may be open in the same browser. It can neither read this page nor connect
+to it, even if its host name is made to point at this machine: a request must name this machine
+(with any port, because ssh may forward one) and must not come from a page with another host or
+port. Any site may link to this page. Opening an address starts no computation until the page is
 connected: until then the values in the address are only parsed, within the limits of `nasm.texts`.
 """
 
@@ -43,7 +43,7 @@ from workflows.shared.phase_space import portrait
 _HOST = "127.0.0.1"
 _NAMES = "localhost", _HOST, "[::1]"
 _OF_THE_TERMINAL = "browsh", "carbonyl", "elinks", "links", "links2", "lynx", "w3m", "www-browser"
-_LIFETIME = 10_000  # milliseconds for which an unconnected page is kept; creating one takes a few
+_LIFETIME = 10_000  # ms for which an unconnected page is kept; creating one takes a few ms
 _SLOWEST = 20  # seconds within which a request, or the next one of a connection, must be complete
 _BODY = 1000  # maximum bytes of a request after its headers; the page needs none
 _GRACE, _CLOSING = 10, 60  # seconds for the event loop to stop, and for the workers to end
@@ -69,7 +69,7 @@ class Shared:
     fields : {(View, N): Field}, the complete fields, the newest last.
     client : function that waits for the connection and returns the dask Client.
     connected : Event, set when the workers have started, or failed to start.
-    loaded : {"portrait", "verdict": Event, set when its kernels are loaded, or failed to load}.
+    loaded : {"portrait", "verdict": Event, set when its kernels have loaded or failed to load}.
     preparing : what the page must wait for, as text; "" when all is ready.
     """
 
@@ -216,7 +216,7 @@ def server_of(shared, sockets, port):
 
 
 class _Ours(HostMatches):
-    """A rule for requests to these hosts from a page of the same host or by following a link.
+    """A rule that matches requests to these hosts from their own pages or from followed links.
 
     Browsers state in the headers where a request comes from and what it is for.
     """

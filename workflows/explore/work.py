@@ -1,7 +1,8 @@
 """Computations outside the event loop: threads pass their results to the document of a tab.
 
 The functions that compute run in daemon threads, so that neither a closed tab nor Ctrl-C waits for
-them; kernels release the GIL. All else is called on the event loop, unless its docstring says so.
+them; kernels release the GIL. Everything else is called on the event loop, unless its docstring
+says otherwise.
 """
 
 from contextlib import suppress

@@ -46,7 +46,8 @@ def draw_frequencies(cube):
 def _brackets(cube):
     """Return the brackets of the irrational Ω and of the fractions, as two tables indexed by Ω.
 
-    lower, upper : smallest lower and smallest upper end of all phases. most : largest upper end.
+    lower, upper : smallest lower end and smallest upper end over all phases.
+    most : largest upper end.
     """
     ends = {"lower": ("lower", "min"), "upper": ("upper", "min"), "most": ("upper", "max")}
     table = cube.to_dataframe().groupby("frequency").agg(**ends, phases=("phase", "count"))

@@ -16,7 +16,7 @@ _OFFSET = 0.13  # distance between the bars of two indicators, in classes
 
 
 def draw_labels(scores, seconds):
-    """Draw the fraction of false answers by class of margins, and overall against CPU time.
+    """Draw the fraction of false answers in each margin class, and overall against CPU time.
 
     scores : the cube `labels_scores`. seconds : CPU seconds per forcing, dims (indicator, n).
     """

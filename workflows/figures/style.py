@@ -124,7 +124,7 @@ def in_column():
 class _Canvas(FigureCanvasAgg):
     """A canvas that parses each formula only once, because parsing takes 10 ms.
 
-    A parser of Matplotlib caches formulas, but every renderer has its own parser, and a dozen
+    Matplotlib's parsers cache formulas, but every renderer has its own parser, and a dozen
     renderers are created while a figure is laid out and saved.
     """
 
@@ -221,7 +221,7 @@ def save(figure, out, name, caption="", kinds=("png", "pdf")):
 def drawn(draw, out, name, caption="", column=False):
     """Draw a figure with `draw()` and save it; see `save` and `sheet`.
 
-    Returns the paths and an error message of one line, "" if the figure was saved.
+    Returns the paths and a one-line error message, "" if the figure was saved.
     """
     try:
         with sheet(column):
@@ -319,7 +319,7 @@ def omega_label(text):
 def known(breakdown):
     """Drop the points whose claimed error exceeds 2% of the scale: the curves have gaps there.
 
-    Their places in the plane, which are coordinates, are dropped too.
+    The coordinates that give their places in the plane are dropped too.
     """
     sharp = breakdown.error < 0.02 * breakdown.critical_scale
     places = {
