@@ -1,8 +1,8 @@
-"""The result of methods that determine a breakup: the scale at which a circle breaks.
+"""Results of the methods that compute the scale at which a circle breaks.
 
 On the ray κ = s·profile, s ≥ 0, the circle of rotation number ω exists for small s and breaks at
-the critical scale. The critical points of ω form the boundary CB_ω, and those of the last circle
-form CB_gt (arXiv:1606.04824, Sec. V).
+the critical scale. The points where the circle of ω breaks form the boundary CB_ω, and those where
+the last circle breaks form CB_gt (arXiv:1606.04824, Sec. V).
 """
 
 import math
@@ -131,9 +131,9 @@ class CriticalScale(Result):
     error : float
         Estimated absolute error of the value.
     lower, upper : float
-        Bracket that the method *shows*: it finds a circle at lower, and excludes all circles at
-        upper. It does so in floating point, unless it is one of the methods of `nasm.proofs`. A
-        bound that is not shown is NaN.
+        Bracket that the method *shows* to hold: it finds a circle at lower, and excludes all
+        circles at upper. It does so in floating point, unless it is one of the methods of
+        `nasm.proofs`. A bound that is not shown to hold is NaN.
     omega : RotationNumber or None
         Rotation number of the circle per period; None if the method does not identify the circle.
     status : Status

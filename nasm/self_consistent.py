@@ -142,7 +142,7 @@ def evolve(
     if not np.isfinite([phase, detuning]).all():
         raise ValueError(f"phase={phase!r} and detuning={detuning!r} must be finite numbers")
     n = count("n", n, 1, MAX_KICKS)
-    # Particles of weight 0 fill up the last block.
+    # Pad the last block with particles of weight 0.
     state = np.zeros((4, -(-x.size // _BLOCK_SIZE) * _BLOCK_SIZE))
     state[0, : x.size], state[1, : x.size] = x - np.rint(x), y
     state[2, : x.size] = gamma

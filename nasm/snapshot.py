@@ -1,11 +1,11 @@
-"""Snapshot tori: images of an invariant curve under kicks that change, and distances on them.
+"""Snapshot tori: images of an invariant curve under varying kicks, and distances on them.
 
     y_{n+1} = y_n + (κ_n/2π) sin 2πx_n,     x_{n+1} = x_n + y_{n+1},     n = 0, …, N - 1
 
-Before kick 0 the strength is constant, and K(θ) is an invariant curve of that map. Its image before
-kick n is a snapshot torus (Jánosi & Tél, Chaos 29 (2019) 121105). For every n it is a closed curve
-that no orbit crosses; but it may fold, and neighbouring points may separate. Pairs of points at
-parameters θ and θ + r_0 have the ensemble-averaged pairwise distance (EAPD)
+Before kick 0 the strength is constant, and K(θ) is an invariant curve under these kicks. Its image
+before kick n is a snapshot torus (Jánosi & Tél, Chaos 29 (2019) 121105). For every n it is a closed
+curve that no orbit crosses; but it may fold, and neighbouring points may separate. Pairs of points
+at parameters θ and θ + r_0 have the ensemble-averaged pairwise distance (EAPD)
 
     ρ_n = ⟨ln r_n⟩ - ln r_0  →  ⟨ln |(ξ_n, η_n)|⟩,     (ξ_n, η_n) = DT^n K'(θ),     r_0 → 0,
 
@@ -22,7 +22,7 @@ Jensen's inequality for the logarithm,
 
     ρ_n  ≤  ½ ln(1 + (1 + |κ_n|)²):
 
-the EAPD of a graph does not grow, and once it exceeds the bound the torus has folded. Averages over
+the EAPD of a graph stays bounded; once it exceeds the bound, the torus has folded. Averages over
 a finite ensemble obey this only approximately.
 """
 
@@ -147,7 +147,7 @@ def separations(
     u, v : array_like
         Tangent vectors there, not zero, of the same shape as the points or broadcastable to it.
     every : int
-        Kicks from one sample of the finite-time exponents to the next.
+        Number of kicks between samples of the finite-time exponents.
 
     Returns
     -------
@@ -160,7 +160,7 @@ def separations(
 
     Examples
     --------
-    A shear preserves distances along the curve y = 0.25, while those across it grow.
+    A shear preserves distances along the curve y = 0.25; distances across it grow.
 
     >>> from nasm.snapshot import separations
     >>> along = separations([0.0] * 4, 0.0, 0.25, 1.0, 0.0)

@@ -1,6 +1,6 @@
 """Source files of this package: their digest, and a check that they have not changed since import.
 
-The package imports this module before all its other modules. As long as no file has changed since
+The package imports this module before its other modules. As long as no file has changed since
 then, every module that the process has imported agrees with the files on disk.
 """
 

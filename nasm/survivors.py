@@ -38,8 +38,8 @@ def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLi
     n_max : int
         Maximum number of steps (periods of the forcing).
     until : float
-        The `time.thread_time` at which the search of transversals stops; a start not yet eliminated
-        then counts as a survivor.
+        The `time.thread_time` at which the search over transversals stops; a start not yet
+        eliminated then counts as a survivor.
 
     Returns
     -------

@@ -39,7 +39,7 @@ __all__ = [
 
 CUSP_EXPONENT = 0.6
 """At a relative distance d from a forcing of shorter period, the boundary is lower than at that
-forcing by about d^0.6: the boundary has cusps there, as CB_gt has on |κ1| = |κ2|."""
+forcing by about d^0.6: the boundary has cusps there, like those of CB_gt on |κ1| = |κ2|."""
 
 
 def negate(
@@ -238,7 +238,7 @@ def primitive(kappa: ArrayLike) -> FloatArray:
 
 
 def symmetry_lines(kappa: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Compute points on the symmetry lines: orbits through these are their own mirror images.
+    """Compute points on the symmetry lines; their orbits are their own mirror images.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def symmetry_lines(kappa: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArr
     -------
     x, y : ndarray, shape (4, *y.shape)
         Points before the first kick, in turns, x on the lift: first those on the lines x_c = 0 and
-        x_c = 1/2, mapped back from site c to site 0, then those for the other centre, c + P/2.
+        x_c = 1/2, mapped back from site c to site 0, then likewise for the other centre, c + P/2.
 
     Raises
     ------
@@ -327,7 +327,7 @@ def half_shift_nobles(
     Parameters
     ----------
     kappa : array_like, shape (P,)
-        The forcing; the list is empty if it is not antiperiodic.
+        The forcing; unless it is antiperiodic to within `max_distance`, the result is empty.
     value : float
         ω per period.
     width : float
@@ -440,8 +440,8 @@ def _shorter(kappas: FloatArray) -> Iterator[tuple[float, int, int, FloatArray]]
     `change` is the largest change in a strength that is needed to reach that period; the other
     values are as in `_shortest`. Either the forcings themselves or, for each spacing m, their
     alternated forms are made periodic with the shorter period. The alternated form keeps every m-th
-    kick, the one with the largest |κ| included, and changes every second sign; all other strengths
-    are 0.
+    kick, including the one with the largest |κ|, and changes the sign of every second one of them;
+    all other strengths are 0.
     """
     period, size = kappas.shape[1], np.abs(kappas)
     largest = int(size.max(axis=0).argmax())

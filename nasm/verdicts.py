@@ -215,7 +215,7 @@ def verdict(
     """Decide whether a barrier exists under a forcing, or transport is global.
 
     1. Find the boundary on the ray through kappa, with a precision that increases the closer it is
-       to kappa. With three or more kicks, it is first found to 1%.
+       to kappa. With three or more kicks, it is first located to within 1%.
     2. If kappa is below the boundary, certify the circle under kappa itself, unless converse KAM
        eliminates all starts.
     3. If kappa is above the boundary, apply converse KAM under kappa itself, with as many steps as
@@ -322,8 +322,8 @@ def verdict(
 def _kicks_to_eliminate(kappa: FloatArray, boundary: float, settings: VerdictSettings) -> float:
     """Return the number of kicks in which converse KAM eliminates all starts; inf if some survive.
 
-    Try as many steps as suffice beyond most boundaries, then 4 and 16 times as many: next to bands
-    in which circles break and reappear, starts survive longer.
+    Try the number of steps that usually suffices, then 4 and 16 times as many: next to bands in
+    which circles break and reappear, starts survive longer.
     """
     max_steps = settings.max_steps
     first = max(survivors.LONGEST_LIFETIME / (1 / boundary - 1), settings.min_steps)

@@ -126,7 +126,7 @@ def over_plane(
     seconds: float = 1e-3,
     tile: int = 8,
 ) -> Job:
-    """Return the Job of your own function over a plane of forcings.
+    """Return the Job that evaluates your own function over a plane of forcings.
 
     The cube is named after the function.
 
@@ -135,9 +135,9 @@ def over_plane(
     function : callable
         Maps κ, an array of the P strengths of a forcing, to a number, or to a sequence with one
         number for each variable. The function is sent to the workers together with your own code
-        that it refers to; packages that it imports must be installed on them. The cube stores a
-        digest of the function's text, and of your own functions, modules and constants that it
-        refers to; if one of these has changed, the existing cube is refused.
+        that it refers to; the packages that it imports must be installed there. The cube stores a
+        digest of the function's source, and of your own functions, modules and constants that it
+        refers to; if any of these has changed, the existing cube is refused.
     plane : Plane or str
         The plane of forcings.
     first, second : Axis or str

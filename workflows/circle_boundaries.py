@@ -6,7 +6,7 @@ of circles from zero to their breakup, as in the paper, and Greene's residue, wh
 and does not need to start at zero. Where continuation does not reach the tolerance, the residue is
 used; such points are not compared.
 
-Three cubes, two tables and two figures in OUT. The defaults take about three CPU minutes.
+Writes three cubes, two tables and two figures to OUT. The defaults take about three CPU minutes.
 """
 
 from workflows.shared.cli import command, plane_option, ray_options, real, several, sweeps, whole

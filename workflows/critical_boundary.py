@@ -6,7 +6,7 @@ circles by continuation, and by Greene's residue where continuation does not rea
 rays do not start at zero; and CB_gt itself, bracketed by a certified circle (below) and converse
 KAM (above), with the last circle to break.
 
-Cubes, three tables and a figure in OUT. The defaults take about 80 CPU seconds. For direct
+Writes cubes, three tables and a figure to OUT. The defaults take about 80 CPU seconds. For direct
 iteration at the size used in the paper, add --first -1.1:1.1:1024 --second 0:1.1:512 --levels 5
 --n-max 1000000 --n-orbits 10000.
 """

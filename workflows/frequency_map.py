@@ -1,4 +1,4 @@
-"""Which orbits of this forcing are regular, and at which rotation number? Its frequency map.
+"""Which orbits of this forcing are regular, and with what rotation number? A frequency map.
 
 Each start in a part of phase space is iterated, and ω is averaged over the whole orbit and over its
 halves (arXiv:1606.04824, Eq. (23)). The number of digits that these averages share distinguishes
@@ -6,7 +6,7 @@ regular orbits, on circles and in islands, from chaotic ones; islands appear as 
 `nasm.orbits.rotation_number_of` does the same for a time series of your own.
 
 KAPPA ... is one period of the forcing, first kick first, like 0.3 0.2, or a text file of strengths.
-The cube `frequency_map` and a figure in OUT, in a few CPU seconds.
+Writes the cube `frequency_map` and a figure to OUT in a few CPU seconds.
 """
 
 import click

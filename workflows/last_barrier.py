@@ -3,7 +3,7 @@
 On each ray the critical scale is computed from Greene's residue, and is bracketed by a certified
 circle (below) and converse KAM (above).
 
-Two cubes, a table and a figure in OUT. The defaults take about a CPU minute.
+Writes two cubes, a table and a figure to OUT. The defaults take about a CPU minute.
 """
 
 from workflows.shared.cli import command, plane_option, ray_options, real, sweeps

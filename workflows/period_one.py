@@ -4,7 +4,7 @@ Computes the residues of the primary points by exact formulas, and the secondary
 (1/2, 0) by solving one equation numerically; also computes the error of the paper's cubic estimate
 of the secondary points (arXiv:1606.04824, Sec. IV).
 
-Two cubes and two figures in OUT, in a few CPU seconds.
+Writes two cubes and two figures to OUT in a few CPU seconds.
 """
 
 from dataclasses import astuple

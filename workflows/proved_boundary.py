@@ -1,13 +1,12 @@
 """Rigorous lower and upper bounds on the onset of global transport, ray by ray.
 
 On each ray a circle is proved to exist at one forcing, and transport is proved to be global at
-another one beyond it; `nasm/proofs/README.md` states both theorems. Between the two forcings
-nothing is proved. A barrier is proved to exist all along the ray up to a third forcing, closer to
-zero.
+another beyond it; `nasm/proofs/README.md` states both theorems. Between the two forcings nothing is
+proved. A barrier is proved to exist everywhere on the ray up to a third forcing, closer to zero.
 
-Two cubes, a table and a figure in OUT; needs the extra `proof`. The defaults take about eight CPU
-minutes, for brackets of 0.10 to 0.21% on four sample rays; with --cpu-seconds 8, which takes about
-ten CPU minutes, both bounds are within 0.09% of the breakup on all 46 rays.
+Writes two cubes, a table and a figure to OUT; needs the extra `proof`. The defaults take about
+eight CPU minutes and yield brackets of 0.10 to 0.21% on four sample rays; with --cpu-seconds 8,
+which takes about ten CPU minutes, both bounds are within 0.09% of the breakup on all 46 rays.
 """
 
 from workflows.shared.cli import command, preset, real, sweeps, whole

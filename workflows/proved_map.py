@@ -1,13 +1,14 @@
 """Map of the forcings for which a barrier, or global transport, is proved.
 
 Transport is proved in cells of a plane of forcings, by a quadtree that is refined along the
-boundary; barriers in triangles with a corner at the plane's origin. `nasm/proofs/README.md` has the
-theorems. In open cells neither is proved. Images under the symmetries of the plane are added.
+boundary; barriers are proved in triangles with a corner at the plane's origin.
+`nasm/proofs/README.md` states the theorems. In open cells neither is proved. Images under the
+symmetries of the plane are added.
 
-Three cubes and a figure in OUT; needs the extra `proof`. The defaults take about twelve CPU
+Writes three cubes and a figure to OUT; needs the extra `proof`. The defaults take about twelve CPU
 minutes. In other planes, choose larger cells and distances: `--plane pairs:1/3 --cells 32
---cpu-seconds 0.2 --distance 0.3` takes five CPU minutes. Under three kicks or more, transport is
-proved only where strong kicks do not follow each other too closely.
+--cpu-seconds 0.2 --distance 0.3` takes five CPU minutes. With three or more kicks per period,
+transport is proved only where strong kicks do not follow each other too closely.
 """
 
 from workflows.shared.cli import command, plane_option, preset, proof_options, sweeps

@@ -10,7 +10,7 @@ The first of the three vectors is the paper's, (1705/3136, 2631/3136). The other
 of 1/τ = 0.543689… and 1/τ + 1/τ² = 0.839286…, where τ is the tribonacci constant; 2631 may be a
 misprint for 2632.
 
-Four cubes, a table and two figures in OUT. The defaults take about two CPU minutes.
+Writes four cubes, a table and two figures to OUT. The defaults take about two CPU minutes.
 """
 
 from workflows.shared.cli import command, ray_options, sweeps, whole

@@ -1,7 +1,7 @@
 """Progress of a sweep that is running or was stopped, read from the store without a lock.
 
-For all cubes of a run, or of all runs in a folder: tiles done, failures with reasons, rate, and
-time remaining.
+For each cube of a run, or of all runs in a folder, prints the tiles done, failures with reasons,
+the rate and the time remaining.
 """
 
 import sys

@@ -9,8 +9,8 @@ For Ω = 1/3 the boundary does not change under φ0 → φ0 + 1/3, which shifts 
 phases from 0 to 1/12 and both signs of Δκ cover all cases; at 1/12 both signs are equivalent. At
 phases strictly between 0 and 1/12, the kicks have no symmetry centre.
 
-A cube for each phase and one for T, a table and a figure in OUT. The defaults take about four CPU
-minutes.
+Writes a cube for each phase and one for T, a table and a figure to OUT. The defaults take about
+four CPU minutes.
 """
 
 from workflows.shared import cli

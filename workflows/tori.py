@@ -3,10 +3,10 @@
 For an irrational Ω the kicks never repeat (arXiv:1606.04824, Sec. VII), and the barriers are tori
 over (θ, φ). They are continued to their breakup by Newton's method and certified on finer grids.
 The default rotation vectors are that of the tribonacci constant, as in the paper's Fig. 11, and two
-of √2 and the golden mean.
+based on √2 and the golden mean.
 
-Two cubes, a table and two figures in OUT. The defaults take about eight CPU minutes, --quick half a
-minute.
+Writes two cubes, a table and two figures to OUT. The defaults take about eight CPU minutes; --quick
+takes half a minute.
 """
 
 import click

@@ -1,22 +1,22 @@
-"""The residuals of the circles of a patch, in sums of two floats, with a bound on their rounding.
+"""Residuals of the circles of a patch, as sums of two floats, with bounds on rounding errors.
 
     E_j(φ) = u_{j+1}(φ + α) - 2u_j(φ) + u_{j-1}(φ - α) - (κ_j/2π) sin 2π(φ + u_j(φ))
 
-at many forcings, from the modes of u_j at each. A number is a sum a' + a'' of two floats with
-|a''| ≤ 2⁻⁵³|a'|, about 106 bits. The modes of u_j become values on a grid of n points by a fast
-Fourier transform, and the sines become modes by another. Each stage of a transform is a multiple of
-an orthogonal map, so that rounding errors do not grow in the mean square:
+for many forcings, from the modes of u_j for each. A number is stored as a sum a' + a'' of two
+floats with |a''| ≤ 2⁻⁵³|a'|, about 106 bits. A fast Fourier transform converts the modes of u_j to
+values on a grid of n points, and another converts the sines to modes. Each stage of a transform is
+a multiple of an orthogonal map, so rounding errors do not grow in the mean square:
 
     error of the transform of x ≤ √n (68 + 22 log₂ n) 2⁻¹⁰⁶ ‖x‖₂.
 
 proofs/README.md, "Rounding in a patch", derives this bound, and the one on E that `residuals`
-returns. It relies on IEEE arithmetic with rounding to nearest, gradual underflow and a fused fma,
-which `nasm.proofs.transport.check_arithmetic` tests at run time, and on FLINT's balls, with which
-the tables of sines and cosines are compared.
+returns. Both rely on IEEE arithmetic with rounding to nearest, gradual underflow and a fused fma,
+which `nasm.proofs.transport.check_arithmetic` tests at run time, and on FLINT's balls, against
+which the tables of sines and cosines are checked.
 
-Arrays of numbers have a first axis of length 2, for a' and a''. Modes are those with k ≥ 0 of real
-functions. The axis before that of k has length 2, for real and imaginary parts; for odd functions
-it has length 1, for the imaginary part.
+Arrays of numbers have a first axis of length 2, for a' and a''. Only modes with k ≥ 0 are stored,
+as all functions are real. The axis before that of k has length 2, for real and imaginary parts; for
+odd functions it has length 1, for the imaginary part.
 """
 
 from collections.abc import Iterable
@@ -123,10 +123,10 @@ def _combine(A, x, result):
 
 @njit
 def _transform(x, turns, first, y):
-    """Set y_k to Σ_i x_i turns_{ik mod n}, n = first · 2^m; turns are the powers of a root of 1.
+    """Set y_k to Σ_i x_i turns_{ik mod n}, n = first · 2^m; turns are powers of a root of unity.
 
-    Begin with the transforms of length `first` of every 2^m-th number; then combine transforms of
-    half the length, from the numbers in even and in odd places.
+    Begin with transforms of length `first`, each of every 2^m-th number; then repeatedly combine
+    two transforms, of the numbers with even and with odd index, into one of twice the length.
     """
     n = len(x)
     blocks = n // first
@@ -260,16 +260,16 @@ def _linear(u, shifts, node, j, after, before, part, k):
 def residuals(
     grids: "list[Grid]", u: FloatArray, errors: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute the residuals of many circles, and bound how far they are from the exact ones.
+    """Compute the residuals of many circles, and bounds on their errors.
 
     Parameters
     ----------
     grids : list of N Grid
         The forcings, on one grid of n = 2^m, 3·2^m or 5·2^m points.
     u : array, shape (2, N, P, parts, K)
-        Modes of u_j, K ≤ n/2; see the module.
+        Modes of u_j, K ≤ n/2; see the module docstring.
     errors : array, shape (P, K)
-        Bounds on |u - true u|, for each mode, for all forcings.
+        Bounds on |u - true u| for each mode, valid for all forcings.
 
     Returns
     -------
@@ -295,7 +295,7 @@ def residuals(
 
 @np.errstate(over="ignore", invalid="ignore")
 def _radii(strengths: FloatArray, u: FloatArray, errors: FloatArray, n: int) -> FloatArray:
-    """Bound the errors of the residuals; strengths are |κ_j|/2π, with the shape (N, P)."""
+    """Bound the errors of the residuals; strengths are |κ_j|/2π, of shape (N, P)."""
     sizes = np.sqrt((u[0] ** 2).sum(axis=2))  # [node, j, k]; u[1] is within SLACK
     largest = 2 * sizes.sum(axis=2).max(axis=1)
     square = np.sqrt(2 * (sizes**2).sum(axis=(1, 2)))  # ≥ ‖Z‖₂ of each transform
@@ -348,7 +348,7 @@ def _grid_tables(n: int) -> tuple[FloatArray, FloatArray]:
 
 
 def combined(matrices: list[NDArray[Any]], x: FloatArray) -> FloatArray:
-    """Return Σ A_im B_kl x_ml, where A and B are matrices of real balls below 1 in size.
+    """Return Σ A_im B_kl x_ml, where the entries of A and B are real balls below 1 in size.
 
     Parameters
     ----------
@@ -363,7 +363,7 @@ def combined(matrices: list[NDArray[Any]], x: FloatArray) -> FloatArray:
     shape, (A, B) = x.shape[2:], map(_table, matrices)
     Q, R = A.shape[2], B.shape[2]
     inner = np.empty((2, B.shape[1], Q, x[0, 0].size))
-    # The axis that is summed comes first: from [Q, R, ...] to [R', Q, ...] to [Q', R', ...].
+    # The axis summed over comes first: from [Q, R, ...] to [R', Q, ...] to [Q', R', ...].
     x = x.reshape(2, Q, R, -1).swapaxes(1, 2)
     _combine(B, np.ascontiguousarray(x), inner)
     result = np.empty((2, A.shape[1], B.shape[1], x.shape[-1]))
@@ -375,7 +375,7 @@ def combined(matrices: list[NDArray[Any]], x: FloatArray) -> FloatArray:
 
 
 def from_integers(coefficients: list[Any], unit: int, odd: bool) -> FloatArray:
-    """Return modes from the integers of a `BarrierProof`, with relative errors up to 2⁻¹⁰⁶.
+    """Convert the integers of a `BarrierProof` to modes, with relative errors up to 2⁻¹⁰⁶.
 
     Parameters
     ----------
@@ -393,7 +393,8 @@ def from_integers(coefficients: list[Any], unit: int, odd: bool) -> FloatArray:
     Raises
     ------
     ValueError
-        If a function is not real, or not odd; or if `unit` is so small that floats underflow.
+        If a function is not real, or not odd although `odd` is true; or if `unit` is so small that
+        floats underflow.
     """
     if unit < _MIN_UNIT:
         raise ValueError(f"unit={unit} must be at least {_MIN_UNIT}")
@@ -427,7 +428,7 @@ def to_integers(modes: FloatArray, unit: int) -> list[list[list[int]]]:
 
 
 def parts_of(modes: ComplexArray, odd: bool) -> FloatArray:
-    """Return the parts of complex modes, with the axis of the parts before the last one."""
+    """Return the parts of complex modes, stacked along a new axis before the last one."""
     return np.stack([modes.imag] if odd else [modes.real, modes.imag], axis=-2)
 
 
@@ -452,7 +453,7 @@ def upper_sizes(modes: FloatArray) -> FloatArray:
 
 
 def as_balls(modes: FloatArray, radii: FloatArray) -> list[list[list["Ball"]]]:
-    """Return balls around modes, as in `nasm.proofs.barrier`: lists of nodes, sites and k.
+    """Return balls around modes, as in `nasm.proofs.barrier`: nested lists over nodes, sites and k.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. For
 curve is a symmetry line x_c = a; for more kicks it is a polygon through minimax orbits (see
 `nasm.converse_kam.transversal`). Along an orbit on a circle the second variation of the action is
 positive. So if for every initial condition on the curve, up to symmetries, some η of finite support
-has
+satisfies
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0,   η ≠ 0,
 
@@ -152,7 +152,7 @@ class TransportProof(Proof):
     Attributes
     ----------
     outcome : Outcome
-        PROVED, or the reason why not; a failed proof says nothing about circles.
+        PROVED, or the reason for the failure; a failed proof says nothing about circles.
     original_kappa : tuple of float
         Forcing passed to `prove`. The proof holds for exactly these floats.
     kappa : tuple of float
@@ -304,9 +304,9 @@ def _unproved(
 def _on_polygon(kappa: FloatArray, budget: float) -> TransportProof:
     """Try to prove that transport is global under three or more kicks.
 
-    A piece of the polygon is bent if the boxes that wait on it outnumber the kicks in which floats
-    eliminate all starts. If bending does not help, another polygon is tried; the last one gets the
-    remaining time.
+    A piece of the polygon is bent if the boxes waiting on it outnumber the kicks in which converse
+    KAM in plain floats eliminates all starts. If bending does not help, another polygon is tried;
+    the last one gets the remaining time.
     """
     _compile_search()
     strengths = tuple(kappa.tolist())
@@ -393,7 +393,7 @@ def proved_upper(profile: ArrayLike, value: float, budget: float) -> tuple[float
         Scale at which the last circle breaks, e.g. from `barriers.critical_scale`; 1e-300 to 1e306.
         The proof does not depend on this value; a bad one only costs time.
     budget : float
-        CPU seconds in all.
+        Total CPU seconds.
 
     Returns
     -------
@@ -491,7 +491,7 @@ def _covered(
 
 
 def _slopes(kappa: FloatArray, points: FloatArray, starts: FloatArray) -> FloatArray:
-    """Choose γ for each box so that, if possible, V in floats becomes ≤ 0 in both directions."""
+    """Choose γ for each box so that V, computed in floats, becomes ≤ 0 both ways, if possible."""
     x, y = (np.interp(2 * starts, np.arange(len(points)), axis) for axis in points.T)
     _, slopes = transversal.elimination(kappa, x, y, _MAX_STEPS * len(kappa))
     return np.clip(np.rint(slopes * 2.0**20) / 2.0**20, -3, 1 - 2.0**-20)

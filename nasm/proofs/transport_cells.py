@@ -1,4 +1,4 @@
-"""A proof that transport is global for every forcing of a cell of a plane.
+"""A proof that transport is global for every forcing in a cell of a plane.
 
 The forcings of a plane are κ_i = o_i + αF_i + βG_i, and a cell is |α - a| ≤ h_a, |β - b| ≤ h_b. The
 method is that of `nasm.proofs.transport`, to second order in three parameters: the initial
@@ -14,9 +14,9 @@ A box that fails is bisected in the parameter that has moved its orbit most.
 y = ŷ + σδ + g_α σ_α h_α + g_β σ_β h_β. The shears g shift the initial conditions as κ varies, so
 that the rotation numbers of their orbits hardly change and p and q grow more slowly. The line is
 cut into pieces, each with its own shears. Boxes that extend |g_α|h_α + |g_β|h_β beyond the ends of
-a piece cover it for all κ of the cell.
+a piece cover it for all κ in the cell.
 
-*Other planes* (`prove_cell_of_plane`): the curve is a polygon, the same for all κ of the cell.
+*Other planes* (`prove_cell_of_plane`): the curve is a polygon, the same for all κ in the cell.
 Boxes are followed in both directions, as in `transport`. See `proofs/README.md`, "Cells".
 """
 
@@ -99,12 +99,12 @@ Curve: TypeAlias = tuple[int, FloatArray]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CellProof(Proof):
-    """A proof that no circle exists under any forcing of a cell, or the reason why it failed.
+    """A proof that no circle exists under any forcing in a cell, or the reason why it failed.
 
     Attributes
     ----------
     outcome : Outcome
-        PROVED, or the reason for the failure; a failed proof makes no statement about circles.
+        PROVED, or the reason for the failure; a failed proof says nothing about circles.
     kappa, half_width : tuple of 2 floats
         The cell, |κ_i - kappa_i| ≤ half_width_i.
     site : int
@@ -163,7 +163,7 @@ class CellProof(Proof):
 
 
 def prove_cell(kappa: ArrayLike, half_width: ArrayLike, budget: float = 1.0) -> CellProof:
-    """Try to prove that no forcing of a cell has a rotational invariant circle.
+    """Try to prove that no forcing in a cell has a rotational invariant circle.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def prove_cell(kappa: ArrayLike, half_width: ArrayLike, budget: float = 1.0) -> 
     Returns
     -------
     CellProof
-        A proof that fails makes no statement about circles.
+        A proof that fails says nothing about circles.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def prove_cell(kappa: ArrayLike, half_width: ArrayLike, budget: float = 1.0) -> 
 def _cell(
     name: str, centre: ArrayLike, half_width: ArrayLike, budget: float
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Check the arguments of a proof in a cell; `name` is the caller's name for the centre."""
+    """Check the arguments of a proof for a cell; `name` is the caller's name for the centre."""
     centre = forcing(floats(name, centre))
     half_width = forcing(np.broadcast_to(floats("half_width", half_width), 2))
     budget = positive("budget", budget, "seconds of computing time")
@@ -230,12 +230,12 @@ def _cell(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlaneCellProof(Proof):
-    """A proof that no circle exists under any forcing of a cell of a plane, or why it failed.
+    """A proof that no circle exists under any forcing in a cell of a plane, or why it failed.
 
     Attributes
     ----------
     outcome : Outcome
-        PROVED, or the reason; a failed proof makes no statement about circles.
+        PROVED, or the reason for the failure; a failed proof says nothing about circles.
     plane : Plane
         The plane of forcings.
     centre, half_width : tuple of 2 floats
@@ -306,7 +306,7 @@ def prove_cell_of_plane(
     budget: float = 1.0,
     curve: Curve | None = None,
 ) -> PlaneCellProof:
-    """Try to prove that no forcing of a cell of a plane has a rotational invariant circle.
+    """Try to prove that no forcing in a cell of a plane has a rotational invariant circle.
 
     Parameters
     ----------
@@ -319,7 +319,7 @@ def prove_cell_of_plane(
         stronger than 4, or if the largest |κ_j| in the cell violate the twist condition of
         `transport.prove`.
     budget : float
-        CPU seconds. Without `curve`, the search for it may take as much again.
+        CPU seconds. Without `curve`, the search for one may take as long again.
     curve : (int, ndarray), optional
         Site and corners of a curve, e.g. from another proof. The default is the curve of a proof
         for the forcing at the centre.
@@ -327,7 +327,7 @@ def prove_cell_of_plane(
     Returns
     -------
     PlaneCellProof
-        A proof that fails makes no statement about circles.
+        A proof that fails says nothing about circles.
 
     Raises
     ------
@@ -363,7 +363,7 @@ def prove_cell_of_plane(
 
 
 def _html(proof: CellProof | PlaneCellProof, place: dict[str, str], where: str) -> str:
-    """Return the table that a notebook shows of a proof in a cell."""
+    """Return the table that a notebook shows for a proof in a cell."""
     rows = place | {
         "half width": f"{proof.half_width}",
         "outcome": f"{proof.outcome.name}: {proof.reason}",
@@ -401,8 +401,8 @@ def _covered(
     """Cover a curve with boxes, for all forcings of a cell.
 
     forcings : rows o_i, F_i, G_i, beginning with the kick at the curve. points : corners of the
-    curve, as in PlaneCellProof. is_line : whether it is a symmetry line under all forcings of the
-    plane.
+    curve, as in PlaneCellProof. is_line : whether the curve is a symmetry line under all forcings
+    of the plane.
     """
     waiting, n_waiting = np.empty((_MAX_WAITING, _COLUMNS)), 0
     (a, b), (h_a, h_b) = centre, half_width
@@ -558,7 +558,7 @@ def _start(lanes, kicks, lane, forcings, points, is_line, box, way):
     state[0], state[1] = x - 0.25, y - rint(y)
     state[2], state[3] = v, last
     state[4], state[5] = 1 + way * slope, slope  # V
-    # σ changes its sign if v and t would otherwise have a Wronskian below 0.
+    # σ changes its sign if v and t would otherwise have a negative Wronskian.
     state[6], state[7], state[9], state[11] = sign * t, sign * zt, zp, zq
     state[24] = 1.002 * scale * (x_error * abs(zt) + y_error * abs(t))  # A
     state[25] = 1.002 * scale * (x_error * abs(last) + y_error * abs(v))  # B
@@ -571,7 +571,7 @@ def _start(lanes, kicks, lane, forcings, points, is_line, box, way):
 
 @njit(nogil=True, error_model="numpy")
 def _coordinate(corners, box):
-    """Return x or y of the middle of a box on a polygon, its change with σ, and a bound on errors.
+    """Return x or y of the middle of a box on a polygon, its change with σ, and an error bound.
 
     The bound covers the sum of the rounding errors of both results, of x - 1/4 and of y - x.
     """
@@ -699,7 +699,8 @@ def _kick(k, f, g, blur, scale, state):
     fc, gc = f * c, g * c
     bend = -TWO_PI2 * k * h  # κh''/2
 
-    # Bounds on |x - x̂|: its first order, the unknown rest, all beyond first order, and the total.
+    # Bounds on |x - x̂|: the first-order part, the unknown remainder, everything beyond first
+    # order, and the total.
     at, ap, aq = fabs(t), fabs(p), fabs(q)
     straight = at + ap + aq
     unknown = (A * fabs(v) + B * at) * UP

@@ -1,4 +1,4 @@
-"""Invariant tori of the rotating standard map: Newton's method, and a bracket on the last torus."""
+"""Invariant tori of the rotating standard map: Newton's method, and where the last torus breaks."""
 
 import lazy_loader
 

@@ -17,8 +17,8 @@ correction as h_θ w, and f⁺ and f⁻ for f(θ ± ω, φ ± Ω). Up to terms o
 This equation is solved by two divisions in Fourier space, by e^{2πi(k₁ω + k₂Ω)} - 1, for the modes
 in an ellipse whose semi-axes are 36% of the number of points along each axis. A rotation vector is
 refused as resonant if a mode in use has a divisor below 10⁻⁶. Resonant modes near the rim of
-the ellipse are left out, and more of them the closer they are to the rim: as the modes that they
-drive are missing there, Newton's method would diverge if resonant modes were used. The estimated
+the ellipse are left out, by a criterion that becomes stricter towards the rim: the modes that they
+drive are missing there, so Newton's method would diverge if resonant modes were used. The estimated
 size of the modes left out counts as unresolved. The two axes are refined separately.
 
 With too few modes Newton's method converges to "tori" beyond the breakup. Therefore a torus is
@@ -258,8 +258,8 @@ def critical_scale(
 ) -> CriticalScale:
     """Compute the scale at which the torus breaks on the ray (κ̄, Δκ) = s·(mean, amplitude).
 
-    1. Continue the torus from s = 0, each time by a fixed fraction of the estimated distance to the
-       breakup: min h_θ falls like (s_c - s)^p, and three tori determine s_c and p.
+    1. Continue the torus from s = 0, each step being a fixed fraction of the estimated distance to
+       the breakup: min h_θ falls like (s_c - s)^p, and three tori determine s_c and p.
     2. Stop when `error` is below tol, or the available modes are exhausted.
     3. Of the last ten tori, certify the last one that can be certified.
 

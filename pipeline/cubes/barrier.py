@@ -48,7 +48,7 @@ def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barri
     tol : float
         Relative width of the bracket.
     name : str
-        Name of the cube; in a store with several planes each cube needs its own; see `cube_name`.
+        Name of the cube; in a store, cubes of different planes need different names (`cube_name`).
 
     Examples
     --------
@@ -82,7 +82,7 @@ def job_of_barriers(
     angles : array_like
         As for `last_barrier`.
     more : mapping of str to str, optional
-        Names and long names of further variables.
+        Names and long names of additional variables.
     name, plane, seconds, settings, compute, warm_up
         As for `breakdown.job_on_rays`.
     """

@@ -155,7 +155,7 @@ def steps_beyond(excess: FloatArray) -> FloatArray:
 
 
 def _coords(plane: Plane, scales: Mapping[float, float], excesses: Sequence[float]) -> Labels:
-    """Return the coordinates; the strengths in the plane are computed with each tile."""
+    """Return the coordinates; the strengths in the plane are computed tile by tile."""
     coords = {
         "angle": cube.angles_of_rays(list(scales)),
         "excess": cube.coordinate("excess", excesses, "scale over that of the breakup, minus 1"),

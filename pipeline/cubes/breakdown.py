@@ -5,7 +5,7 @@ angle), where a row is a circle or a frequency; a cube without rows has the dim 
 in degrees. See arXiv:1606.04824, Sec. VI.
 
 Next to cusps, and for rotation numbers with large quotients, continuation runs out of modes before
-it reaches the tolerance. In these cases, residues of long orbits reach the tolerance. The variable
+it reaches the tolerance. In these cases, residues of long orbits may still reach it. The variable
 `method` names the method that gave the answer.
 """
 
@@ -221,7 +221,7 @@ def job_on_rays(
 
 
 def blank_scales(known: Mapping[str, xr.Variable]) -> Labels:
-    """Return the variables of a CriticalScale, without values, over the dimensions in `known`."""
+    """Return variables for a CriticalScale, without values, over the dimensions in `known`."""
     variables = {key: blank(known, label) for key, (_, label) in _SCALES.items()}
     return variables | {"status": blank(known, "outcome", np.int8(0), **FLAGS)}
 

@@ -205,7 +205,7 @@ def coordinate(
     values : array_like
         Values of the coordinate.
     long_name, units : str
-        Attributes of the CF conventions; `attrs` are further attributes.
+        Attributes of the CF conventions; `attrs` are additional attributes.
     """
     return xr.Variable(dim, np.asarray(values), {"long_name": long_name, "units": units, **attrs})
 
@@ -256,7 +256,7 @@ def blank(
     coords : mapping of str to xr.Variable
         Each dimension coordinate adds its dimension; other coordinates are ignored.
     long_name : str
-        What the variable is; `attrs` are further attributes.
+        What the variable is; `attrs` are additional attributes.
     fill : float or NumPy scalar
         Fill value, which also determines the dtype of the variable.
     """

@@ -9,8 +9,8 @@ is no barrier if one of 64 orbits escapes; orbits begin to escape a few percent 
 breakup. If no orbit escapes at 1.001 times the critical scale of constant kicks, converse KAM is
 tried at this scale: if no barrier exists, the method eliminates all starts, to within the
 resolution of its search. Within 100 periods it excluded a barrier for 225 of 229 such forcings. As
-a check, converse KAM was tried under ripples of 2 to 8 kicks, 0.1% below the scale at which a
-circle is certified: of 45 circles it excluded none within 100 periods, one within 300, and three
+a check, converse KAM was applied to ripples of 2 to 8 kicks, 0.1% below the scale at which a circle
+is certified: of 45 circles it wrongly excluded none within 100 periods, one within 300, and three
 within 1000.
 """
 

@@ -1,4 +1,4 @@
-"""Frequency maps: rotation numbers over part of phase space, and their numbers of reliable digits.
+"""Frequency maps: rotation numbers over part of phase space, and how many digits are reliable.
 
     ω(x, y) = Σ_t w(t/n) (x_{t+1} - x_t) / Σ_t w(t/n)                  (`nasm.orbits`)
 

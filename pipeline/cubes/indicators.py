@@ -1,15 +1,15 @@
-"""Indicators of transport for a list of forcings of two kicks, each after several numbers of steps.
+"""Indicators of transport for a list of forcings of two kicks, after various numbers of steps.
 
-Escape is a statement about transport. The others are statements about one orbit; they become
-statements about transport if one asks whether *some start on a line looks regular and rotational*.
+Escape indicates transport directly. The other indicators describe single orbits; they indicate a
+barrier if *some start on a line looks regular and rotational*.
 Every rotational circle, or its image under (x, y) → (-x, -y) or y → y + 1, crosses the line x = 0,
 0 ≤ y ≤ 1/2, on which the starts are evenly spaced. The first is at the golden fraction of the
 spacing, so that without kicks no start is resonant.
 
 - `escape`: the first step at which an orbit of an ensemble has left the window of `nasm.escape`;
   inf if none does within n steps.
-- `digits`: the largest number of digits of the weighted Birkhoff average on an orbit from the line
-  whose ω is rotational: farther than 10 times its error from every fraction with a small
+- `digits`: the largest number of digits of the weighted Birkhoff average over the orbits from the
+  line whose ω is rotational, i.e. farther than 10 times its error from every fraction with a small
   denominator.
 - `exponent` and `fli`: the smallest finite-time Lyapunov exponent, and the smallest fast Lyapunov
   indicator, on a rotational orbit from the line. A chain of q islands has points 1/q apart, so an
@@ -47,8 +47,8 @@ class IndicatorSettings:
     n_starts : int
         Starts on the line.
     max_denominator : int
-        For `digits`, fractions with denominators up to this count as those of islands. This
-        wrongly excludes 0.3% of all ω if the average has eight digits.
+        For `digits`, fractions with denominators up to this count as rotation numbers of islands.
+        This wrongly excludes 0.3% of all ω if the average has eight digits.
     tile : int
         Forcings in a tile.
 
@@ -142,7 +142,7 @@ def kicks_of(indicator: str, value: ArrayLike, n: ArrayLike, settings: Settings)
 
 
 def is_locked(advance: FloatArray, n: int) -> BoolArray:
-    """Return True where |q·advance - np| < 1 for a p and a q ≤ √n/2, as in a chain of islands.
+    """Return True where |q·advance - np| < 1 for some p and q ≤ √n/2, as in a chain of islands.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ def over_plane(
     tile: int,
     seconds: float,
 ) -> Job:
-    """Return the Job that computes a function over a plane; dims are (second axis, first axis).
+    """Return the Job that evaluates a function over a plane; dims are (second axis, first axis).
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def over_plane(
 def _compute(
     function: Callable[[FloatArray], Any], names: list[str], coords: Coords, settings: Settings
 ) -> Arrays:
-    """Compute the function in the cells of a tile."""
+    """Evaluate the function in the cells of a tile."""
     plane = plane_of(settings)
     forcings = plane.forcing(*np.meshgrid(*(coords[name] for name in plane.axes)))
     values = np.empty((len(names), *forcings.shape[:-1]))

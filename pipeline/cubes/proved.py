@@ -46,8 +46,8 @@ BARRIER = 3
 """Code of a forcing under which a barrier is proved to exist; cells have the codes 1 and 2."""
 
 _MAX_SECONDS = 60.0
-"""CPU time for the proof of a single forcing: 0.3% below CB_gt a barrier takes 2 to 3 seconds, and
-beyond it transport takes a hundredth of a second."""
+"""CPU time for a proof about a single forcing. Proving a barrier 0.3% below CB_gt takes 2 to 3
+seconds, and proving transport beyond CB_gt takes a hundredth of a second."""
 
 _MAX_RATIO = 100  # maximum ratio of unpacked to packed size; at most 27 for certificates
 _MAX_WINDOW = 2**26  # bytes of memory for unpacking; files of `pack_certificates` need 2**19
@@ -220,8 +220,8 @@ def _swaps(plane: Plane) -> bool:
 def uncertified_cells(tile: xr.Dataset, certificates: Iterable[Certificate]) -> str:
     """Return a message about proved cells that no certificate covers; "" if all are covered.
 
-    If exchanging the coordinates is a symmetry of the plane, the certificate of the image of a cell
-    proves the cell, too.
+    If exchanging the coordinates is a symmetry of the plane, a certificate for the image of a cell
+    covers the cell, too.
     """
     plane = plane_of(tile.attrs)
     a, b = np.meshgrid(*(tile[name] for name in plane.axes))
@@ -242,14 +242,14 @@ def uncertified_cells(tile: xr.Dataset, certificates: Iterable[Certificate]) -> 
 def everywhere(cube: xr.Dataset, barrier: xr.Dataset) -> xr.Dataset:
     """Return the cells of the whole plane, images included.
 
-    Images are those under the `exact_symmetries` of the plane.
+    Images are formed by the `exact_symmetries` of the plane.
 
     Parameters
     ----------
     cube : xr.Dataset
         The cube `proved_map`.
     barrier : xr.Dataset
-        CB_gt in the plane's wedge, as from `barrier.unfolded`.
+        CB_gt in the plane's wedge, as returned by `barrier.unfolded`.
 
     Returns
     -------
@@ -447,8 +447,8 @@ def proved_forcings(
         Name of the cube.
     forcings : sequence of (kappa1, kappa2, margin)
         Strengths of the two kicks, and the ratio of κ to the forcing at which the last circle
-        breaks on its ray, minus 1. A proof of transport is tried where the margin is positive, and
-        one of a barrier otherwise.
+        breaks on its ray, minus 1. Where the margin is positive, a proof of transport is tried;
+        elsewhere, a proof of a barrier.
     circles : sequence of str
         ω of the circle to try, as a string.
 
@@ -490,7 +490,7 @@ def _predict_forcing(coords: Coords, settings: Settings) -> float:
 
 
 def _compute_forcing(coords: Coords, settings: Settings) -> Arrays:
-    """Prove transport, or a barrier, under the forcing of a tile."""
+    """Prove that transport is global, or that a barrier exists, under the forcing of a tile."""
     kappa = np.array([coords["kappa1"][0], coords["kappa2"][0]])
     margin, seconds = float(coords["margin"][0]), settings["seconds"]
     if margin > 0:
@@ -524,7 +524,7 @@ def pack_certificates(proofs: Iterable[Any]) -> dict[str, bytes]:
     """Return what a tile stores besides its arrays: the certificates of its proofs, compressed.
 
     Failed proofs and None are omitted; the result is {} if no proof remains. Certificates are
-    written to the compressed file one by one, because those of cells take a lot of memory.
+    written to the compressed file one by one, because certificates of cells take a lot of memory.
     """
     proved, data = [proof for proof in proofs if proof and proof.proved], BytesIO()
     if not proved:

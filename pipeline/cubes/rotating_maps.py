@@ -1,7 +1,7 @@
-"""Rotating standard maps, κ_n = s·(cos angle + sin angle · cos 2π(φ0 + nΩ)), of any frequency Ω.
+"""Rotating standard maps, κ_n = s·(cos angle + sin angle · cos 2π(φ0 + nΩ)), with any frequency Ω.
 
 The jobs compute the last circle or torus as a function of Ω, and the breakup of tori on rays;
-`pictures` computes pictures of tori. See arXiv:1606.04824, Sec. VII, Eq. (53), and `nasm.tori`.
+`pictures` computes tori for pictures. See arXiv:1606.04824, Sec. VII, Eq. (53), and `nasm.tori`.
 """
 
 from collections.abc import Sequence
@@ -292,7 +292,7 @@ def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
 
 
 def _last_circle(profile: FloatArray, tol: float) -> tuple[CriticalScale, float]:
-    """Compute the last circle of a periodic forcing, and its turns per kick, up to symmetry."""
+    """Bracket the breakup of the last circle, and return its turns per kick, up to symmetry."""
     bracket = barriers.critical_scale(profile, tol)
     turns = np.nan if bracket.omega is None else float(bracket.omega) / profile.size
     return bracket, abs(turns - np.rint(turns))

@@ -5,7 +5,8 @@ outwards. Close to CB_gt, where ensembles are too slow, the flux ΔW through the
 circle is computed: if this cantorus were the only obstacle, D would be ΔW/m, where m is the number
 of such cantori per unit of y, and D would vary like (s/s_c - 1)^3.01.
 
-Three cubes, a table and a figure in OUT. The defaults take about six CPU minutes, --quick one.
+Writes three cubes, a table and a figure to OUT. The defaults take about six CPU minutes; --quick
+takes one.
 """
 
 from workflows.shared.cli import command, flag, sweeps, whole

@@ -8,7 +8,7 @@ _BINS = np.linspace(0, 1, 41)  # bins of strengths without a barrier, relative t
 
 
 def draw_tolerance(cube, laws, tried):
-    """Draw the loss against the ripple with predicted laws, and `upper` of the forcings tried."""
+    """Draw the loss against the ripple with predicted laws, and a histogram of `tried.upper`."""
     figure, (price, strengths) = style.panels(1, 2, 12, 5)
     _draw_losses(price, cube, laws)
     _draw_strengths(strengths, tried)
@@ -41,7 +41,7 @@ def _draw_losses(axes, cube, laws):
 def _draw_strengths(axes, tried):
     random, ends = (style.of_family(tried, family) for family in ("random", "climb"))
     upper, near = (random.upper / tried.golden).values, random.parameter.values < 0.1
-    # Escapes are searched for up to 1.001 κ_G: without an escape, `upper` is above 1.
+    # Escapes are sought up to 1.001 κ_G; if no orbit escapes, `upper` is above 1.
     escaping = upper <= 1
     kinds = {"ripple below 10%": near & escaping, "larger ripple": ~near & escaping}
     kinds |= {"hatched: upper bounds, by converse KAM": near & ~escaping, "": ~near & ~escaping}

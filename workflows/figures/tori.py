@@ -4,7 +4,7 @@ import numpy as np
 
 from workflows.figures.style import colour_of, in_column, key, line_of, outer_legend, panels
 
-_CURVE = 12  # minimum number of rays of a quarter plane for which points are connected
+_CURVE = 12  # points are connected if a quarter plane has at least this many rays
 
 
 def draw_breakups(breakups):

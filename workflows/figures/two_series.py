@@ -14,8 +14,8 @@ _MARKERS = {1.0: ("o", "K"), 0.5: ("^", "K/2"), -1.0: ("s", "-K")}  # K_α/K: ma
 def draw_thresholds(table):
     """Draw K_c against τ and against the weakest resonance.
 
-    Fractions τ with small q are named above the axes. Bars are brackets; an arrow points away from
-    the only known end of a bracket.
+    Fractions τ with small q are labelled above the axes. Bars are brackets; if only one end of a
+    bracket is known, an arrow points away from it.
     """
     figure, against_delay, against_strength = _canvas()
     for i, (ratio, (marker, name)) in enumerate(_MARKERS.items()):
@@ -44,7 +44,7 @@ def draw_thresholds(table):
 def _canvas():
     """Return a figure and two axes.
 
-    The first axes are twice as wide as the second or, in a column, above the second.
+    The first axes are twice as wide as the second or, in a one-column figure, above it.
     """
     if style.in_column():
         figure = style.canvas(0, 0, 1.5)
@@ -54,7 +54,7 @@ def _canvas():
 
 
 def _name_fractions(axes, table):
-    """Name fractions above the axes, smallest q first; skip those too close to a named one."""
+    """Label fractions above the axes, smallest q first; skip any too close to a labelled one."""
     gap, named = 0.04 if style.in_column() else 0.017, {}
     for exact in sorted(table.delay.values, key=lambda exact: Fraction(exact).denominator):
         tau = float(Fraction(exact))
@@ -68,7 +68,7 @@ def _name_fractions(axes, table):
 
 
 def draw_planes(*curves):
-    """Draw CB_gt in the (K, K_α) plane of each delay, in the colours of the last circles."""
+    """Draw CB_gt in the (K, K_α) plane of each delay, coloured by the last circles."""
     wide = 1 if style.in_column() else min(3, len(curves))
     rows = ceil(len(curves) / wide)
     height = 2.3 * rows if style.in_column() else 2.6 * rows + 0.9  # includes the legend

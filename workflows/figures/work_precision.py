@@ -5,8 +5,8 @@ from matplotlib.ticker import NullFormatter
 
 from workflows.figures.style import in_column, outer_legend, panels
 
-# Colour of each method, by the beginning of its name. The markers of better answers are filled;
-# all others are hollow.
+# Colour of each method, keyed by the start of its name. Markers of better answers are filled; all
+# others are hollow.
 _METHOD_COLOURS = {
     "direct, 100 orbits, near": "#E69F00",
     "direct, 100 orbits, single": "#8B0000",
@@ -25,14 +25,14 @@ _BETTER = ("extrapolated", "value", "blow-up", "Aitken", "proved")
 
 
 _LEAST_RANGE = 12
-"""Minimum ratio of the ends of the time axis, since only powers of ten are labelled on it."""
+"""Minimum ratio of the ends of the time axis, so that at least one power of ten is labelled."""
 
 
 def draw_work_precision(data):
     """Draw error against CPU time, with one panel for each ray.
 
-    A figure of column width shows only the better answers, on the first two rays. The range below
-    the error of the reference is shaded grey.
+    A one-column figure shows only the better answers, on the first two rays. Errors below that of
+    the reference are shaded grey.
     """
     data = data.isel(ray=slice(2)) if in_column() else data
     columns = min(3, data.ray.size)

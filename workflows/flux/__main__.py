@@ -5,8 +5,8 @@ difference in action between minimax and minimizing orbits, and grows like (s/s_
 η = 3.01. This is part of the outlook of arXiv:1606.04824, Sec. VII; the method is that of MacKay,
 Meiss & Percival, Physica D 13 (1984) 55.
 
-Two cubes, two tables and a figure in OUT. Relative distances beyond the breakup range up to 0.5.
-The defaults take about a CPU minute.
+Writes two cubes, two tables and a figure to OUT. Relative distances beyond the breakup range up to
+0.5. The defaults take about a CPU minute.
 """
 
 from math import ceil, log10

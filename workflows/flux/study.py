@@ -11,8 +11,8 @@ def law(excess, flux):
     """Fit flux = C·x^η·exp(bx + cx²) by least squares in log flux; x is the excess, up to 3%.
 
     The exponential contains the first corrections to the law: without them the fitted η is 0.01 too
-    small, and without c it is 10⁻⁵ too small. Return C, η and their standard errors in the fit;
-    all are NaN if there are too few points.
+    small, and without c it is 10⁻⁵ too small. Return C, η and their standard errors from the
+    fit; all are NaN if there are too few points.
     """
     known = np.isfinite(flux) & (flux > 0) & (excess <= 0.031)
     if known.sum() < 6:

@@ -1,10 +1,10 @@
 """The paper reproduced: every figure with its caption, its command and its numbers, on one page.
 
-Runs the commands one after another (arXiv:1606.04824, Figs. 1 to 11, and further results), each in
-its own directory in OUT, all on the same workers, and writes OUT/index.html. Each command resumes
-an earlier run. Below the figures of a command the page shows a few lines of Python that read its
-cubes and redraw the main result; OUT/recipes contains these lines as scripts and notebooks, to
-be run in OUT.
+Runs the commands for Figs. 1 to 11 of arXiv:1606.04824 and for additional results one after
+another, each in its own directory in OUT, all on the same workers, and writes OUT/index.html. Each
+command resumes an earlier run. Below the figures of a command the page shows a few lines of Python
+that read its cubes and redraw the main result; OUT/recipes contains these lines as scripts and
+notebooks, to be run in OUT.
 
 By default, the command runs a preview of everything, which takes about ten CPU minutes.
 """
@@ -57,7 +57,7 @@ def recipe(name, out):
 
 
 def section_of(exhibit, out, quick):
-    """Return the entries of the page's section on a command, as a dict."""
+    """Return, as a dict, the template values for a command's section of the page."""
     folder, name = Path(out, exhibit.name), exhibit.name
     texts = {path.stem: path.read_text(encoding="utf-8").strip() for path in folder.glob("*.txt")}
     others = sorted(path for kind in ("pdf", "csv", "html") for path in folder.glob(f"*.{kind}"))

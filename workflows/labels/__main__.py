@@ -1,17 +1,17 @@
-"""How often do simple indicators of transport err? Their score against answers that are proved.
+"""How often do simple indicators of transport err? Their scores against proved answers.
 
 Forcings (κ1, κ2) are drawn at given distances from CB_gt, on either side. The answer for each of
 them is a theorem, BARRIER or TRANSPORT: the forcing lies in a cell or a patch of the proved map, or
 has a proof of its own (nasm/proofs/README.md). Indicators answer the same question after N steps:
 an escape, the weighted Birkhoff average, the finite-time Lyapunov exponent and the fast Lyapunov
 indicator. The last three describe single orbits: they answer BARRIER if some orbit that starts on a
-line across all circles looks regular and rotational. Their thresholds are fitted on the forcings of
-the split `train`; false answers are counted on those of `test`. A forcing and its images under the
+line across all circles looks regular and rotational. Their thresholds are fitted on the split
+`train`; false answers are counted on the split `test`. A forcing and its images under the
 symmetries of the plane always belong to the same split.
 
-Cubes, two tables and a figure in OUT; needs the extra `proof`. The proved map and its options are
-those of `proved_map`; a proved map already in OUT is reused. The defaults take about eight CPU
-minutes, --quick one.
+Writes cubes, two tables and a figure to OUT; needs the extra `proof`. The proved map and its
+options are those of `proved_map`; a proved map already in OUT is reused. The defaults take about
+eight CPU minutes; --quick takes one.
 """
 
 from workflows.shared.cli import (

@@ -1,4 +1,4 @@
-"""What proves an answer: a cell or a patch of the proved map, or a proof of the forcing alone."""
+"""What proves an answer: a cell or a patch of the proved map, or a proof for that forcing alone."""
 
 from fractions import Fraction
 from functools import cache
@@ -20,7 +20,7 @@ def in_map(place, cells, triangles, forcings):
     Returns
     -------
     dict of int to (label, certificate, file)
-        By the number of the forcing: the answer, the SHA-256 of the certificate, and its file.
+        For the number of each forcing: the answer, the certificate's SHA-256, and its file.
     """
     found, (width, _) = {}, arrays_of(place, "proved_map")["proved"].chunks  # cells of a tile
     patches = _patches(place, triangles.sizes["triangle"])
@@ -51,7 +51,7 @@ def _rows(forcings):
 
 
 def square_of(certificate):
-    """Return the name of a cell's certificate, and a function: True if a forcing is in the cell."""
+    """Return the name of a cell's certificate, and a function that tests if a forcing is in it."""
     centre, half = (proved.floats_of(certificate, name) for name in ("kappa", "half_width"))
     ends = [
         (Fraction(middle) - Fraction(width), Fraction(middle) + Fraction(width))
@@ -75,7 +75,7 @@ def _patches(place, n):
 
 
 def patch_of(certificate):
-    """Return a function: True if κ = s(a + tb), |t| ≤ 1, and s is between the patch's scales."""
+    """Return a function that tests if κ = s(a + tb), |t| ≤ 1, s between the patch's scales."""
     names = "kappa", "tilt", "scales"
     a, b, (low, high) = (
         [Fraction(number) for number in proved.floats_of(certificate, name)] for name in names
@@ -92,7 +92,7 @@ def patch_of(certificate):
 
 
 def by_own_proofs(place, job, sources):
-    """Return the sources, as `in_map` does, of the forcings with proofs of their own."""
+    """Return the sources of forcings with proofs of their own, in the format of `in_map`."""
     cube, found = store.read(place, job.cube.name).load(), {}
     total = cube.sizes["forcing"] + len(sources)
     numbers = [i for i in range(total) if i not in sources]

@@ -61,8 +61,8 @@ def share_of(counts):
 def scores(labels, margins):
     """Count false answers on the split `test`, by indicator, number of steps and class of margins.
 
-    Dims (indicator, n, side, margin_class). A false answer below CB_gt is TRANSPORT, beyond it
-    BARRIER.
+    Dims (indicator, n, side, margin_class). A false answer is TRANSPORT below CB_gt and
+    BARRIER beyond it.
     """
     is_barrier = labels.label.values == BARRIER
     train, test = (labels.split.values == part for part in (TRAIN, TEST))
@@ -137,7 +137,7 @@ def _unlabelled(labels):
 
 
 _DECIDED = 0.05
-"""An indicator errs if the 95% interval of its false answers is above this; right if below."""
+"""An indicator errs (is right) if the 95% interval of its false answers is above (below) this."""
 
 _ERRS = {
     "escape": {"beyond"},
@@ -190,7 +190,7 @@ def _where_they_err(last):
 
 
 def _reach(one):
-    """Say from which margin on there are no false answers."""
+    """Return, as text, the margin from which on no answer is false."""
     right = (one.n_false.values == 0)[::-1].cumprod()[::-1].astype(bool)
     if not right.any():
         return "nowhere"

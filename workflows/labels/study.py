@@ -41,7 +41,7 @@ def drawn(rays, margins, seed):
     Parameters
     ----------
     rays : xr.Dataset
-        The last barriers, dim (angle); rays without an answer have no forcings.
+        The last barriers, dim (angle); rays without a critical scale get no forcings.
     margins : list of float
         Ends of the classes.
     seed : int
@@ -83,15 +83,15 @@ def canonical(kappa1, kappa2):
 def split_of(kappa1, kappa2):
     """Return TRAIN or TEST, from the first bit of the SHA-256 of the canonical image's strengths.
 
-    The rule is stable, and applies to forcings outside this data set too: images of a forcing under
-    the symmetries of the plane belong to the same split.
+    The rule is stable, and applies outside this data set too. Images of a forcing under the
+    symmetries of the plane belong to the same split.
     """
     strengths = " ".join(strength.hex() for strength in canonical(float(kappa1), float(kappa2)))
     return TEST if hashlib.sha256(strengths.encode()).digest()[0] & 128 else TRAIN
 
 
 def planned(n_rays, margins, n_max, sizes):
-    """Return the jobs that follow, planned for forcings on the ray (1, 0)."""
+    """Return jobs that cost about as much as the later ones, for forcings on the ray (1, 0)."""
     last = critical_scale((1.0, 0.0), 0.1)
     on_ray = {"critical_scale": last.value, "error": last.error, "circle": str(last.omega)}
     columns = {name: ("angle", np.array(n_rays * [value])) for name, value in on_ray.items()}
@@ -100,14 +100,14 @@ def planned(n_rays, margins, n_max, sizes):
 
 
 def own_proofs(forcings, sources):
-    """Return the job of proofs for the forcings that have no source yet; None if all have one."""
+    """Return the proof job for the forcings that have no source yet; None if all have one."""
     rest = forcings.isel(forcing=[i for i in range(forcings.forcing.size) if i not in sources])
     rows = np.stack([rest.kappa1, rest.kappa2, rest.margin], -1).tolist()
     return proved.proved_forcings("labels_proofs", rows, rest.circle.values) if rows else None
 
 
 def indicators_of(forcings, n_max, sizes):
-    """Return the job of the indicators of the forcings' images; sizes : IndicatorSettings."""
+    """Return the job that computes indicators of the images; sizes : IndicatorSettings."""
     return indicators("labels_indicators", *images(forcings), n_max, sizes)
 
 

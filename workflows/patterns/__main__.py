@@ -6,12 +6,13 @@ period apart, the 2δ-kicked rotor (arXiv:physics/0408088, physics/0703105); bur
 
 Pairs, in units of their period: p' = p + K sin 2πx/2π, then x' = x + εp', and both again with 1 - ε
 in place of ε. To first order in K they drive resonances at all integers p = k, as strong as those
-of a standard map of strength 2K|cos πkε|, whose orbits of period one have R = K|cos πkε|/2. Those
-near p = 1/(2ε), where the two kicks cancel, are the weakest. There the term of second order in K,
-as ε → 0, is a kick of -K²ε/(4π) sin 4πx: a standard map in 2x and 2p of strength K²ε. So circles
-there should break at √(κ_G/ε).
+of a standard map of strength 2K|cos πkε|, whose orbits of period one have R = K|cos πkε|/2. The
+resonances near p = 1/(2ε), where the two kicks cancel, are the weakest. There the second-order term
+in K, as ε → 0, is a kick of -K²ε/(4π) sin 4πx: a standard map in 2x and 2p of strength K²ε. So
+circles there should break at √(κ_G/ε).
 
-A cube, a table and a figure in OUT. The defaults take about ten CPU minutes, --quick one.
+Writes a cube, a table and a figure to OUT. The defaults take about ten CPU minutes; --quick takes
+one.
 """
 
 from workflows.shared.cli import command, flag, real, sweeps

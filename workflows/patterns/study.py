@@ -12,7 +12,7 @@ PARAMETER = f"ε of {PAIRS}, P of {SIGNS}, M of {FLIPS}, fraction of the period 
 
 
 def pair(p, q):
-    """Return the profile of two kicks that are p/q of the period apart."""
+    """Return the profile of two kicks that are p/q of a period apart."""
     return [float(n in (0, p)) for n in range(q)]
 
 

@@ -1,10 +1,11 @@
 """What do the orbits look like? Phase portraits of T_{κ1κ2}, Figs. 1 and 2.
 
-Fig. 1: T_{κ1κ2} and T_{κ2κ1} beside the nonautonomous map itself (arXiv:1606.04824, Eq. (1)), whose
-points after even kicks form orbits of the first map, and those after odd kicks orbits of the
-second. Fig. 2: four forcings related by the symmetries of Sec. III, each iterated independently.
+Fig. 1: T_{κ1κ2} and T_{κ2κ1} beside the nonautonomous map itself (arXiv:1606.04824, Eq. (1)). Its
+points after an even number of kicks form orbits of the first map; those after an odd number form
+orbits of the second. Fig. 2: four forcings related by the symmetries of Sec. III, each iterated
+independently.
 
-Two cubes and two figures in OUT, in a few CPU seconds.
+Writes two cubes and two figures to OUT in a few CPU seconds.
 """
 
 from workflows.shared.cli import command, whole, writes

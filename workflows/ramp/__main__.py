@@ -9,7 +9,8 @@ graphs are predicted to be excluded after ~ r^-0.497 kicks. In slow ramps the ex
 follow the circle, graphs were excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates from 10⁻² to
 10⁻⁷).
 
-Two cubes and a figure in OUT. The defaults take about a CPU minute, --quick ten seconds.
+Writes two cubes and a figure to OUT. The defaults take about a CPU minute; --quick takes ten
+seconds.
 """
 
 from workflows.shared.cli import command, flag, writes

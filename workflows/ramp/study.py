@@ -50,7 +50,7 @@ def irregular(ripples, kicks):
     """Find how long barriers persist under κ_n = 0.3·(1 + ripple·f_n), by (kind, ripple).
 
     life : the shortest lifetime on eight lines, one at each of eight sites near the middle kick.
-    Escapes are observed for 20 times as many kicks.
+    Escapes are sought over 20 times as many kicks.
     """
     shapes = _shapes(np.arange(20 * kicks))
     kappas = [[0.3 * (1 + ripple * f) for ripple in ripples] for f in shapes.values()]

@@ -1,9 +1,9 @@
-"""Which circle passes through a start? This is the second method for rotation numbers.
+"""Second method for rotation numbers: find the circle that passes through a start.
 
 The momentum Y(ω) at which the circle of ω crosses the line x = const increases with ω. So the
 rotation number of a start (x, y) solves Y(ω) = y. Circles of noble ω, which are robust, are
 computed by Newton's method in Fourier space. The secant method ends with two circles so close
-that Y is linear between them to rounding.
+that Y is linear between them up to rounding.
 """
 
 import numpy as np

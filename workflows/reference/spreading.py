@@ -26,8 +26,8 @@ from nasm.orbits import orbit
 def green_kubo(kappa, n_starts, n_steps, n_lags):
     """Return D from correlations over up to n_lags steps, and its error.
 
-    The error is three times that of the mean over starts, plus the change in D when the number of
-    lags is halved.
+    The error is three standard errors of the mean over starts, plus the change in D when the number
+    of lags is halved.
     n_starts : a multiple of 256.
     """
     lags = np.arange(n_lags + 1)

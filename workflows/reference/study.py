@@ -37,7 +37,7 @@ class Case:
     measure, measure_again : callable
         () → (value, error), by the first and by the second method of the kind.
     texts : dict
-        Further entries for the templates of the kind.
+        Additional entries for the templates of the kind.
     has_check : bool
         True if the kind's lines of plain Python apply to this case.
     """
@@ -177,7 +177,7 @@ def _turnstile(kappa, p, q, above):
         return manifolds.turnstile(kappa, p, q, above, spacing)
 
     def measure():
-        # The error is that of rounding the distances between the two orbits, whose norm is below 1.
+        # The error comes from rounding the distances between the two orbits; their norm is below 1.
         return turnstile(4e-4).area, 4 * symmetric.EPSILON
 
     def polygons():

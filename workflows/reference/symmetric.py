@@ -2,7 +2,7 @@
 
 Under a forcing that is the same forwards and backwards from its first kick, the orbit through
 x_0 = 0 or x_0 = 1/2 is its own mirror image, x_n + x_{-n} = 2x_0, for every momentum y before that
-kick. This orbit closes after q periods (N = Pq kicks) and p turns if it also satisfies, half way,
+kick. This orbit closes after q periods (N = Pq kicks) and p turns if it also satisfies, halfway,
 
     x_h + x_{N-h} = 2x_0 + p,    h = ⌊N/2⌋.
 
@@ -92,7 +92,7 @@ def _residue(kappa, n_kicks, x, y):
 
 
 def gap_flux(kappa, p, q):
-    """Compute ΔW_{p/q} of one kick from areas, for odd q; return it and its error.
+    """Compute ΔW_{p/q} under one kick from areas, for odd q; return it and its error.
 
     The error is the difference from the result with fewer nodes, plus the area left open because
     the orbits do not close exactly, plus rounding errors.

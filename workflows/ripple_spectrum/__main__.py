@@ -5,12 +5,12 @@ constant kicks? To first order in d, small divisors predict this fraction (see `
 losses peak where Ω is near mω mod 1. A slow ripple keeps the strengths near κ(1 + d) for many
 kicks, so that κ_c tends to κ_G/(1 + d) or less.
 
-For Ω = p/q the last barrier is searched for up to q = 64. For longer periods, such as those of
+For Ω = p/q the last barrier is computed up to q = 64. For longer periods, such as those of
 power supplies of accelerators, only an upper bound on κ_c is known, from converse KAM or from an
 orbit that escapes.
 
-Two cubes, a table and a figure in OUT. The defaults take about three CPU minutes, --quick half a
-minute.
+Writes two cubes, a table and a figure to OUT. The defaults take about three CPU minutes; --quick
+takes half a minute.
 """
 
 from workflows.shared.cli import command, preset, real, several, sweeps, whole

@@ -47,7 +47,7 @@ def prediction(fractions, depths, n):
 
     The attribute `golden` is κ_G, at which the golden circle of constant kicks breaks; it is
     computed by residues.
-    n : number of additional Ω that are evenly spaced; n more form a geometric series.
+    n : number of additional Ω in an evenly spaced series, and also in a geometric series.
     """
     given, least = np.array(fractions, float), float(min(fractions))
     spread = [np.geomspace(least, 0.5, n), np.linspace(least, 0.5, n)]

@@ -6,8 +6,8 @@ the recorded kicks, and a periodic forcing fitted to them, for barriers. For com
 shows a barrier that converse KAM cannot detect because it folds: the circle of a converging
 forcing, pulled back to the first kick.
 
-Three cubes, a table and a figure in OUT. The defaults take about six CPU minutes, --quick one and
-a half.
+Writes three cubes, a table and a figure to OUT. The defaults take about six CPU minutes; --quick
+takes one and a half.
 """
 
 from workflows.shared.cli import command, preset, real, whole, writes

@@ -16,12 +16,12 @@ from nasm.self_consistent import evolve, momentum
 from workflows.shared.tables import columns, dataset
 
 AMPLITUDE, BAND = 1e-4, 0.3 / TWO_PI  # initial amplitude of the wave, initial range of y
-_SEGMENT = 1024  # kicks of a segment; spectra of segments are averaged
+_SEGMENT = 1024  # kicks per segment; the spectra of all segments are averaged
 _SLOWEST = 1 / 64  # turns per kick; slower changes count as drift
 _LONGEST_PERIOD = 34  # largest period of the fitted forcing
 _SHOWN = 4096  # number of particles stored
 _ORBIT = 2000  # number of points of an orbit that are stored
-_BEST, _EFFORT = 3, 8  # the best lines are searched again with a larger effort
+_BEST, _EFFORT = 3, 8  # number of best lines searched again, and the effort of that search
 
 # Settings of the asymptotic circle under the forcing κ_n = limit + excess·e^(-n/time).
 LIMIT, EXCESS, TIME, POINTS, ASKED = 0.9, 0.5, 5, 8192, 5

@@ -18,7 +18,7 @@ def describe_boundary(barrier: xr.Dataset) -> str:
     Parameters
     ----------
     barrier : xarray.Dataset
-        Table of `barrier.unfolded`, on rays from 0 to 180 or 360 degrees.
+        Table returned by `barrier.unfolded`, on rays from 0 to 180 or 360 degrees.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def describe_direct_iteration(direct: xr.Dataset, barrier: xr.Dataset, n_orbits:
 
 
 def describe_escape_field(field: xr.Dataset) -> str:
-    """Describe in which part of the plane each ensemble of the cube `escape` escapes, and when."""
+    """Describe where in the plane each ensemble of the cube `escape` escapes, and when."""
     times, n_max = field.escape_time.load(), field.attrs["n_max"]
     steps = sorted({max(1, n_max // 10), n_max})
     parts = []

@@ -109,7 +109,7 @@ class _Command(streams.Prepared, click.Command):
                     formatter.write_dl(rows)
 
     def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
-        """Parse the options; suggest others for a mistyped one."""
+        """Parse the options; for a mistyped one, suggest similar options."""
         arguments = context.meta[_ARGUMENTS] = [*args]
         if context.ignore_unknown_options:  # click would read -h in "-scheduler"
             mistyped = filter(re.compile("-(?!inf|nan)[A-Za-z]{2}").match, args)
@@ -133,8 +133,8 @@ def command(**settings: Any) -> Decorator:
     """Turn a function into a click command, and run it if its module is run by `python -m`.
 
     The help is the docstring of the module. --out defaults to out/COMMAND unless `settings`
-    contain another default. Exit codes: 130 after Ctrl-C, 1 if FLINT is missing, 2 if the compiler
-    of Numba is missing.
+    contain another default. Exit codes: 130 after Ctrl-C, 1 if FLINT is missing, 2 if Numba's
+    compiler is missing.
     """
 
     def decorate(function: Callable[..., Any]) -> Any:
@@ -415,7 +415,7 @@ def ray_options(default: int) -> Decorator:
 
 
 def plane_options(n_max: int, tile: int, levels: int, precision: str) -> Decorator:
-    """Make the options of a plane of escape times, the arguments of `escape_field.grid_of`."""
+    """Make the options for a plane of escape times, the arguments of `escape_field.grid_of`."""
     return together(
         axis("--first", "-1.1:1.1:256", "First coordinate: lower end, upper end, cells."),
         axis("--second", "0:1.1:128", "Second coordinate: as for --first."),
@@ -440,7 +440,7 @@ def plane_options(n_max: int, tile: int, levels: int, precision: str) -> Decorat
 def proof_options(
     coarsest: int, cells: int = 512, seconds: float = 0.02, distance: float = 0.09
 ) -> Decorator:
-    """Make the options of proofs in a plane, the arguments of `proved_plane.ProvedPlane`.
+    """Make the options for proofs in a plane, the arguments of `proved_plane.ProvedPlane`.
 
     coarsest : smallest number of cells per unit of strength. The other arguments are defaults.
     """

@@ -1,4 +1,4 @@
-"""Direct iteration on rays: beyond which excess x, s = s_c·(1 + x), do orbits escape?
+"""Direct iteration on rays: beyond which excess x in s = s_c·(1 + x) do orbits escape?
 
 The bias s_N/s_c - 1 of the boundary {n* ≤ N} falls like N^(-1/η).
 """
@@ -29,7 +29,7 @@ _PIXELS = 400
 
 
 def steps_up_to(n_max: int) -> IntArray:
-    """Return up to 33 step numbers from 100 to n_max, equally spaced in the logarithm."""
+    """Return up to 33 step numbers from 100 to n_max, evenly spaced on a logarithmic scale."""
     return np.unique(np.rint(np.geomspace(100, n_max, 33)).astype(int))
 
 

@@ -161,7 +161,7 @@ def escape_plane(run: Run, grid: Grid) -> xr.Dataset:
 
     With one level the sweep computes every cell. With several levels, each level is a separate
     cube, `escape_level0` and so on. `escape` is composed of these cubes; its variable `level`
-    states the level of each cell.
+    contains the level of each cell.
     """
     if grid.levels == 1:
         return run.sweep(_level_job(grid, "escape", 0))

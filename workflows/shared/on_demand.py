@@ -73,7 +73,7 @@ def resonance(
         "unstable" and "stable": columns "x" and "y" of the manifolds in the box; "lobes": lists
         of the edges of the lobes.
     text : str
-        The flux of the turnstiles, in a sentence, and the reasons why anything is missing.
+        The flux of the turnstiles, in a sentence, and the reasons for anything missing.
     """
     p, q = fraction.numerator, fraction.denominator
     lines = {name: [np.array([[], []])] for name in MANIFOLDS}
@@ -110,7 +110,7 @@ def residues(start: FloatArray, profile: FloatArray, omega: RotationNumber) -> d
     start, profile : arrays, shape (P,)
         The segment of forcings start + s·profile, s from 0 to 1.
     omega : RotationNumber
-        The orbits are those of its convergents.
+        Orbits of its convergents are used.
 
     Returns
     -------

@@ -13,10 +13,10 @@ _CLOSURE = 1e-9  # maximum distance from the end of a periodic orbit to its star
 
 
 def describe_orbit(kappa: ArrayLike, x: float, y: float) -> str:
-    """Describe in words whether the orbit of (x, y) is chaotic, on a circle or on islands.
+    """Describe in words whether the orbit of (x, y) is chaotic, on a circle or in islands.
 
-    The classification uses weighted Birkhoff averages. For a periodic orbit the text also gives
-    the residue.
+    The classification uses weighted Birkhoff averages. For a periodic orbit the text also
+    states the residue.
     """
     averages = orbits.rotation_number(kappa, x, y, _STEPS)
     omega, digits = (float(average) for average in averages)

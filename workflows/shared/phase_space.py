@@ -86,8 +86,8 @@ def _starts(box):
         x, y = orbits.portrait([0.0], _N_ORBITS, 0)
         return np.stack([x[0], y[0]], axis=1)
     left, bottom, width, height = box
-    # Multiples of the plastic number's powers, mod 1, fill a square as evenly as multiples of γ
-    # fill a line.
+    # Multiples of 1/ρ and 1/ρ², mod 1, where ρ is the plastic number, fill a square as evenly as
+    # multiples of γ fill a line.
     steps = np.array([0.7548776662466927, 0.5698402909980532])
     places = np.arange(1, _N_ORBITS + 1)[:, None] * steps
     return np.array([left, bottom]) + places % 1 * np.array([width, height])

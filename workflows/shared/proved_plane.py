@@ -1,6 +1,6 @@
 """Proofs in a plane: sweeps of cells with transport, and of triangles below CB_gt.
 
-The proofs (see `nasm.proofs.cells`) cover the plane's `wedge`; all else is an image of it.
+The proofs (see `nasm.proofs.cells`) cover the plane's `wedge`, whose images make up the rest.
 """
 
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ class ProvedPlane:
 
     @property
     def barriers(self) -> Job:
-        """The job of the last barriers on rays, with which the proofs begin."""
+        """The job that computes the last barriers on rays, from which the proofs start."""
         return last_barrier(self.plane, self.angles, 1e-3)
 
     def later(self) -> list[Job]:
@@ -64,7 +64,7 @@ class ProvedPlane:
         return self._jobs(guess, [str(each.omega or "") for each in last])
 
     def swept(self, run: Run) -> tuple[xr.Dataset, xr.Dataset, xr.Dataset]:
-        """Sweep, inside `run.sweeping`: the cells, the triangles, and CB_gt in the wedge."""
+        """Inside `run.sweeping`, sweep the cells, the triangles, and CB_gt in the wedge."""
         barrier = unfolded(run.sweep(self.barriers), self.angles)
         known = barrier.dropna("angle", subset=["critical_scale"])
         names = "angle", "critical_scale", "circle"

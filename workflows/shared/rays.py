@@ -28,7 +28,7 @@ def ray_angles(plane: Plane, n: int, n_cusp_rays: int) -> FloatArray:
         Number of rays, evenly spaced from 0 to 180 degrees, or to 360 where κ and -κ are not
         equivalent.
     n_cusp_rays : int
-        For two kicks, number of extra rays on either side of each of the cusps at 45° and 135°.
+        For two kicks, number of extra rays on either side of each cusp, at 45° and 135°.
         Their distances from the cusp are spaced logarithmically from 2 to 0.02 degrees. The rays
         through the cusps themselves are included.
 

@@ -173,8 +173,8 @@ class Run:
         jobs : Job
             Jobs of the sweeps.
         later : iterable of (Job, set of tiles or None)
-            Further sweeps that depend on the results of `jobs`: for each, a job of about the same
-            cost, and the tiles that will be wanted, or None for all.
+            Sweeps that depend on the results of `jobs`: for each, a job of about the same cost,
+            and the tiles that will be wanted, or None for all.
         studies, drawing
             As for `driving`.
         """

@@ -19,7 +19,7 @@ _READER_GONE = errno.EPIPE, errno.EIO, errno.ECONNRESET  # the reader or the ter
 
 
 class _Stream(io.FileIO):
-    """A file descriptor that ignores all writes after the first failed one."""
+    """A file descriptor that ignores all writes after one has failed."""
 
     failed = False
 

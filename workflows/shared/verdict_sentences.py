@@ -16,7 +16,7 @@ MAX_LISTED = 8
 """Maximum number of kicks for which a forcing is written out."""
 
 Point = tuple[Plane, tuple[float, float]] | None
-"""A plane and the two coordinates of a forcing in it; None if the forcing is not given in one."""
+"""A plane and the two coordinates of a forcing in it; None if the forcing is given by its kicks."""
 
 _MEANINGS = {
     Answer.BARRIER: "a rotational invariant circle exists; no orbit crosses it",

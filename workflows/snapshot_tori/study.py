@@ -32,7 +32,7 @@ class Settings:
     Attributes
     ----------
     first, last : float
-        κ until the first kick, and at the last one. At 0.5 the golden circle and many others exist;
+        κ up to the first kick, and at the last one. At 0.5 the golden circle and many others exist;
         at 1.5 all are broken.
     n_starts : int
         Number of tori besides the golden one. They cross x = 1/2 at equally spaced y from 0 to 1/2;
@@ -41,11 +41,11 @@ class Settings:
         Points on each torus. With 128 to 1024 points, the onsets on five tori differ by less than
         0.003 in κ, for r from 10⁻² to 10⁻⁴.
     n_averaged : int
-        Steps of the average that yields ω of a torus.
+        Number of steps over which ω of a torus is averaged.
     factor : float
         Factor by which mean distances exceed the largest one on a graph from the onset on.
     n_samples : int
-        Samples of the EAPD and of the exponents of the ramp that is kept.
+        Number of samples of the EAPD and the exponents kept for one ramp.
     """
 
     first: float = 0.5
@@ -61,7 +61,7 @@ DEFAULT = Settings()
 
 
 def snapshots(rates, kept, settings=DEFAULT):
-    """Follow the tori through ramps κ_n = 0.5 + r·n: a Dataset with the dims start and rate.
+    """Follow the tori through ramps κ_n = 0.5 + r·n; return a Dataset with dims start and rate.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def snapshots(rates, kept, settings=DEFAULT):
 
 
 def _starts(settings):
-    """Yield (y, ω) of tori that cross x = 1/2 at y: of the golden circle, then of others."""
+    """Yield (y, ω) of tori that cross x = 1/2 at y: first the golden circle, then others."""
     _, y = graph(invariant_circle("[0;2,(1)]", settings.first))
     golden = y[y.size // 2]  # θ = x = 1/2, by symmetry
     grid = (np.arange(settings.n_starts) + 0.5) / (2 * settings.n_starts)

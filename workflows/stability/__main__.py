@@ -5,7 +5,8 @@ numbers close to fractions; where a step (one period) is no longer a twist map, 
 is one (converse KAM requires only that each kick is a twist map); in the searches of converse KAM
 and of Newton's method; and for tori near a resonance. The captions state the results.
 
-Seven cubes and three figures in OUT. The defaults take about four CPU minutes, --quick one.
+Writes seven cubes and three figures to OUT. The defaults take about four CPU minutes; --quick takes
+one.
 """
 
 from functools import partial

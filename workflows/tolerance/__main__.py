@@ -1,12 +1,13 @@
 """How uniform must kicks be? The cost of a ripple, and whether constant kicks are optimal.
 
 κ_n = s(1 + d·f_n) with Σf = 0 and Σf² = P over a period of P kicks: by what fraction is the rms
-strength at the last breakup below κ_G? By renormalisation (see `response`) the loss scales like
-d^(ln δ/ln λ), times a periodic function of ln d. Conjecture: no forcing preserves a barrier up
-to a larger rms strength than constant kicks. This conjecture is tested on random forcings, and by
-hill climbs towards larger thresholds.
+strength at the last breakup below κ_G? Renormalisation (see `response`) predicts that
+the loss scales like d^(ln δ/ln λ), times a periodic function of ln d. Conjecture: no forcing
+preserves a barrier up to a larger rms strength than constant kicks do. This conjecture is tested
+on random forcings, and by hill climbs towards larger thresholds.
 
-Cubes, tables and a figure in OUT. The defaults take about ten CPU minutes, --quick one.
+Writes cubes, tables and a figure to OUT. The defaults take about ten CPU minutes; --quick takes
+one.
 """
 
 from workflows.shared.cli import command, flag, sweeps, whole

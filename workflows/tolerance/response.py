@@ -5,12 +5,12 @@ Next to the critical golden circle of constant kicks the distance to κ_G grows 
 measures. Losses therefore scale like d^(ln δ/ln λ).
 
 For constant kicks the residue of a periodic orbit x_n is R = -det H/4, where H is the cyclic
-tridiagonal matrix of 2 + κ_n cos 2πx_n and -1, and the orbit moves with κ_n by
-H dx = -sin(2πx_n)/(2π)·dκ_n. A ripple of P kicks changes R to first order only if P divides the
-period of the orbit. Renormalise h times, where F_h is the first Fibonacci number that P divides:
-kick n becomes kick F_{h+1}·n, and the ripple cos 2πkn/P of mode k becomes the ripple of mode
-±F_{h+1}·k; for some odd P its sign changes. Along a cycle of such modes (mode 1 alone, except for
-P = 5 and 8) the response grows by the factor λ per renormalisation on average.
+tridiagonal matrix with 2 + κ_n cos 2πx_n on the diagonal and -1 next to it, and the orbit moves
+with κ_n by H dx = -sin(2πx_n)/(2π)·dκ_n. A ripple of P kicks changes R to first order only if P
+divides the period of the orbit. Renormalise h times, where F_h is the first Fibonacci number that P
+divides: kick n becomes kick F_{h+1}·n, and the ripple cos 2πkn/P of mode k becomes the ripple of
+mode ±F_{h+1}·k; for some odd P its sign changes. Along a cycle of such modes (mode 1 alone, except
+for P = 5 and 8) the response grows by the factor λ per renormalisation on average.
 """
 
 from functools import cache

@@ -59,7 +59,7 @@ def laws(cube):
     a ripple of 1%.
 
     Corrections are large. For P = 4 the law extrapolates from a ripple of 0.3% to a loss of
-    0.00173, where residues of the finer circle, with periods up to 46 000, give 0.00301, and that
+    0.00173, whereas residues of the finer circle, with periods up to 46 000, yield 0.00301; that
     circle is certified at a loss of 0.0032. For this P the responses of minimax orbits grow by
     e^5.2 from 8 to 144 kicks, and by e^6.3 from 2584 to 46 368.
     """

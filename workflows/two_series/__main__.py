@@ -2,7 +2,7 @@
 
 The kicks are K at integer times and K_α a time τ later, in units of the period (arXiv:2509.11593;
 for K_α = -K arXiv:physics/0408088): p' = p + K sin 2πx/2π, then x' = x + τp', followed by the same
-with K_α and 1 - τ. For τ = a/q the forcing has q kicks, two of them not zero, and p has the period
+with K_α and 1 - τ. For τ = a/q the forcing has q kicks, two of them nonzero, and p has the period
 q. K_c(τ) is the strength K at which the last barrier breaks, for K_α = K, K/2 and -K. Panels show
 CB_gt in the (K, K_α) plane, coloured by the last circles, whose ω is their mean p.
 
@@ -10,17 +10,18 @@ To first order the kicks drive a resonance at every integer p = k, as strong as 
 map of strength abs(K + K_α e^{2πikτ}). So a barrier next to a weak resonance should persist up to
 strong kicks, and the threshold should be lowest at the delay whose weakest resonance is strongest.
 
-If one series vanishes, the map is the standard map for any τ, and CB_gt meets the axes at κ_G, the
-only number in the abstract of arXiv:2509.11593, whose neural network finds it. The abstract also
-says that the boundary is deformed systematically as τ increases; K_c is not monotonic in τ.
+If one series vanishes, the map is the standard map for any τ, so CB_gt meets the axes at κ_G. This
+is the only number in the abstract of arXiv:2509.11593, whose authors find it with a neural network.
+The abstract also says that the boundary is deformed systematically as τ increases; K_c is not
+monotonic in τ.
 
 The delays τ and 1 - τ are equivalent, by time reversal; so are (K, K_α), (K_α, K) and (-K, -K_α),
 and (K, -K_α) if q is even.
 
-`proved_map --plane pairs:1/3` proves for which forcings of such a plane transport is global or a
-barrier exists.
+`proved_map --plane pairs:1/3` proves, for forcings in such a plane, that transport is global or
+that a barrier exists.
 
-Cubes, two tables and two figures in OUT. The defaults take about four CPU minutes.
+Writes cubes, two tables and two figures to OUT. The defaults take about four CPU minutes.
 """
 
 from workflows.shared.cli import command, preset, real, several, sweeps, whole

@@ -42,7 +42,7 @@ def forcings(delays):
 
 
 def thresholds(cube, delays):
-    """Return the cube of `forcings` as a Dataset with dims (delay, ratio), images included."""
+    """Return the cube of `forcings` as a Dataset with dims (delay, ratio), including images."""
     names = {ratio: f"K_α = {name}" for name, ratio in RATIOS.items()}
     rows = list(zip(cube.family.values.tolist(), cube.parameter.values.tolist(), strict=True))
     places, shifts = [], []

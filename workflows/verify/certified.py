@@ -23,7 +23,7 @@ def verify_proofs(path, place, longest, repair):
     """Compare the cubes with their certificates, and check the certificates.
 
     Return the number of wrong tiles, and how many of them `repair` can delete. A cube with changed
-    metadata is skipped, because its correct tiles might seem wrong.
+    metadata is skipped, because its correct tiles might look wrong.
 
     path : prefix of the names of the cubes.
     longest : limit in seconds; certificates that take longer to check are skipped, but counted.

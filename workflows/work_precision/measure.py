@@ -87,10 +87,10 @@ def order(data, method):
 def seconds_for(data, accuracy):
     """Return the CPU seconds that each method needs to reach an accuracy on every ray.
 
-    The accuracy is that of the last breakup. On each ray, the time is that of the lowest level of
-    effort at and above which all errors are within the accuracy; the slowest ray counts. The result
-    is NaN if the accuracy is not reached on some ray. Rays on which a method has no answer are
-    skipped.
+    The accuracy refers to the scale of the last breakup. On each ray, the time is that of the
+    lowest level of effort at and above which all errors are within the accuracy; the slowest ray
+    counts. The result is NaN if the accuracy is not reached on some ray. Rays on which a method has
+    no answer are skipped.
     """
     failed = (data.error > accuracy) | data.error.isnull() & data.effort.notnull()
     from_here = ~failed.values[..., ::-1].cumsum(axis=-1)[..., ::-1].astype(bool)
