@@ -7,8 +7,8 @@ scales per decade of s/s_c - 1, down to the first scale without escape; only at 
 every orbit take all N steps. The insets of Fig. 6 show how often one long orbit visits each part of
 the unit cell.
 
-Writes three cubes, a table and two figures to OUT, in about three CPU minutes by default; the time is
-proportional to the number of steps and to the number of orbits.
+Writes three cubes, a table and two figures to OUT, in about three CPU minutes by default; the time
+is proportional to the number of steps and to the number of orbits.
 """
 
 from workflows.shared import cli

@@ -4,8 +4,8 @@ The page lists, for every claim of arXiv:1606.04824, our value with its error, t
 rule derives from it (`claims.rules`), and the command that shows it. It also lists the errata and
 the envelope of all CB_ω.
 
-Writes a page, three tables and eight cubes to OUT, in about four CPU minutes, or one with --n-rays 19
---n-cusp-rays 8 --tol 1e-3 --n-max 20000 --n-orbits 64.
+Writes a page, three tables and eight cubes to OUT, in about four CPU minutes, or one with
+--n-rays 19 --n-cusp-rays 8 --tol 1e-3 --n-max 20000 --n-orbits 64.
 """
 
 from workflows.shared.cli import command, real, sweeps, whole

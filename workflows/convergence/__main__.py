@@ -4,9 +4,9 @@ The boundary {n* ≤ N} approaches the breakup like N^(-1/η) (arXiv:1606.04824,
 dependence on the number M of orbits is shown too. `work_precision` compares the other methods.
 
 For a ray κ = s·profile of any period, write a plane FILE.json whose "first" is the profile, and use
---plane FILE.json --angle 0. A cube, a table and a figure in OUT, and for two kicks at 45 degrees a
-second cube and figure. About three CPU minutes; ten times the steps or orbits take ten times as
-long.
+--plane FILE.json --angle 0. Writes a cube, a table and a figure to OUT, and for two kicks at 45
+degrees a second cube and figure, in about three CPU minutes. Ten times the steps or orbits take ten
+times as long.
 """
 
 from workflows.shared.cli import command, increasing, plane_option, preset, real, sweeps, whole
