@@ -1,7 +1,7 @@
 """Evaluate three commands that test promises: `stability`, `work_precision` and `claims`.
 
 Each function reads the results that its command has written to a folder. A ratio is the difference
-between a value and that of the most accurate method, divided by the sum of both errors; if the
+between a value and that of the most accurate method, divided by the sum of their errors; if the
 ratio exceeds 1, the promise is broken.
 """
 
@@ -135,7 +135,7 @@ def stability(folder: Path) -> Iterator[Finding]:
     )
     wrong = accepted + refused
     promise, sample = (
-        "an orbit of another order is refused",
+        "an orbit in a different order is rejected",
         "wrong orbits that Newton's method finds",
     )
     yield Finding(action.is_ordered, promise, sample, wrong, wrong, accepted)
@@ -150,7 +150,7 @@ def stability(folder: Path) -> Iterator[Finding]:
 
 
 def work_precision(folder: Path) -> Iterator[Finding]:
-    """Yield findings that compare the claimed errors with the true ones at all efforts."""
+    """Yield findings that compare the claimed errors with the true ones at all levels of effort."""
     study = opened(folder, "work_precision")
     ratio = study.error / (study.estimated_error + study.judge_error)
     ratio = ratio.where(study.effort.notnull())
@@ -168,7 +168,7 @@ def work_precision(folder: Path) -> Iterator[Finding]:
         yield by_ratio(
             method,
             "value ± error",
-            f"runs on {study.ray.size} rays, at all efforts",
+            f"runs on {study.ray.size} rays, at all levels of effort",
             xr.DataArray(asked),
         )
 

@@ -1,4 +1,4 @@
-"""The generated parts of the site: tables, pages of modules, and the gallery."""
+"""The generated parts of the site: tables, a page for each module, and the gallery."""
 
 import json
 import sys
@@ -148,7 +148,8 @@ def values() -> str:
         parts.append(f"Command for the first value: `{section['command']}`\n\n")
         if section["check"]:
             parts.append(
-                f"Plain Python that checks it, to {section['accuracy']:g} of the value:\n\n"
+                f"Plain Python that checks it, to a relative accuracy of "
+                f"{section['accuracy']:g}:\n\n"
             )
             parts.append(f"```{{code-block}} python\n{section['check']}\n```\n\n")
     return "".join(parts)
@@ -172,7 +173,7 @@ def sample() -> str:
 
 
 def command_options() -> str:
-    """Return the directives with which sphinx-click inserts the help of each command."""
+    """Return the directives that make sphinx-click insert the help text of each command."""
     parts = []
     for name in commands():
         module = f"workflows.{name}"
@@ -217,7 +218,7 @@ def write_modules(folder: Path) -> str:
             page = f"# {name}\n\n```{{eval-rst}}\n.. automodule:: {name}\n```\n"
             (folder / f"{name}.md").write_text(page, encoding="utf-8")
             rows.append((f"[{name}](api/{name}.md)", about))
-    return markdown(("module", "it contains"), rows)
+    return markdown(("module", "contents"), rows)
 
 
 def write(folder: Path) -> None:

@@ -72,7 +72,7 @@ def results(loss, upper, predicted=(0.2, 0.25, 0.1, 0.3, 0.2)):
     """Return the cube and the theory for five frequencies, the first two of which are slow.
 
     Both depths have the same values, so there are eight steps between neighbouring frequencies. By
-    chance, all of them would agree with the theory in one of 256 cases.
+    chance, all of them would agree with the theory in one case out of 256.
 
     loss : the loss at each frequency; NaN where only an upper bound is known. upper : the bounds at
     the two slow frequencies, relative to κ_G/(1 + d).

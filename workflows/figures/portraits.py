@@ -15,7 +15,7 @@ _KICKS_SHOWN = 80
 
 
 def draw_kicks(portraits):
-    """Draw T_{κ1κ2}, T_{κ2κ1} and the nonautonomous map, and one orbit in the plane and in time."""
+    """Draw T_{κ1κ2}, T_{κ2κ1}, the nonautonomous map, and one orbit in the plane and over time."""
     figure = canvas(9, 11, 11 / 9)
     places = [["first", "second"], ["raw", "island"], ["time", "time"]]
     drawn = figure.subplot_mosaic(places, height_ratios=[1, 1, 0.4])
@@ -33,8 +33,8 @@ def draw_kicks(portraits):
         time.plot(kick[shown], around[shown], "o", color=colour, ms=2 if in_column() else 4)
     time.plot(kick[:_KICKS_SHOWN], around[:_KICKS_SHOWN], color="0.75", lw=0.6, zorder=0)
     time.set(xlabel="kick $n$", ylabel=r"$\hat x_n$", ylim=(-0.25, 0.75))
-    time.set_title("The orbit of (d) in time")
-    island.set_title(rf"orbit of $({around[0]:g}, {y[0]:g})$ in (c), zoomed in $y$")
+    time.set_title("The orbit in (d) over time")
+    island.set_title(rf"orbit of $({around[0]:g}, {y[0]:g})$ in (c), magnified in $y$")
     island.set(xlabel=r"$\hat x$: $x$ in $[-1/4, 3/4)$", ylabel="$y$", box_aspect=1)
     island.set(xlim=(-0.25, 0.75))
     outer_legend(figure, 2, 2, title="(d) and (e): kicks", markerscale=3)

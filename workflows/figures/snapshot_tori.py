@@ -5,7 +5,7 @@ import numpy as np
 from workflows.figures.style import VERMILION, colour_of, legend_below, panels
 
 _GOLDEN, _COLOURS = VERMILION, {1: colour_of(0), 0: colour_of(1)}  # keys: values of `winds`
-_KINDS = {1: "torus that winds around", 0: "torus in islands"}
+_KINDS = {1: "torus around the cylinder", 0: "torus in islands"}
 _EVENTS = {  # marker, whether it is filled, label
     "excluded": ("v", True, "graphs through it excluded"),
     "exceeds": ("o", False, "EAPD exceeds the bound"),
