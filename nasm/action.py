@@ -28,8 +28,8 @@ Steps of x_0 by +G/|S| lead to the minimizing orbit, and steps by -G/|S| to the 
 2. *Scan.* Begin the orbit at the site where its gap is widest, and move x_0 across that gap. The
    highest maximum of a is the minimax orbit, which may lie on any symmetry line, or on none.
 3. *Descend.* The scan can fail if the action is steep and has several minima, or if no single
-   site shows the maximum. Orbits of periods up to 100 are then found as in the proof that they
-   exist: orbits whose sites move along the forces on them never cross each other. These orbits
+   site shows the maximum. Orbits of periods up to 100 are then found by the argument that shows
+   that they exist: orbits whose sites move along the forces on them never cross each other. These orbits
    descend to minima, and the pass between two minima is on the boundary of their basins of
    attraction.
 4. *Follow.* Orbits are then continued along the segment of forcings by Newton's method, and are
