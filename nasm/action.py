@@ -29,7 +29,7 @@ Steps of x_0 by +G/|S| lead to the minimizing orbit, and steps by -G/|S| to the 
    highest maximum of a is the minimax orbit, which may lie on any symmetry line, or on none.
 3. *Descend.* The scan can fail if the action is steep and has several minima, or if no single
    site shows the maximum. Orbits of periods up to 100 are then found by the argument that shows
-   that they exist: orbits whose sites move along the forces on them never cross each other. These orbits
+   that they exist: orbits whose sites move along the forces on them never cross each other. They
    descend to minima, and the pass between two minima is on the boundary of their basins of
    attraction.
 4. *Follow.* Orbits are then continued along the segment of forcings by Newton's method, and are
