@@ -30,7 +30,7 @@ from workflows.shared.judgement import Verdict
     ids=lambda exhibit: exhibit.name,
 )
 def test_the_options_of_every_exhibit_are_valid(exhibit):
-    main = main_of(exhibit.command or exhibit.name)
+    main = main_of(exhibit.program)
     for options in (exhibit.quick, exhibit.full):
         with main.make_context("command", shlex.split(options)):
             pass
@@ -133,7 +133,7 @@ def test_a_release_is_complete_and_intact_and_states_how_it_was_made(parts, tmp_
     for exhibit in exhibits:
         folder = tmp_path / exhibit.name
         assert "damaged" not in succeed("verify", folder)
-        program, name = exhibit.command or exhibit.name, exhibit.name
+        program, name = exhibit.program, exhibit.name
         command = re.search(rf"python -m workflows.{program} .*--out {name}$", output, re.M)[0]
         planned = succeed(program, folder, *shlex.split(command)[3:-2], "--dry-run")
         assert re.search("in all +0 tiles", planned)  # the cube was made by the command shown

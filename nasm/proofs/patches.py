@@ -60,6 +60,7 @@ from nasm.proofs.residuals import (
     SLACK,
     SQUARED_ULP,
     UNDERFLOW,
+    TooWideError,
     as_balls,
     as_complex,
     combined,
@@ -84,11 +85,11 @@ except ImportError:  # the extra `proof`
 # Distance from the breakup at the end of a patch, relative to that at its beginning.
 _MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
 # The ε that suffices 1% below the breakup; ε is proportional to this power of the distance.
-# Both were measured on rays and triangles of the golden circle.
+# Both were measured on rays, and on triangles in which the golden circle breaks last.
 _RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 1e-14, 4.6
-# If the inequalities fail, ε is multiplied by the first factor, until the product of these factors
-# is the second; then shorter patches are tried. Triangles of other circles need one reduction.
-_REDUCTION, _MAX_REDUCTION = 1e-2, 1e-4
+# If the inequalities fail, ε is multiplied by this factor, at most down to the second multiple of
+# its first value; then shorter patches are tried. Triangles of other circles need one reduction.
+_REDUCTION, _MIN_REDUCTION = 1e-2, 1e-4
 _MORE_POINTS = 2  # E is computed at this many more points than there are degrees
 _MAX_NEWTON_STEPS = 8  # 1 to 3 are needed
 _UNDERFLOW = 1e-280  # a residual that is too small to be corrected in doubles
@@ -195,7 +196,7 @@ def proved_below(
         if proof.proved:
             reached, part = high, max(_MIN_DISTANCE_RATIO, part**1.5)
             proofs.append(proof)
-        elif proof.n and reduction > _MAX_REDUCTION:
+        elif proof.n and reduction > _MIN_REDUCTION:
             reduction *= _REDUCTION
         else:
             part = sqrt(part)
@@ -224,7 +225,7 @@ def _proved_between(
 ) -> BarrierProof:
     """Try to prove that the circle exists for low ≤ s ≤ high, below the breakup at `value`.
 
-    The error of interpolation is at most ε, which is multiplied by `reduction`.
+    `reduction` multiplies ε, the error of interpolation for which Q and R are chosen.
     """
     about = about | {"scales": (low, high)}
     omega, plane = about["short_omega"], about.get("plane")
@@ -271,7 +272,7 @@ def _proved_between(
                 coefficients = _above_rounding(coefficients, Q, R)
             finer = _Patch(omega, *exact[1:], low, high, n, *_more(Q, R), exact[0])
             outcome = finer.verified(_with_zeros(coefficients, Q, R), unit)
-    except ArithmeticError as error:  # a strength nearly cancels at a point
+    except TooWideError as error:  # a strength nearly cancels at a point
         return BarrierProof(False, f"not proved: {error}", **about)
     coefficients = [coefficients[first : first + R] for first in range(0, Q * R, R)]
     return BarrierProof(**about, n=n, unit=unit, coefficients=coefficients, **outcome)
@@ -461,7 +462,6 @@ class _Patch:
 
     def verified(self, coefficients: list[Any], unit: int) -> dict[str, Any]:
         """Try to verify the theorem for all s and t; return fields of a `BarrierProof`."""
-        check_arithmetic()
         C = from_integers(coefficients, unit, self.odd)
         modes = combined([np.array(T, object) for T in self.T], C)
         sizes = upper_sizes(C)

@@ -64,6 +64,10 @@ _SINE, _COSINE = (
 )
 
 
+class TooWideError(ArithmeticError):
+    """A ball is too wide for a sum of two floats."""
+
+
 # --- sums and products ----------------------------------------------------------------------------
 
 
@@ -322,7 +326,7 @@ def _pairs(numbers: Iterable["Ball"], relative: bool = False) -> list[tuple[floa
         low = float((x - high).mid())
         most = TABLE_ERROR / 2 * (abs(x) if relative else 1) + arb(TINY)
         if not (abs(x - high - low) <= most and high + low == high):
-            raise ArithmeticError(f"{x} is too wide for a sum of two floats")
+            raise TooWideError(f"{x} is too wide for a sum of two floats")
         result.append((high, low))
     return result
 

@@ -25,6 +25,11 @@ class Exhibit:
     beyond: bool = False
     command: str = ""
 
+    @property
+    def program(self):
+        """Name of the command."""
+        return self.command or self.name
+
     def options(self, quick):
         """Return the command-line options as a list."""
         return shlex.split(self.quick if quick else self.full)
@@ -40,7 +45,7 @@ def listed(file):
 
 def run(exhibit, out, workers, quick, quiet):
     """Run the command of an exhibit, which writes to the folder OUT/NAME."""
-    main = main_of(exhibit.command or exhibit.name)
+    main = main_of(exhibit.program)
     swept = any(option.name == "scheduler" for option in main.params)
     options = [*exhibit.options(quick), "--out", f"{out}/{exhibit.name}"]
     options += ["--quiet"] * quiet + [*workers] * swept
@@ -51,5 +56,5 @@ def run(exhibit, out, workers, quick, quiet):
 
 def command_of(exhibit, quick):
     """Return the command line of an exhibit, which writes to the folder `name`."""
-    start = ["python", "-m", f"workflows.{exhibit.command or exhibit.name}"]
+    start = ["python", "-m", f"workflows.{exhibit.program}"]
     return shlex.join([*start, *exhibit.options(quick), "--out", exhibit.name])

@@ -1,6 +1,6 @@
 """The deposit of all results under a DOI: data sets, their commands, and checksums.
 
-The deposit is a directory. It contains a folder for each command, with its cubes, tables, figures
+The deposit is a directory. It contains a folder for each exhibit, with its cubes, tables, figures
 and certificates, and five files: README.md, LICENSE, SHA256SUMS, the program
 certificate_checker.py, and .zenodo.json, the metadata that the repository Zenodo reads. The proved
 map of `--full` is a separate deposit.
