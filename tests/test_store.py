@@ -13,12 +13,13 @@ import re
 import resource
 import time
 import warnings
+from asyncio.selector_events import BaseSelectorEventLoop
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from threading import Barrier, Timer
+from threading import Barrier, Timer, _DummyThread, current_thread
 
 import numpy as np
 import pytest
@@ -33,6 +34,7 @@ from zarr.storage import ObjectStore
 from pipeline import store
 from pipeline.cubes.cube import Cube
 from pipeline.provenance import EVERYTHING
+from pipeline.store import decoding
 from pipeline.store import place as places
 from pipeline.store.tiles import COMMIT
 from pipeline.sweep.grid import tile_slices
@@ -106,6 +108,22 @@ def test_committed_tiles_are_read_by_plain_xarray_and_contain_no_secret(place):
         assert b"somebody" not in text
 
 
+def test_no_thread_that_python_did_not_start_returns_a_result(place, monkeypatch):
+    # Python ends such threads wherever they are when it ends, and this aborts the process.
+    threads, wake = [], BaseSelectorEventLoop._write_to_self
+
+    def recorded(loop):
+        threads.append(current_thread())
+        wake(loop)
+
+    monkeypatch.setattr(BaseSelectorEventLoop, "_write_to_self", recorded)
+    plan = toy.cube()
+    fill(place, plan)
+    toy.assert_complete(place, plan)
+    assert threads
+    assert not [thread for thread in threads if isinstance(thread, _DummyThread)]
+
+
 class Cut(Exception):
     """Raised where the process would be killed."""
 
@@ -124,7 +142,7 @@ def killed_at_put(monkeypatch, n):
         return counted
 
     with monkeypatch.context() as patch:
-        patch.setattr(ObjectStore, "set", cut(ObjectStore.set))
+        patch.setattr(decoding.Files, "set", cut(decoding.Files.set))
         patch.setattr(store.Place, "write", cut(store.Place.write))
         with pytest.raises(Cut):
             yield

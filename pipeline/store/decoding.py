@@ -6,11 +6,13 @@ zarr 3 arrays of numbers or strings, with the codecs in `_CODECS`, and within th
 unpacked size that a chunk declares is checked before it is unpacked.
 """
 
+import asyncio
 from contextlib import AbstractContextManager
 from math import prod
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from zarr import codecs, config
+from zarr.abc.store import OffsetByteRequest, RangeByteRequest, SuffixByteRequest
 from zarr.registry import register_codec
 from zarr.storage import ObjectStore
 
@@ -131,20 +133,51 @@ def _shown(text: object) -> str:
 
 
 class Files(ObjectStore):
-    """A zarr store that refuses to read a whole file of more than MAX_FILE bytes."""
+    """A zarr store that refuses to read a file of more than MAX_FILE bytes.
+
+    Files are read and written in Python threads, which end before the interpreter. With obstore's
+    coroutines, a thread of its own could still be returning a result when the interpreter ends,
+    and would abort the process.
+    """
 
     async def get(
         self, key: str, prototype: "BufferPrototype", byte_range: "ByteRequest | None" = None
     ) -> "Buffer | None":
-        if byte_range is not None:
-            return await super().get(key, prototype, byte_range)
         try:
-            file = await self.store.get_async(key)
+            data = await asyncio.to_thread(self._read, key)
         except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
             return None
+        return prototype.buffer.from_bytes(data[_bytes_in(byte_range)])
+
+    def _read(self, key: str) -> bytes:
+        """Return the content of a file."""
+        file = self.store.get(key)
         if file.meta["size"] > MAX_FILE:
             raise ValueError(f"{key} has more than {MAX_FILE} bytes")
-        return prototype.buffer.from_bytes(await file.bytes_async())
+        return bytes(file.bytes())
+
+    async def exists(self, key: str) -> bool:
+        try:
+            await asyncio.to_thread(self.store.head, key)
+        except FileNotFoundError:
+            return False
+        return True
+
+    async def set(self, key: str, value: "Buffer") -> None:
+        self._check_writable()
+        await asyncio.to_thread(self.store.put, key, value.as_buffer_like())
+
+
+def _bytes_in(byte_range: "ByteRequest | None") -> slice:
+    """Return the slice of a file that is requested."""
+    match byte_range:
+        case RangeByteRequest(start, end):
+            return slice(start, end)
+        case OffsetByteRequest(offset):
+            return slice(offset, None)
+        case SuffixByteRequest(suffix):
+            return slice(-suffix, None)
+    return slice(None)
 
 
 class ZstdCodec(codecs.ZstdCodec):
