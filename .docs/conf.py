@@ -1,6 +1,6 @@
 """Sphinx settings for the site; build it with `python -m sphinx -W .docs out/site`.
 
-The site contains everything that its pages load: no script, style or font comes from elsewhere.
+The site is self-contained: its pages load no script, style or font from other sites.
 """
 
 import re
@@ -39,13 +39,13 @@ html_show_sourcelink = False
 # Files in `generated` are included in other pages; those in `generated/api` are pages themselves.
 exclude_patterns = ["live", "paper.md", "reference/generated/*.md", "**/.ipynb_checkpoints"]
 
-# The build runs the pages with {code-cell} blocks. It shows the two notebooks with their stored
-# outputs; the tests run them.
+# The build runs the pages with {code-cell} blocks. The two notebooks of workflows/examples are run
+# by the tests; the site shows their stored outputs.
 nb_execution_mode = "force"
 nb_execution_excludepatterns = ["tutorials/generated/*"]
 nb_execution_raise_on_error = True
 nb_execution_timeout = -1  # no limit, because the time depends on the machine
-nb_ipywidgets_js = {}  # no widgets: they would load scripts from elsewhere
+nb_ipywidgets_js = {}  # no widgets, which would load scripts from other sites
 
 autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
@@ -64,7 +64,7 @@ def escape_marks(app, what, name, thing, options, lines):
             lines[number] = re.sub(r"(?<![\\*`])([|*])(?![*`])", r"\\\1", line)
 
 
-def refuse_what_is_elsewhere(app, error):
+def refuse_external_resources(app, error):
     """Fail if a page would load a script, a style, a font or a picture from outside the site."""
     if error or app.builder.name != "html":
         return
@@ -75,7 +75,7 @@ def refuse_what_is_elsewhere(app, error):
     )
     for path in [*Path(app.outdir).rglob("*.html"), *Path(app.outdir).rglob("*.css")]:
         if found := loads.search(path.read_text(encoding="utf-8")):
-            raise ExtensionError(f"{path} loads from elsewhere: {found.group()}")
+            raise ExtensionError(f"{path} loads an external resource: {found.group()}")
 
 
 def copy_notebooks():
@@ -99,4 +99,4 @@ def setup(app):
     tables.write(HERE / "reference" / "generated")
     app.connect("autodoc-process-docstring", escape_marks, priority=400)
     app.connect("build-finished", copy_gallery)
-    app.connect("build-finished", refuse_what_is_elsewhere)
+    app.connect("build-finished", refuse_external_resources)

@@ -3,7 +3,7 @@
 `boundary.js` contains CB_gt between 0 and 45 degrees, from which the rest of the plane follows by
 symmetry; computing it takes half a minute of CPU time. `proved.js` contains the results of
 `workflows.proved_map` with the settings below; computing them takes two CPU minutes, or none if OUT
-is a finished run of that command.
+is the folder of a finished run of that command.
 """
 
 import argparse
@@ -66,7 +66,7 @@ def write(name: str, data: dict[str, object]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--proved", type=Path, help="a finished run of workflows.proved_map")
+    parser.add_argument("--proved", type=Path, help="folder of a run of workflows.proved_map")
     options = parser.parse_args()
     if options.proved:
         write("proved", proved_data(options.proved))

@@ -1,11 +1,12 @@
-"""Measure how often each method keeps its promise: python .docs/measure_trust.py [--only NAME]
+"""Measure how often each method keeps its promises: python .docs/measure_trust.py [--only NAME]
 
-One sample is the table of judged forcings, `tests/judged_forcings.csv`. Each method is applied
-to its forcings in a fixed random order, so that even the forcings that a short run reaches are a
-fair sample. The script also runs `workflows.stability` and
-`workflows.work_precision`, which provide the other samples, and `workflows.claims`, which judges
-the claims of the paper. It writes .docs/trust.csv and .docs/claims.csv, which are shown on the
-Trust page of the site.
+A method promises that value ± error contains the breakup; some also promise a lower or an upper
+bound. One sample is the table of judged forcings, `tests/judged_forcings.csv`, whose breakups were
+determined by other means. Each method is applied to these forcings in a fixed random order, so
+that a short run, which reaches only some of them, still tests a representative sample. The script
+also runs `workflows.stability` and `workflows.work_precision`, which provide the other samples,
+and `workflows.claims`, which judges the claims of the paper. It writes .docs/trust.csv and
+.docs/claims.csv, which are shown on the Trust page of the site.
 """
 
 import argparse
@@ -73,7 +74,7 @@ CLAIMS_HEAD = ("section", *(verdict.value for verdict in Verdict), "date", "code
 
 
 def name_of(function: Callable[..., object]) -> str:
-    """Return the shortest name by which users call a function of `nasm`."""
+    """Return the shortest name under which users can call a function of `nasm`."""
     name, parts = function.__name__, function.__module__.split(".")
     packages = [".".join(parts[:end]) for end in range(1, len(parts) + 1)]
     known = (home for home in packages if getattr(import_module(home), name, None) is function)
@@ -103,7 +104,7 @@ def code_of_module(name: str) -> str:
 
 
 def digest(modules: Iterable[str]) -> str:
-    """Return 12 digits of the SHA-256 of the modules' code, without comments."""
+    """Return the first 12 digits of the SHA-256 of the modules' code, without comments."""
     code = "\n".join(map(code_of_module, modules))
     return hashlib.sha256(code.encode()).hexdigest()[:12]
 
@@ -122,20 +123,20 @@ def has_changed(row: Mapping[str, str]) -> bool:
 
 @dataclass(frozen=True)
 class Method:
-    """A method of `nasm` whose promise is judged.
+    """A method of `nasm` whose promises are tested.
 
     Attributes
     ----------
     function : callable
         The method itself.
     arguments : str
-        The arguments of its call, as text for the page.
+        The arguments of its call, as text shown on the Trust page.
     answer : callable
         Computes the method's answer for a row of the table.
     applies : callable
         Returns True for a row to which the method applies.
     fields : tuple of str
-        Names of the promised fields: one or more of value, lower and upper.
+        Names of the fields of its answer that are tested: one or more of value, lower and upper.
     """
 
     function: Callable[..., CriticalScale]
@@ -157,7 +158,7 @@ def has_circle(row: Row) -> bool:
     return bool(row.omega) and "bracket" not in row.method
 
 
-# Cheap methods come first: any CPU time that they do not use is left for the search.
+# Cheap methods come first; later methods may also use the CPU time that is left over.
 METHODS = (
     Method(
         symmetry_line.critical_scale,
@@ -198,7 +199,7 @@ METHODS = (
 
 
 def row_of(function: Callable[..., object], *cells: object) -> dict[str, str]:
-    """Return a row of the table; `cells` are those between the method and the date."""
+    """Return a row of the table; `cells` are the entries between the method and the date."""
     cells = name_of(function), *cells, date.today().isoformat(), code_of(function)
     return dict(zip(HEAD, map(str, cells), strict=True))
 
@@ -208,10 +209,10 @@ def short(number: float) -> str:
 
 
 def measure(method: Method, seconds: float) -> dict[str, str]:
-    """Return a method's row; forcings that are not reached within the CPU time are left out."""
+    """Test a method on as many forcings as the CPU time allows; return its row of the table."""
     rows = [row for row in ROWS.values() if method.applies(row)]
     random.Random(SEED).shuffle(rows)
-    load_searches()  # kernels compile before the clock starts
+    load_searches()  # compiles the kernels before the clock starts
     method.answer(rows[0])
     end = time.process_time() + seconds
     ratios, times, broken = [], [], []
@@ -299,16 +300,20 @@ def write(path: Path, head: Iterable[str], rows: Iterable[Mapping[str, str]]) ->
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--minutes", type=float, default=12.0, help="CPU time for judged forcings")
     parser.add_argument(
-        "--only", default="", help="only methods, or workflows.COMMAND, whose name contains this"
+        "--minutes", type=float, default=12.0, help="CPU minutes for the judged forcings"
     )
-    parser.add_argument("--studies", default="", help="folder of earlier runs to continue")
+    parser.add_argument(
+        "--only", default="", help="run only methods and commands whose names contain this text"
+    )
+    parser.add_argument(
+        "--studies", default="", help="folder with earlier runs of the commands, to be continued"
+    )
     options = parser.parse_args()
     methods = [method for method in METHODS if options.only in name_of(method.function)]
     commands = [command for command in (*STUDIES, CLAIMS) if options.only in command]
     if not [*methods, *commands]:
-        parser.error(f"no method and no study has {options.only!r} in its name")
+        parser.error(f"no method or command has {options.only!r} in its name")
     measured, seconds = [], 60 * options.minutes
     for number, method in enumerate(methods):
         begun = time.process_time()

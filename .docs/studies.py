@@ -1,8 +1,9 @@
-"""Evaluate three commands that test promises: `stability`, `work_precision` and `claims`.
+"""Evaluate the results of `stability`, `work_precision` and `claims`, which test the methods.
 
-Each function reads the results that its command has written to a folder. A ratio is the difference
-between a value and that of the most accurate method, divided by the sum of their errors; if the
-ratio exceeds 1, the promise is broken.
+Each function reads the results that its command has written to a folder. A promise is what the
+documentation of a method states about its results, e.g. that a value is accurate to within its
+error. To test this, the difference between the value and the value of the most accurate method is
+divided by the sum of their errors; if this ratio exceeds 1, the promise is broken.
 """
 
 import csv
@@ -38,7 +39,7 @@ class Finding:
     asked, answered, broken : int
         Numbers of cases, of answers that can be compared, and of answers that break the promise.
     worst : float
-        The largest ratio; NaN if answers have no ratio and simply keep or break the promise.
+        The largest ratio; NaN if the promise involves no ratio and is simply kept or broken.
     """
 
     method: Callable[..., Any]
@@ -71,7 +72,7 @@ def by_case(method: Callable[..., Any], promise: str, sample: str, broken: xr.Da
 def below(
     method: Callable[..., Any], promise: str, sample: str, lower: xr.DataArray, most: xr.DataArray
 ) -> Finding:
-    """Return the Finding on lower scales, which are promised to be below `most`."""
+    """Return the Finding for lower bounds, which are promised to be below `most`."""
     known = (lower.notnull() & most.notnull()).values
     broken = int((lower.values >= most.values)[known].sum())
     return Finding(method, promise, sample, lower.size, int(known.sum()), broken)

@@ -92,7 +92,7 @@ def statuses() -> str:
 
 
 def trust() -> str:
-    """Return the table of promises from `measure_trust.py`; † marks code that has since changed."""
+    """Return a table of how often methods kept their promises; † marks code changed since then."""
     from measure_trust import MEASURED, has_changed, read
 
     rows = read(MEASURED)
@@ -113,7 +113,7 @@ def trust() -> str:
 
 
 def measured(rows: Sequence[Mapping[str, str]]) -> str:
-    """Return a sentence on when rows were measured, and whether code has changed since."""
+    """Return a sentence that states when rows were measured, and whether code has changed since."""
     from measure_trust import has_changed
 
     dates = " and ".join(sorted({row["date"] for row in rows}))
@@ -122,7 +122,7 @@ def measured(rows: Sequence[Mapping[str, str]]) -> str:
 
 
 def claims() -> str:
-    """Return the verdicts on the paper's claims by section; † marks code that has since changed."""
+    """Count the verdicts on the paper's claims, by section; † marks code that has since changed."""
     from measure_trust import CLAIMS_HEAD, JUDGED, has_changed, read
 
     rows, shown = read(JUDGED), CLAIMS_HEAD[:-2]
@@ -145,10 +145,10 @@ def values() -> str:
             f"*First method*: {section['method']}. *Second*: {section['second_method']}.\n\n"
         )
         parts.append(markdown(HEADER, [row for row, _ in section["rows"]]) + "\n")
-        parts.append(f"Command for the first value: `{section['command']}`\n\n")
+        parts.append(f"The first value in the table is computed by `{section['command']}`\n\n")
         if section["check"]:
             parts.append(
-                f"Plain Python that checks it, to a relative accuracy of "
+                f"Plain Python that checks a value in the table, to a relative accuracy of "
                 f"{section['accuracy']:g}:\n\n"
             )
             parts.append(f"```{{code-block}} python\n{section['check']}\n```\n\n")
@@ -156,7 +156,7 @@ def values() -> str:
 
 
 def sample() -> str:
-    """Return a table that counts the judged forcings by class and by method of judging."""
+    """Return a table that counts judged forcings by class and by the method that judged them."""
     sys.path.insert(0, str(ROOT / "tests"))
     from judged import table
 

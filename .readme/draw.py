@@ -1,7 +1,7 @@
 """Redraw the pictures of the README: python .readme/draw.py out
 
-The directory contains the cubes of critical_boundary, proved_map and work_precision, each in a
-folder named after its command, which is where these commands put them without --out. If cubes are
+The directory `out` contains the cubes of critical_boundary, proved_map and work_precision, each in
+a folder named after its command; without --out, the commands write them there. If cubes are
 missing, their picture is left unchanged, and the command that computes them is printed. The picture
 of the explorer is a screenshot, taken with Chromium and Playwright; it shows the data in
 critical_boundary.
@@ -79,11 +79,11 @@ def explorer(out):
         subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process,
         sync_playwright() as driver,
     ):
-        told = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
+        messages = "".join(iter(process.stderr.readline, "Ctrl-C ends it\n"))
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"))
         tab = browser.new_page(viewport={"width": 1400, "height": 900})
         tab.set_default_timeout(PATIENCE)
-        tab.goto(re.search(r"http://localhost:\d+/", told).group() + "?k1=0.3&k2=0.5")
+        tab.goto(re.search(r"http://localhost:\d+/", messages).group() + "?k1=0.3&k2=0.5")
         tab.get_by_text("ready", exact=True).wait_for()
         tab.screenshot(path=HERE / "explorer.jpg", quality=80, full_page=True)
         browser.close()
@@ -101,8 +101,8 @@ def main(out):
             with style.sheet():
                 draw(lambda cube, place=place: xr.open_zarr(place / f"{cube}.zarr").load())
         except FileNotFoundError:
-            told = f"python -m workflows.{name} --out {place}"
-            print(f"{place} has no cubes; {draw.__name__}.png is unchanged. To make them: {told}")
+            command = f"python -m workflows.{name} --out {place}"
+            print(f"{place} has no cubes; {draw.__name__}.png is unchanged. Compute: {command}")
     explorer(out / "critical_boundary")
 
 

@@ -2,7 +2,7 @@
 
     nasm.verdict((0.3, 0.5))             is transport global under this forcing?
     nasm.boundary([0, 30, 45])           where does the last barrier break at these angles?
-    nasm.critical_scale((1, 0.5))        … and on this ray of forcings?
+    nasm.critical_scale((1, 0.5))        where does it break on this ray of forcings?
 
 These functions build on the methods in `converse_kam`, `periodic` (Greene's residue), `circles` and
 `circles.continuation` (invariant circles), and `escape` (direct iteration). `maps` defines the map,

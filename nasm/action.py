@@ -4,8 +4,8 @@ An orbit is a chain of sites, one per kick,
 
     x_{n+1} - 2 x_n + x_{n-1} = (κ_n / 2π) sin 2πx_n,     y_n = x_n - x_{n-1}.
 
-An orbit of rotation number p/q has N = Pq sites, x_n = np/N + u_n. Such orbits are stationary
-points of the action
+Under a forcing of P kicks, an orbit of rotation number p/q has N = Pq sites, x_n = np/N + u_n. Such
+orbits are stationary points of the action
 
     A = Σ_n (x_{n+1} - x_n)²/2 - (κ_n/4π²) cos 2πx_n,        x_{n+N} = x_n + p.
 
@@ -14,26 +14,31 @@ action* a(x_0), with
 
     a' = -G,    a'' = S,    R = -S Π(pivots)/4,
 
-where G is the force on x_0, S the Schur complement of the other sites in the Hessian, which is
-tridiagonal, and the pivots are those of the elimination. One sweep from both ends to the middle and
-one sweep back yield all three quantities, and the Newton step for the other sites. For every p/q,
-two orbits are ordered like a rotation: the *minimizing* one, R < 0, at the minimum of a, and the
-*minimax* one, R > 0, at its maximum over the gap between the minimizing orbit and its neighbour.
-Steps of x_0 by +G/|S| lead to the minimizing orbit, and steps by -G/|S| to the minimax orbit.
+where G is the force on x_0, S the Schur complement that remains of the Hessian when the other
+sites are eliminated, and R Greene's residue. The block of the other sites is tridiagonal, and
+Π(pivots) is the product of the pivots of its elimination. One sweep from both ends to the middle
+and one sweep back yield all three quantities, and the Newton step for the other sites.
 
-1. *Constrain.* With x_0 fixed, join copies of the last convergent's orbit, and one copy of the
+For every p/q, two orbits are ordered like a rotation: the *minimizing* one, R < 0, at the minimum
+of a(x_0), and the *minimax* one, R > 0, at the maximum of a(x_0) over the gap between the
+minimizing orbit and its neighbour. Steps of x_0 by +G/|S| lead to the minimizing orbit, and steps
+by -G/|S| to the minimax orbit.
+
+The orbits of the convergents of a number ω are found in order of increasing period:
+
+1. *Constrain.* Keep x_0 fixed. Join copies of the orbit of one convergent, and one copy of the
    orbit of the convergent before it, end to end: a few Newton steps turn this chain into the orbit
-   of the next convergent of ω. Long orbits are thus found at each forcing independently, even where
+   of the next convergent. Long orbits are thus found at each forcing independently, even where
    residues pass through 0.
-2. *Scan.* Begin the orbit at the site where its gap is widest, and move x_0 across that gap. The
-   highest maximum of a is the minimax orbit, which may lie on any symmetry line, or on none.
-3. *Descend.* The scan can fail if the action is steep and has several minima, or if no single
-   site shows the maximum. Orbits of periods up to 100 are then found by the argument that shows
-   that they exist: orbits whose sites move along the forces on them never cross each other. They
-   descend to minima, and the pass between two minima is on the boundary of their basins of
-   attraction.
-4. *Follow.* Orbits are then continued along the segment of forcings by Newton's method, and are
-   joined end to end to find longer orbits.
+2. *Scan.* Begin the orbit at the site with the widest gap, and move x_0 across that gap. The
+   highest maximum of a(x_0) is the minimax orbit, which may lie on any symmetry line, or on none.
+3. *Descend.* The scan can fail if the action is steep and has several minima, or if the maximum
+   cannot be reached by moving a single site. Orbits of periods up to 100 are then found by
+   descent: the sites of an orbit move along the forces on them. Two such orbits never cross each
+   other and descend to minima, and the pass between two minima is on the boundary of their basins
+   of attraction. (The same argument shows that the orbits exist.)
+4. *Follow.* Newton's method continues known orbits along the segment of forcings. Longer orbits are
+   found by joining known ones end to end.
 
 Deviations u are stored instead of x, so that rounding errors do not grow with x.
 
@@ -73,13 +78,13 @@ __all__ = [
 ]
 
 Minimizers: TypeAlias = dict[float, tuple[FloatArray, int, dict[tuple[int, int], FloatArray]]]
-"""For each scale: the forcing from a site on, this site, and the minimizers, keyed by (p, q)."""
+"""For each scale: the forcing that begins at a site, that site, and a dict {(p, q): minimizer}."""
 
 SURE_PERIOD = 100
 """Longest period of orbits that are found by descent if the scan misses them."""
 
 FLAT = 1e-15
-"""Slopes of the reduced action below this value times √N are rounding errors; R then vanishes."""
+"""Slopes of the reduced action below this value times √N are rounding errors; R is then 0."""
 
 _ROUNDING = 1e-12
 """Rounding error of the distance between two sites, and of a pivot."""
@@ -88,23 +93,23 @@ _MAX_LAST_STEP = 1e-7
 """Newton's method has converged if its last step, in turns, is below this."""
 
 _MAX_STEP_AT_REST = 1e-11
-"""If the last step, in turns, is below this, the curvature is that of the stationary orbit."""
+"""If the last step, in turns, is below this, the curvature S is accurate."""
 
 _NEWTON_STEPS = 60
 
 _GAP_POINTS = 12
-"""Number of positions of x_0 at which a gap is scanned."""
+"""Number of steps of x_0 across a gap in a scan."""
 
 _EQUAL_GAPS = 0.99
-"""Gaps of at least this fraction of the widest count as equal; orbits begin at the first one."""
+"""Gaps of at least this fraction of the widest count as equal; orbits begin at the first."""
 
 _FOLLOW_RANGE = 0.3
 """Largest change in any strength κ_j, multiplied by q, over which an orbit is followed."""
 
 _JOIN_STEP = 0.8
-"""Largest step of x_0 when orbits are joined, multiplied by the longer period. Of 5030 orbits
-found with at least one value of this step, 398 are lost to oscillation if the step is 0.1, 266 if
-it is 0.4, and 178 if it is 0.8."""
+"""Largest step of x_0 when orbits are joined, multiplied by the longer period. Of 5030 orbits that
+are found with at least one value of this step, 398 are not found with 0.1 because Newton's method
+oscillates, 266 with 0.4, and 178 with 0.8."""
 
 JOIN_PERIOD = 300
 """Period above which orbits are joined from shorter ones rather than scanned for."""
@@ -129,8 +134,8 @@ class LostError(Exception):
     """The ordered orbits of a fraction were not found, or were lost while they were followed.
 
     The message states the reason. These orbits exist under any forcing. Long ones are lost far
-    beyond the breakup of the circles near p/q; short ones should always be found, so their loss
-    says nothing about circles.
+    beyond the breakup of the circles near p/q. Short ones should always be found; if one is not,
+    this says nothing about circles.
 
     Parameters
     ----------
@@ -827,7 +832,7 @@ def _follow(
 ):  # fmt: skip
     """Continue an orbit, in place, from s = begin to end; `before` is the orbit one step earlier.
 
-    Returns the scale that was reached, the last step, and R. The scale is short of `end` if the
+    Returns the scale that was reached, the last step, and R. The scale differs from `end` if the
     steps became too small.
     """
     at, step, gap = begin, end - begin, profile.size / u.size
@@ -860,8 +865,8 @@ def _newton_step(force, diagonal, kind, max_step, inverse, pull):
     """
     n, half = force.size, force.size // 2
     log_pivots, product, n_bad = 0.0, 1.0, 0
-    # Eliminate sites from both ends to the middle, because two chains of divisions take no longer
-    # than one.
+    # Eliminate sites from both ends to the middle: two independent chains of divisions run in
+    # parallel, and take no longer than one.
     ahead = behind = 0.0, 0.0, 1.0
     for i in range(1, n - half):
         ahead, pivot = _eliminate(i, ahead, force, diagonal, inverse, pull)
@@ -923,7 +928,7 @@ def newton_solve(kappa, theta, u, kind, max_step, n_steps, work):
     # Numba treats rows unpacked in one assignment as strided, and would not vectorize the loops.
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     change, last_change, curvature, slope, log_pivots, n_bad = np.inf, np.inf, 0.0, 0.0, 0.0, 0
-    stiffness = 0.0  # springs hold the sites where the action is not convex
+    stiffness = 0.0  # of springs that hold the sites if the action is not convex
     for _ in range(n_steps):
         _forces(kappa, theta, u, force, diagonal)
         for j in range(1, n if stiffness else 0):

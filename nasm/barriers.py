@@ -3,21 +3,21 @@
 The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
 With three kicks or more, circles may break and reappear in bands of scales, which may be
 arbitrarily narrow next to the boundary. The search resolves bands down to relative widths of about
-tol, or of 10⁻³ if tol is larger. If it meets any, narrower bands may lie above the value: the
-relative error is at least tol, or 2·10⁻³ if tol is larger, and upper is at least value + error. On
-a segment that does not start at zero, the search is for the first breakup.
+tol, or of 10⁻³ if tol is larger. If it finds bands, narrower ones may lie above the value;
+therefore the relative error is then at least tol, or 2·10⁻³ if tol is larger, and upper is at least
+value + error. On a segment that does not start at zero, the search looks for the first breakup.
 
 The search proceeds from the outside inwards.
 
 1. *Ask.* Search the Farey tree (`nasm.farey`) at one scale for a circle that exists there. If the
-   tree shows none, the search lists the nobles that it could not exclude (or, if it excluded all,
-   the one that took longest to exclude), and the longest period used; the scale then counts as one
+   search finds none, it lists the nobles that it could not exclude (or, if it excluded all, the one
+   that took longest to exclude), and the longest period used; the scale is then regarded as one
    without circles. The first scale is about 1% above the breakup, where converse KAM eliminates all
    starts in 100 steps.
 2. *Leap.* Residues (`nasm.periodic`) determine the scale at which one circle breaks: the circle
-   just found, or else that of the simplest noble near the first one listed. If this scale is
-   precise, and residues show that the circle exists just below it, the tree is searched next at a
-   slightly larger scale.
+   just found or, if none was found, the circle of the simplest noble near the first one listed. If
+   the precision of this scale is sufficient, and residues show that the circle exists just below
+   it, the tree is searched next at a slightly larger scale.
 3. *Step.* Otherwise, lower the scale. Residues grow like s^q, so orbits of period q exclude circles
    not only at one scale, but over a relative distance of order 1/q. The step is a quarter of that,
    or half the distance to a scale with a circle. Whenever the period used has doubled, another leap
@@ -26,14 +26,15 @@ The search proceeds from the outside inwards.
    search continues with that circle. If it shows none, this scale is the last breakup, unless
    residues show that the circle of one of the listed nobles exists above it. The breakup of this
    rival then replaces the scale; if residues do not determine it precisely, the search ends with
-   the narrow interval that remains. In bands residues do not converge: steps continue until the
-   scale without circles and the one with a circle are tol/2 apart, and the value is between them.
+   the narrow interval that remains. In bands, residues do not converge; the scale is then lowered
+   until the scale without circles and the one with a circle are tol/2 apart, and the value is the
+   midpoint between them.
 
-With one or two kicks there are no bands, and a faster search comes first. The start that converse
-KAM takes longest to eliminate, just beyond the breakup, is next to what remains of the last circle,
-and its weighted Birkhoff average yields the rotation number to six digits. The nobles near that
-number are candidates; residues determine where they break, and converse KAM shows that no start
-survives above these scales.
+With one or two kicks there are no bands, and a faster search is tried first. The start that
+converse KAM takes longest to eliminate just beyond the breakup lies next to the remains of the last
+circle, and its weighted Birkhoff average yields the rotation number to six digits. The circles of
+the nobles near that number are candidates; residues determine where they break, and converse KAM
+shows that no start survives above these scales.
 
 Two *witnesses* confirm the bracket or widen it. Residues and the tree only select which circles are
 tried; what the witnesses show does not depend on them. At `lower`, an invariant circle is certified
@@ -74,27 +75,29 @@ class Effort:
     Attributes
     ----------
     share_above : float
-        Fraction of tol that lies above the value, where converse KAM takes 1/distance steps. The
-        rest lies below, where a circle is certified, which takes longer.
+        Fraction of tol that lies above the value; there, converse KAM needs a number of steps
+        proportional to 1/distance. The rest lies below the value, where a circle is certified,
+        which takes longer.
     first_steps : int
-        Number of steps of converse KAM on transversals with which the search begins. They eliminate
-        all starts about 1/100 above the breakup, where the circle that the tree excludes last is
-        usually the one that breaks last. If a circle exists at that scale, higher scales are tried
-        in relative steps of 1/100. Starts that survive this far above a value contradict it.
+        Number of steps of converse KAM on transversals with which the search begins. 100 steps
+        eliminate all starts about 1/100 above the breakup, where the circle that the tree excludes
+        last is usually the one that breaks last. If a circle exists at that scale, higher scales
+        are tried in relative steps of 1/100. Starts that survive this far above a value contradict
+        the value.
     locating_steps : int
         Minimum number of steps of converse KAM to locate the last circle under one or two kicks.
     resolution : float
         Largest tolerance of the search of the Farey tree; a larger tol widens only the bracket and,
-        in bands, the error. With a tolerance of 10⁻² the search missed bands of one of the forcings
-        that were judged by other methods (`tests/judged_forcings.csv`).
+        in bands, the error. With a tolerance of 10⁻² the search missed bands for one of the
+        forcings in `tests/judged_forcings.csv`, whose breakups are known from other methods.
     max_questions : int
         Maximum number of scales at which the Farey tree is searched. Once this number is
-        reached, the search, converse KAM and certification all end. The judged forcings need
-        10 to 20 scales, or up to 60 if they have bands.
+        reached, the search, converse KAM and certification all end. The forcings in
+        `tests/judged_forcings.csv` need 10 to 20 scales, or up to 60 if they have bands.
     step : float
-        Relative length of a step to lower scales, multiplied by the longest period q used: orbits
-        of that period exclude circles over about four times this distance. Steps are not shorter
-        than share_above·tol.
+        Relative length of a step to lower scales, multiplied by the longest period q used. Orbits
+        of that period exclude circles over about four times the length of the step. Steps are not
+        shorter than share_above·tol.
     tree_depth : int
         Period of Farey neighbours at which the search of the tree ends.
     tree : TreeSettings
@@ -103,7 +106,7 @@ class Effort:
         Relative distance, below a scale without circles, within which the last breakup is sought.
     orbit_period, last_period : int
         Longest periods of the orbits used for a leap and for the final value; their residues
-        yield nine and eleven digits.
+        yield nine and eleven digits, respectively.
     cusp_period : int
         Longest period of the orbits that determine the final value if periods up to `last_period`
         are not precise enough, as happens next to a cusp. It also limits the period of the orbits
@@ -115,8 +118,8 @@ class Effort:
         Maximum number of circles that are tried at each scale below a bracket, until one is
         certified.
     search_share : float
-        Fraction of the CPU time after which the search ends. Half of the remaining time is for
-        converse KAM, and whatever is left after that for the certified circle.
+        Fraction of the CPU time after which the search ends. Half of the remaining time is reserved
+        for converse KAM, and whatever is left after that is used to certify a circle.
     long_period_tol : float
         Smallest tolerance for more than 64 kicks: lifetimes of a few hundred kicks correspond to
         this distance beyond a breakup.
@@ -184,20 +187,20 @@ def critical_scale(
     Parameters
     ----------
     profile : array_like, shape (P,)
-        Direction of the segment, not zero. On rays P may be any number; segments from another
-        start must repeat after at most 64 kicks.
+        Direction of the segment, not zero. On rays P may be any number; with another start, the
+        forcings must repeat after at most 64 kicks.
     tol : float
         Target for the width of the bracket, 10⁻⁵ to 10⁻¹: (upper - lower)/value on a ray; from
         another start, the change in the largest strength from lower to upper, relative to that
         strength.
     start : array_like, shape (P,), optional
-        Start of the segment; default 0, a ray from the origin. From another start the result is the
-        first breakup, s ≥ 0; regions without circles may be missed if the largest strength
+        Start of the segment; default 0, a ray from the origin. With another start, the result is
+        the first breakup at s ≥ 0; regions without circles may be missed if the largest strength
         changes by less than 0.1 across them.
     seconds : float
-        Approximate CPU time to spend. Results then depend on the machine; cubes are computed
-        without this limit. Under one or two kicks the limit applies only to the work after a first
-        search, which takes about 0.2 seconds.
+        Approximate limit on the CPU time. With a limit, results depend on the machine; cubes are
+        computed without one. Under one or two kicks the limit applies only to the work after a
+        first search, which takes about 0.2 seconds.
     effort : Effort
         Settings of the search, and other limits on its work.
 
@@ -254,14 +257,15 @@ def critical_scale(
 def _upper_of_long_period(profile, tol, effort):
     """Return the CriticalScale, without a value, of a ray with more than 64 kicks per period.
 
-    Converse KAM is applied on straight lines: transversals through all minimax orbits would take
-    minutes. Where circles do not cross these lines steeply, escaping orbits yield a better bound.
+    Converse KAM is applied on straight lines, because computing transversals through all minimax
+    orbits would take minutes. Where circles do not cross these lines steeply, escaping orbits yield
+    a better bound.
     """
     kicks = aperiodic.around_strongest(profile)
     without_graphs = aperiodic.critical_scale(kicks, max(tol, effort.long_period_tol)).upper
     n_steps = effort.iterated_kicks // profile.size + 1
     escapes = escape.onset_scale(profile, n_steps, effort.iterated_orbits)
-    # By converse KAM in one step, no circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
+    # Converse KAM over a single kick of |κ| ≥ 2 excludes every circle.
     without_graphs = np.fmin(without_graphs, 2 / np.abs(profile).max())
     method = escape.METHOD if escapes < without_graphs else "converse KAM"
     upper = float(np.fmin(without_graphs, escapes))
@@ -291,7 +295,7 @@ class _Tree:
     ----------
     segment : _Segment
     seconds : float
-        CPU time from now on.
+        CPU time allowed from now on.
     effort : Effort
     """
 
@@ -456,7 +460,7 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
     if tree.is_search_over():
         return _Bracket(inside, outside, omega)
     _, nobles, period = tree.ask(outside)
-    unasked, asked_period = omega, 0  # for leaps: the circle to try next, and the last period
+    unasked, asked_period = omega, 0  # for leaps: circle to try next, period at the last leap
     while outside - inside > segment.length(outside, tol / 2) and not tree.is_search_over():
         step = max(effort.step / period, effort.share_above * tol)
         scale = outside - segment.length(outside, step)
@@ -512,7 +516,7 @@ def _with_rivals(tree, tol, breakup, inside, outside, nobles):
         just_above = min(breakup.value + distance, outside)
         if omega != breakup.omega and tree.shows(omega, just_above):
             later = _breakup(tree, tol, omega, inside, outside)
-            if later is None or later.value < breakup.value:  # the rival breaks in between
+            if later is None or later.value < breakup.value:  # the rival breaks above just_above
                 return _Bracket(just_above, outside, omega)
             breakup = later
     near = segment.length(outside, tree.effort.share_above * tol)
@@ -635,7 +639,7 @@ def _certified_below(tree, tol, bracket):
 
 
 def _is_certified(omega, kappa, period):
-    """Return True if the circle of ω is certified under a forcing, starting from an orbit.
+    """Return True if Newton's method, started from an orbit, certifies the circle of ω.
 
     The orbit's period is below `period`, and one of its sites is held fixed. Unlike continuation,
     this does not require a circle under weaker kicks.
@@ -664,9 +668,9 @@ def _is_certified(omega, kappa, period):
 def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCircle:
     """Compute the last circle on the ray, as it is at `scale.lower`, just before it breaks.
 
-    It has about 10⁵ points if `scale` is precise to 10⁻⁴: that close to the breakup
-    `circles.invariant_circle` runs out of modes. Here `circles.continuation.certified_circle`
-    computes the circle from circles farther from the breakup.
+    It has about 10⁵ points if `scale` is precise to 10⁻⁴. `circles.invariant_circle` runs out of
+    modes so close to the breakup; therefore `circles.continuation.certified_circle` continues the
+    circle from smaller scales.
 
     Parameters
     ----------

@@ -49,8 +49,8 @@ class DiffusionSettings:
     max_growth_exponent : float
         Largest exponent of n in the growth of mean squares; faster growth is anomalous.
     max_square_ratio : float
-        Largest ratio of the mean square of one orbit to that of all orbits; no orbit exceeds it by
-        chance.
+        Largest ratio of the mean square displacement of one orbit to the mean over all orbits; in
+        normal diffusion no orbit exceeds it by chance.
 
     Examples
     --------

@@ -65,7 +65,7 @@ class IterationSettings:
         Steps between two tests for escape. Small blocks spend more time on tests; large blocks take
         longer to repeat.
     max_chunk_steps : int
-        Maximum number of steps after which the surviving orbits are packed together. In the search
+        Maximum number of steps before the surviving orbits are packed together again. In the search
         for the first escape, other orbits are iterated up to this many steps beyond it.
 
     Examples
@@ -251,7 +251,7 @@ def onset_scale(
     k_N is what the paper plots. It lies above the scale at which global transport begins, which
     `critical_scale` estimates. Bisection finds k_N, to a relative accuracy of 10⁻⁴, between 0 and
     the scale at which the largest |κ| is 2: an orbit escapes at k_N, and none escapes one bisection
-    step below.
+    step below it.
 
     Parameters
     ----------
@@ -279,8 +279,8 @@ def onset_scale(
     Notes
     -----
     Scales with and without an escape interleave around k_N, in an interval that widens as the
-    numbers of steps and orbits decrease (to some 20% with 50 steps of 20 orbits); k_N is one point
-    of this interval.
+    numbers of steps and orbits decrease (to about 20% of k_N for 20 orbits, 50 steps); k_N is one
+    point of this interval.
 
     Examples
     --------
@@ -446,11 +446,11 @@ def _centres(name: str, values: ArrayLike) -> FloatArray:
     centres = floats(name, values)
     if centres.ndim != 1 or centres.size < 2:
         raise ValueError(
-            f"{name}={values!r} must be at least two cells, which define a cell's width"
+            f"{name}={values!r} must be the centres of at least two cells, to define their width"
         )
     steps = np.diff(centres)
     if not (steps > 0).all() or np.ptp(steps) > 1e-6 * steps[0]:
-        raise ValueError(f"{name}={values!r} must increase in equal steps: the centres of cells")
+        raise ValueError(f"{name}={values!r} must be cell centres that increase in equal steps")
     return centres
 
 

@@ -1,16 +1,18 @@
 """Search for circles that exist under one forcing, by residues along the Farey tree.
 
-Between neighbours p/q and p'/q', |pq' - p'q| = 1, all fractions have periods of q + q' or longer,
-and the simplest is the *mediant* (p + p')/(q + q'). A path of mediants leads to every ω. If the
-circle of ω exists, the residues of the minimax orbits along the path decay to 0. At the breakup of
-a noble circle they stay near 0.25 (Greene). Below and above the breakup, ln(R/0.25) of a mediant is
-approximately the sum of the values of its two neighbours. So no circle exists between neighbours
-with large residues, and beyond the last breakup a hundred mediants typically exclude all ω.
+Between neighbours p/q and p'/q', |pq' - p'q| = 1, all fractions have denominators, and orbits have
+periods, of at least q + q'; the simplest fraction is the *mediant* (p + p')/(q + q'). Every ω is
+the limit of a path of mediants. If the circle of ω exists, the residues of the minimax orbits on
+the path decay to 0. At the breakup of a noble circle they stay near 0.25 (Greene). Below and above
+the breakup, ln(R/0.25) of a mediant is approximately the sum of the values of its two neighbours.
+So no circle exists between neighbours with large residues, and beyond the last breakup a hundred
+mediants typically exclude all ω.
 
 The orbit of a mediant is obtained by joining the orbits of its neighbours (`nasm.action`). The
 search leaves some cases undecided: a circle within a relative distance δ of its breakup is resolved
-only by periods of order 1/δ. But the tree has no gaps. Converse KAM, by contrast, samples starts;
-for three kicks or more, the surviving starts may be confined to intervals of width 10⁻⁶.
+only by periods of order 1/δ. However, the search covers all rotation numbers without gaps. Converse
+KAM, by contrast, samples starts; for three kicks or more, the surviving starts may be confined to
+intervals of width 10⁻⁶.
 """
 
 from collections.abc import Sequence
@@ -51,7 +53,7 @@ _GAMMA = parse("gamma")
 
 @dataclass(frozen=True)
 class TreeSettings:
-    """Settings: which residues exclude or show a circle, and how far the Farey tree is searched.
+    """Limits on residues that exclude a circle or show that it exists, and limits on the search.
 
     Attributes
     ----------
@@ -60,29 +62,32 @@ class TreeSettings:
         A circle may exist between two neighbours if the product of their residues is below
         largest_product·(1 + product_period/q), where q is the longer of their two periods. At the
         breakup of a circle whose path continues in golden steps from these neighbours, both
-        residues tend to 1/4, their product to 1/16, and the differences are of order 1/q. On the
-        paths to the last circles of 144 forcings of one to twelve kicks, products at the breakup
-        were at most 0.19. From period 10 on they were at most 0.08, except for the tail (4), where
-        they reached 0.19. Products just above a breakup should also be below the limit, so that the
-        search tries the circle that breaks there: a limit of 0.2 excluded one with the tail (4).
+        residues tend to 1/4 and their product to 1/16, with deviations of order 1/q. On the paths
+        to the last circles of 144 forcings of one to twelve kicks, products at the breakup were at
+        most 0.19. From period 10 on they were at most 0.08, except where the continued fraction of
+        ω ends in 4, 4, 4, …; there they reached 0.19. The limit must also exceed the products just
+        above a breakup, so that the search tests the circle that breaks there: a limit of 0.2
+        excluded a circle with this continued fraction.
     largest_residue : float
         Largest residue of two neighbours that may enclose a circle, if one of their periods is
         `short_period` or longer. On the paths above, residues were at most 0.8, except for one of
         1.57 at 11 kicks.
     short_period : int
-        Neighbours whose periods are both shorter may have any residues; a residue of 49 occurred.
+        `largest_residue` does not apply to neighbours whose periods are both shorter than this; a
+        residue of 49 occurred.
     small_residue : float
         If the residues of neighbours are below this value, the noble between them is tested
         directly.
     max_mediants : int
-        Maximum number of mediants tried; deciding a forcing took up to 1700.
+        Maximum number of mediants tried; up to 1700 were needed to decide one forcing.
     scanned_period : int
-        Up to this period, the highest maximum of the action is sought; for longer orbits, the
-        maximum next to those of the neighbours.
+        Up to this period, the highest maximum of the action is sought; for longer orbits, only the
+        maximum next to those of the two neighbours.
     first_period : int
         Shortest period of the convergents whose residues are compared.
     longest_ratio : int
-        Periods up to this multiple of `longest` are used if shorter ones do not decide.
+        `circle_exists` uses periods up to this multiple of its argument `longest` if shorter ones
+        do not settle the question.
 
     Examples
     --------
@@ -138,10 +143,10 @@ def find_existing_circle(
         A noble in [0, P/2] per period whose circle exists according to `circle_exists`; None if
         none was found.
     nobles : list of RotationNumber
-        If a circle was found on the way down, only its noble. Otherwise the nobles that were not
-        excluded down to `deepest`, or not reached, the simplest first; if all were excluded, the
-        one whose exclusion took the longest orbit. Just beyond the last breakup, the noble of the
-        last circle is in the list.
+        If a circle was found before the search reached `deepest`, only its noble. Otherwise all
+        nobles that were not excluded, whether the search stopped at `deepest` or did not reach
+        them, the simplest first; if all were excluded, the one whose exclusion took the longest
+        orbit. Just beyond the last breakup, the noble of the last circle is in the list.
     period : int
         The longest period used. Excluding a circle that breaks at a relative distance δ below the
         forcing takes periods of order 1/δ.
@@ -196,7 +201,7 @@ def find_existing_circle(
 def _may_enclose_circle(left, right, settings):
     """Return True if a circle may exist between two neighbours, according to their residues.
 
-    A lost short orbit excludes nothing.
+    A short orbit that could not be found (is lost) does not by itself exclude anything.
     """
     residues, longer = (left.residue, right.residue), max(left.q, right.q)
     largest = settings.largest_product * (1 + settings.product_period / longer)
@@ -239,8 +244,9 @@ def circle_exists(
     Returns
     -------
     bool
-        True if the residues of the last three minimax orbits decrease. False otherwise, and also
-        if an orbit is lost because the forcing is far beyond the breakup.
+        True if the residue of the last minimax orbit is below those of the two before it, or
+        vanishes. False otherwise, and also if an orbit is lost because the forcing is far beyond
+        the breakup.
 
     Examples
     --------
@@ -267,7 +273,8 @@ def circle_exists(
         *_, before, residue = residues
         if residue > before and residue > settings.largest_residue:
             return False
-        # Where two orbits exchange roles, residues pass through 0: three may be small by chance.
+        # Residues pass through 0 where the minimizing and the minimax orbit exchange roles, so
+        # three of them may be small by chance.
         is_small = max(residues[-3:]) < settings.small_residue
         if is_small and (_fall(residues) or residue == 0):  # R vanishes to rounding
             return True

@@ -5,9 +5,9 @@ Primary points exist at all strengths: (0, 0), (1/2, 0), (0, ±1/2), (1/2, ±1/2
     R = -(κ1 + κ2)/2 - κ1κ2/4,    (κ1 + κ2)/2 - κ1κ2/4,
         (κ2 - κ1)/2 + κ1κ2/4,     (κ1 - κ2)/2 + κ1κ2/4;
 
-a point is stable iff 0 < R < 1. The point (1/2, 0) undergoes a pitchfork bifurcation where its
-R = 0, on the curve κ1 + κ2 = κ1κ2/2. Beyond this curve there are secondary points x = 1/2 ± z/2π,
-the solutions of
+a point is stable iff 0 < R < 1. The point (1/2, 0) undergoes a pitchfork bifurcation where
+R = 0, on the curve κ1 + κ2 = κ1κ2/2. Beyond this curve there are secondary points at
+x = 1/2 ± z/2π, where z and y satisfy
 
     κ1 sin z + κ2 sin(z - (κ1/2) sin z) = 0,     2y = (κ1/2π) sin z.              (38)
 
@@ -27,7 +27,7 @@ from nasm.types import FloatArray
 __all__ = ["cubic_estimate", "primary_residue", "residue", "secondary", "secondary_equation"]
 
 PRIMARY = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5))
-"""x, y of the primary points I to IV; III and IV also exist at y = -1/2."""
+"""Coordinates x, y of the primary points I to IV; III and IV also exist at y = -1/2."""
 
 
 def _strengths(kappa1: ArrayLike, kappa2: ArrayLike) -> tuple[FloatArray, FloatArray]:

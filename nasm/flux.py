@@ -153,7 +153,7 @@ def flux(
         error: the last change, plus the rounding error of the sum; the last change bounds later
         ones, because they shrink faster than geometrically. status: OK; RATIONAL if ω is rational;
         NOT_CONVERGED next to the breakup, if orbits up to q_max do not show on which side of it
-        kappa is; DISORDERED if longer orbits were lost before changes fell below 1%.
+        kappa is; DISORDERED if longer orbits were not found and changes had not fallen below 1%.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def flux(
             difference, rounding, n_lost = np.nan, 0.0, n_lost + 1
             if n_lost == 1:  # longer orbits may be found again
                 continue
-        if not difference > -rounding:  # orbits are lost, or differ only by rounding errors
+        if not difference > -rounding:  # no orbits twice in a row, or actions in the wrong order
             status = Status.DISORDERED
             break
         value, error, period = difference, abs(difference - value) + rounding, chain.q

@@ -3,11 +3,11 @@
     v_n = DT(z_{n-1}) … DT(z_0) v_0,     v_0 = (0, 1),
     λ_N = ln|v_N| / N,                   FLI_N = max { ln|v_n| : n ≤ N }.
 
-n counts steps, i.e. periods of the forcing. On a regular orbit v_n grows linearly, because the map
-twists, so that λ_N ~ ln N / N; on a chaotic one λ_N tends to the Lyapunov exponent (Froeschlé,
-Lega & Gonczi, Celest. Mech. Dyn. Astron. 67 (1997) 41). Both describe one orbit, and only up to
-step N: they distinguish neither a circle from an island, nor an orbit that sticks to a cantorus
-from an orbit on a circle.
+n counts steps, i.e. periods of the forcing. On a regular orbit the twist of the map makes v_n grow
+linearly, so that λ_N ~ ln N / N; on a chaotic orbit λ_N tends to the Lyapunov exponent (Froeschlé,
+Lega & Gonczi, Celest. Mech. Dyn. Astron. 67 (1997) 41). Both numbers describe one orbit, and only
+up to step N: they cannot tell a circle from an island, or an orbit that sticks to a cantorus from
+an orbit on a circle.
 """
 
 from math import floor, log
@@ -25,7 +25,7 @@ from nasm.types import FloatArray
 __all__ = ["tangent_growth"]
 
 _LARGEST_SQUARE = 1e200
-"""|v|² at which the vector is divided by its norm: far from overflow, even after a strong kick."""
+"""|v|² above which v is divided by its norm; even after a strong kick it is far from overflow."""
 
 
 def tangent_growth(
@@ -45,7 +45,7 @@ def tangent_growth(
     Returns
     -------
     exponent : ndarray
-        λ_n, per step, of the broadcast shape.
+        λ_n per step, in the broadcast shape.
     indicator : ndarray
         FLI_n, at least 0.
     advance : ndarray

@@ -50,8 +50,8 @@ class ManifoldSettings:
     epsilon : float
         Distance from the periodic point at which a branch begins, in turns: the ε above.
     max_miss : float
-        Largest distance from a point of a periodic orbit to its image under T^q, relative to the
-        norm of DT^q, or to 1 if that is larger.
+        Largest accepted distance from a point of a periodic orbit to its image under T^q, relative
+        to the norm of DT^q, or to 1 if that is larger.
     max_points : int
         Maximum number of points on a curve.
     max_period : int
@@ -140,7 +140,7 @@ def stable(
     toward: int = 1,
     settings: ManifoldSettings = DEFAULT_SETTINGS,
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute one branch of the stable manifold; parameters and results are those of `unstable`.
+    """Compute one branch of the stable manifold; parameters and results are as for `unstable`.
 
     Examples
     --------
@@ -152,7 +152,7 @@ def stable(
     kappa, p, q, x, y, length, spacing, toward = _checked(
         kappa, p, q, x, y, length, spacing, toward, settings
     )
-    # The coordinates (y - x, y) exchange left and right.
+    # In the coordinates (y - x, y), left and right are exchanged.
     xs, ys = _branch(kappa[::-1], p, q, y - x, y, length, spacing, -toward, settings)
     return ys - xs, ys
 
@@ -376,7 +376,7 @@ def _pieces(
         if length > settings.max_length:
             raise LostError(
                 f"the manifolds of {p}/{q} do not come within {2 * spacing} of the homoclinic "
-                f"orbits in {settings.max_length} turns"
+                f"orbits within a length of {settings.max_length} turns"
             )
     nearest = distances.argmin(axis=0)
     pieces = []

@@ -222,8 +222,8 @@ def direction(profile: ArrayLike) -> FloatArray:
         raise ValueError("profile is zero; a ray needs a direction, e.g. profile=(1, 0.5)")
     if size < MIN_SIZE:
         raise ValueError(
-            f"profile={profile!r} has no strength of {MIN_SIZE:g} or more; its size is only the "
-            "unit of the scale, so multiply it by any number"
+            f"profile={profile!r} has no strength of {MIN_SIZE:g} or more; its size only sets the "
+            "unit of the scale, so multiply it by a large number"
         )
     return strengths
 

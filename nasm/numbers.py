@@ -2,10 +2,10 @@
 
     ω = [a₀; a₁, …, a_k, (b₁, …, b_m)]  =  a₀ + 1/(a₁ + 1/(a₂ + …)),   b₁, …, b_m repeated for ever
 
-What matters about ω is how badly fractions approximate it, and this depends on the digits that a
+The robustness of a circle depends on how poorly fractions approximate ω, and thus on digits that a
 float cuts off. A RotationNumber keeps the prefix a₀, …, a_k and the period b₁, …, b_m, so its
-convergents are exact to any order. A *noble* number has the period (1); its circles are the most
-robust.
+convergents are exact to any order. A *noble* number has the period (1); circles with noble ω are
+the most robust.
 
 Strings may use γ = [0;(1)], the golden mean (√5 - 1)/2, as in the paper: "gamma", "2gamma+1",
 "(5gamma+6)/(4gamma+5)".
@@ -32,7 +32,7 @@ MAX_CHARACTERS = 10_000
 """Maximum length of a text that `parse` accepts."""
 
 MAX_QUOTIENTS = 1000
-"""Maximum number of partial quotients read or computed, in prefix and period together."""
+"""Maximum number of partial quotients that are read or computed, counting prefix and period."""
 
 _INTEGERS = r"\d+(?:,\d+)*"
 _CONTINUED_FRACTION = rf"\[(-?\d+)(?:;({_INTEGERS})(?:,\(({_INTEGERS})\))?|;\(({_INTEGERS})\))?\]"
@@ -194,9 +194,9 @@ def as_rotation_number(omega: RotationNumber | str) -> RotationNumber:
     Raises
     ------
     ValueError
-        If omega is neither a RotationNumber nor a string that `parse` reads. A decimal is refused,
-        because the digits that it cuts off matter; the message suggests the simplest noble number
-        that rounds to it.
+        If omega is not a RotationNumber or a string that `parse` accepts. A decimal number is
+        refused, because the digits beyond its last one matter; the message suggests the simplest
+        noble number that rounds to it.
 
     Examples
     --------

@@ -143,7 +143,7 @@ def passages(
     edges = floats("box", box)
     left, bottom, width, height = edges.tolist() if edges.shape == (4,) else [np.nan] * 4
     if not (np.isfinite([left, bottom]).all() and 0 < width <= 1 and 0 < height <= 1):
-        raise ValueError(f"box={box!r} must be left, bottom, width and height, sizes up to 1")
+        raise ValueError(f"box={box!r} must be left, bottom, width and height, with sizes up to 1")
     state = x.copy(), y.copy()
     which, xs, ys = _passages(strengths, *state, n, every, left, bottom, width, height)
     return which, xs, ys, state
@@ -152,7 +152,9 @@ def passages(
 def rotation_number(
     kappa: ArrayLike, x: ArrayLike, y: ArrayLike, n: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Estimate the rotation number per step, Eq. (23), by weighted Birkhoff averages.
+    """Estimate the rotation number per step by weighted Birkhoff averages.
+
+    The rotation number ω is defined in Eq. (23) of arXiv:1606.04824.
 
     Parameters
     ----------

@@ -47,13 +47,13 @@ class ResidueSettings:
     Attributes
     ----------
     sheet_period : int
-        Period from which orbits resolve the sheets of a boundary. Along the ray, the residues of
-        the first pair of orbits with at least this period are compared.
+        Shortest period of orbits that resolve the sheets of a boundary. Along the ray, the residues
+        of the first pair of orbits with at least this period are compared.
     single_sheet_period : int
         The corresponding period for forcings of one or two kicks, whose boundaries have one sheet.
     min_broken_residue : float
         Both residues of that pair must exceed this value to show a breakup; smaller ones may be due
-        to a change of the dominant line, where residues pass through 0.
+        to a change of the dominant symmetry line, where residues pass through 0.
     min_residue : float
         Residues below this value are rounding errors.
     rounding : float
@@ -63,7 +63,7 @@ class ResidueSettings:
         Largest logarithm of the ratio of residues at a crossing; a larger one shows that they do
         not cross.
     max_period_ratio : float
-        Largest ratio of consecutive periods for which orbits are joined from shorter ones.
+        Largest ratio of consecutive periods for which longer orbits are joined from shorter ones.
     max_trusted_ratio : float
         Largest predicted ratio of steps between crossings that is trusted without being measured.
 
@@ -362,7 +362,7 @@ def _crossings(orbits, omega, kind, near, limits, settings):
     if longest < cusp and (chains[-1].q < cusp or len(crossings) < n_needed):
         status = Status.NEAR_CUSP
     elif len(crossings) >= n_needed:
-        # Other numbers have the same convergents up to the end of the prefix and of the first tail.
+        # Up to the end of the first tail, the convergents do not distinguish ω from other numbers.
         is_complete = crossings[-1][0] >= fractions[len(omega.prefix) - 1 + period].denominator
         status = Status.OK if is_complete else Status.NOT_CONVERGED
     crossings = np.array(crossings).T if status is Status.OK else np.empty((2, 0))
@@ -383,7 +383,7 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
             if error.is_far_beyond:
                 return 100.0  # the same value as for residues that overflow
             raise
-        # Far below the breakup, both residues and even their signs are rounding errors.
+        # Far below the breakup, both residues, and even their signs, are due to rounding.
         if min(residues) <= settings.min_residue:
             return -100.0
         if max(residues) == inf:
@@ -424,7 +424,7 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
             residues = [orbits.at(n, scale + step, kind).refined_residue() for n in pair]
             step *= remainder / (remainder - _logarithm(*residues))
         return scale + step
-    except (LostError, ValueError):  # raised if `root` meets another orbit
+    except (LostError, ValueError):  # raised if `root` reaches another orbit
         return Status.DISORDERED
 
 

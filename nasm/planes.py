@@ -7,9 +7,10 @@ rotating map, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), has first (1, …, 1) and s
 (arXiv:1606.04824, Eqs. (4) and (53)).
 
 Two forcings are equivalent if one is a shift, the reversal, the negative or the alternation of the
-other; they share their circles up to symmetry (Sec. III and `nasm.symmetries`). Each of the eight
-elements of the symmetry group of the square is tested; those that map every forcing of the plane to
-an equivalent one are used to `fold` its rays.
+other; the alternation (P even) changes the sign of every second kick. Circles under equivalent
+forcings are images of each other under symmetries of the map (Sec. III and `nasm.symmetries`). Each
+of the eight elements of the symmetry group of the square is tested; those that map every forcing of
+the plane to an equivalent one are used to `fold` its rays.
 """
 
 import json
@@ -228,7 +229,7 @@ class Plane:
         return begin, begin + 360 / len(elements)
 
     def unfold(self, angle: ArrayLike) -> FloatArray:
-        """List the rays that share their last barrier with the one at `angle`.
+        """List the rays that are equivalent to the ray at `angle`.
 
         Parameters
         ----------
@@ -251,7 +252,7 @@ class Plane:
         return np.round(images, 9) % 360
 
     def fold(self, angle: ArrayLike) -> tuple[FloatArray, IntArray]:
-        """Choose one of the rays that share their last barrier with the one at `angle`.
+        """Choose one representative of the rays that are equivalent to the ray at `angle`.
 
         Parameters
         ----------
@@ -263,9 +264,9 @@ class Plane:
         folded : ndarray, shape of angle
             The smallest angle of `unfold`, in degrees; it is in [0, 45] for two kicks.
         omega_shift : ndarray of int, shape of angle
-            The circle of ω on the ray at `angle` breaks at the same scale as that of
+            The circle of ω on the ray at `angle` breaks at the same scale as the circle of
             ω + omega_shift on the folded ray. For two kicks the mirrors κ1 → -κ1 and κ2 → -κ2 add
-            1, Eqs. (24) to (28); swapping the kicks adds 0, and so does κ → -κ.
+            1, Eqs. (24) to (28); swapping the kicks, or κ → -κ, adds 0.
 
         Examples
         --------
@@ -317,8 +318,8 @@ def rotating(frequency: Fraction | str, phase: Fraction | str | int = 0) -> Plan
 
     Notes
     -----
-    Cosines that should be equal, opposite, 0 or 1 are so to the last bit. Forcings that are
-    symmetric or have a shorter period are therefore recognized.
+    Cosines that are mathematically equal, opposite, 0 or 1 are exactly so in floating point.
+    Forcings that are symmetric or have a shorter period are therefore recognized.
 
     Examples
     --------
@@ -367,9 +368,10 @@ def pairs(delay: Fraction | str) -> Plane:
 
     Notes
     -----
-    Both strengths are in units of the period, as in the physics literature: the momentum p changes
-    by (K/2π) sin 2πx, and x by p in unit time. In a time of 1/q, x changes by y = p/q, so the
-    forcing has q kicks: the first is K/q, the a-th after it is K_α/q, and the others are 0.
+    The unit of time is the period, as in the physics literature: a kick changes the momentum p by
+    (K/2π) sin 2πx, and x changes by p in unit time. In a time of 1/q, x changes by y = p/q. The
+    forcing therefore has q kicks: the first is K/q, the a-th after it is K_α/q, and the others
+    are 0.
 
     References
     ----------

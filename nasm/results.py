@@ -41,8 +41,8 @@ class Status(Enum):
         "no breakup found up to the largest scale searched; try another ray or rotation number"
     )
     NEAR_CUSP = (
-        "the longest orbits do not distinguish the forcing from one of shorter period, as near "
-        "|κ1| = |κ2|; allow longer orbits, or take the forcing of shorter period"
+        "even the longest orbits do not distinguish the forcing from one of shorter period, e.g. "
+        "close to |κ1| = |κ2|; allow longer orbits, or take the forcing of shorter period"
     )
     DISORDERED = (
         "Newton's method found an orbit of another kind: not ordered, or with the wrong sign of R; "
@@ -66,8 +66,8 @@ class Status(Enum):
         "the methods contradict each other; change the tolerance, or compare the methods one by one"
     )
     NOT_CONVERGED = (
-        "the estimates did not converge within the effort allowed; allow more of it: longer "
-        "orbits, more steps or more modes"
+        "the estimates did not converge within the effort allowed; allow longer orbits, more steps "
+        "or more modes"
     )
     WIDE = (
         "value and error are valid, but the bracket is more than twice as wide as requested; rely "
@@ -78,7 +78,7 @@ class Status(Enum):
         "diffusion constant; change the forcing"
     )
     TOO_LONG = (
-        "the period has more than 64 kicks, so no circle was sought, and only upper is known, a "
+        "the period has more than 64 kicks, so no circle was sought; only upper is known, and is a "
         "few per cent too large; take a shorter period"
     )
 
@@ -131,8 +131,8 @@ class CriticalScale(Result):
     error : float
         Estimated absolute error of the value.
     lower, upper : float
-        Bracket that the method *shows* to hold: it finds a circle at lower, and excludes all
-        circles at upper. It does so in floating point, unless it is one of the methods of
+        Bracket that the method *shows* to hold: the method finds a circle at lower, and excludes
+        all circles at upper. Both rest on floating-point arithmetic, except in the methods of
         `nasm.proofs`. A bound that is not shown to hold is NaN.
     omega : RotationNumber or None
         Rotation number of the circle per period; None if the method does not identify the circle.

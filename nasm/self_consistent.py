@@ -20,8 +20,8 @@ F(x, θ; p', J') = Σ_i (x_i p_i' + p_i'²/2γ_i) + (θ - Ω) J' + κ'C/4π², a
 
 If all γ are 0, the map consists of M standard maps, to the last bit. For η < 0 the sum in κ' would
 suffer from cancellation, so κ' is computed as κ²/(√(κ² + η²) - η). η and C are summed in blocks,
-pairwise within each block, on one thread, by operations that IEEE 754 specifies to the last bit:
-results do not depend on the machine.
+pairwise within each block, on one thread, by operations that IEEE 754 specifies to the last bit,
+so results do not depend on the machine.
 """
 
 from dataclasses import dataclass

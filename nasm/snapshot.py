@@ -15,8 +15,8 @@ The finite-time Lyapunov exponent of one orbit is λ_n = (ln σ_n)/n, where σ_n
 singular value of DT^n. (Grime & Morrison, arXiv:2505.04750, compute it in an extended phase space,
 and doubt that averages describe single orbits.) On a torus, shear makes σ_n grow like n.
 
-*A graph bounds the EAPD.* Let a curve that winds once around the cylinder be a graph before the
-kicks n - 1, n and n + 1. Then ξ > 0 and ⟨ξ_n⟩ = 1. As η_n = ξ_n - ξ_{n-1} and
+*The EAPD of a graph is bounded.* Let a curve that winds once around the cylinder be a graph before
+the kicks n - 1, n and n + 1. Then ξ > 0 and ⟨ξ_n⟩ = 1. As η_n = ξ_n - ξ_{n-1} and
 ξ_{n+1} = ξ_n + η_n + κ_n cos 2πx_n ξ_n, the slope η_n/ξ_n is between -1 - |κ_n| and 1. So, by
 Jensen's inequality for the logarithm,
 
@@ -48,7 +48,7 @@ _MAX_POINTS = 10**6
 class Separations(Result):
     """How neighbouring points on a snapshot torus separate.
 
-    Numbers of kicks are inf if the event never occurs.
+    `folded`, `separated` and `stretched` are inf where the event never occurs.
 
     Attributes
     ----------
@@ -85,7 +85,8 @@ def torus(
     strength : float
         κ of the constant kicks, |κ| ≤ 10⁶.
     y : float
-        In turns. On a chaotic orbit there is no curve, and the vectors grow exponentially.
+        Initial y, in turns. If the orbit is chaotic, there is no curve, and the vectors grow
+        exponentially.
     n : int
         Number of points, 1 to 10⁶.
 

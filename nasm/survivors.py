@@ -23,9 +23,9 @@ from nasm.types import FloatArray
 __all__ = ["eliminates", "longest_lived", "longest_lived_start"]
 
 LONGEST_LIFETIME = 1.6
-"""Product of the relative distance beyond the breakup and the number of steps that converse KAM
-needs to eliminate all starts. It is about twice `transversal.EXCESS_BOUNDS`, because some starts
-last longer than these bounds imply."""
+"""At a relative distance ε beyond the breakup, converse KAM usually eliminates all starts within
+LONGEST_LIFETIME/ε steps. This is about twice `transversal.EXCESS_BOUNDS`, because some starts
+survive longer than these bounds imply."""
 
 
 def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLived:

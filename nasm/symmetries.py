@@ -6,9 +6,9 @@ for the paper's map P = 2. Under the same κ, (-x, -y) has the rotation number -
 (x + r, y + s) with integers r and s has ω + P·s, Eq. (18).
 
 The symmetries of the forcing generate the symmetry group of the square on the (κ1, κ2) plane. The
-boundary of global transport, CB_gt, is invariant under the whole group; that of one circle, CB_ω,
-is invariant up to ω → ω + 1. `nasm.planes` determines which of these symmetries another plane of
-forcings has.
+boundary of global transport, CB_gt, is invariant under the whole group; the boundary of one circle,
+CB_ω, is invariant up to ω → ω + 1. `nasm.planes` determines which of these symmetries another plane
+of forcings has.
 """
 
 from collections.abc import Iterator, Sequence
@@ -38,8 +38,8 @@ __all__ = [
 ]
 
 CUSP_EXPONENT = 0.6
-"""At a relative distance d from a forcing of shorter period, the boundary is lower than at that
-forcing by about d^0.6: the boundary has cusps there, like those of CB_gt on |κ1| = |κ2|."""
+"""The boundary has a cusp at each forcing of shorter period, as CB_gt does on |κ1| = |κ2|. At a
+relative distance d from that forcing, the boundary is lower by about d^0.6."""
 
 
 def negate(
@@ -111,8 +111,8 @@ def alternate(
     form = _alternated(strengths, spacing, first)
     if strengths.size % (2 * spacing) or (np.abs(form) != np.abs(strengths)).any():
         raise ValueError(
-            f"kappa={kappa!r} must kick only sites at the spacing {spacing}, an even number of "
-            "times in a period; e.g. repeat it twice"
+            f"kappa={kappa!r} must have an even number of kicks per period, at a spacing of "
+            f"{spacing}; e.g. repeat it twice"
         )
     return form, x - first / (2 * spacing), y + 1 / (2 * spacing)
 
@@ -122,7 +122,7 @@ def shift(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Begin the period with the second kick: z → S_κ0(z), Eq. (7); ω is unchanged.
 
-    (κ_0, …, κ_{P-1}) becomes (κ_1, …, κ_{P-1}, κ_0). Parameters and results are those of `negate`.
+    (κ_0, …, κ_{P-1}) becomes (κ_1, …, κ_{P-1}, κ_0). Parameters and results are as for `negate`.
 
     Notes
     -----
@@ -208,7 +208,7 @@ def dominant_centre(kappa: ArrayLike) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        If the forcing does not read the same forwards and backwards from any centre.
+        If the forcing has no symmetry centre.
 
     Examples
     --------
@@ -217,7 +217,7 @@ def dominant_centre(kappa: ArrayLike) -> tuple[float, float]:
     (1, 0.5)
     """
     strengths = forcing(kappa)
-    # Try the strongest kicks first: for long forcings, only the first few sites need be tried.
+    # Try the strongest kicks first: for long forcings, only the first few sites need to be tried.
     sites = np.argsort(-np.abs(strengths), kind="stable").tolist()
     for site in chain(sites, (site + 0.5 for site in sorted(sites))):
         mirror = int(2 * site) - np.arange(strengths.size)
@@ -226,7 +226,7 @@ def dominant_centre(kappa: ArrayLike) -> tuple[float, float]:
             return site, 0.5 if sign > 0 else 0.0
     raise ValueError(
         f"kappa={kappa!r} has no symmetry centre; symmetric orbits need a forcing that reads the "
-        "same forwards and backwards from some site, or from between two"
+        "same forwards and backwards from a site, or from halfway between two sites"
     )
 
 
@@ -251,8 +251,9 @@ def symmetry_lines(kappa: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArr
     Returns
     -------
     x, y : ndarray, shape (4, *y.shape)
-        Points before the first kick, in turns, x on the lift: first those on the lines x_c = 0 and
-        x_c = 1/2, mapped back from site c to site 0, then likewise for the other centre, c + P/2.
+        Points before the first kick, in turns, x on the lift. The first two rows belong to the
+        lines x_c = 0 and x_c = 1/2, mapped back from site c to site 0; the last two rows, to the
+        same lines for the other centre, c + P/2.
 
     Raises
     ------
@@ -425,8 +426,8 @@ def _distance_to_antiperiodic(kappa: FloatArray) -> float:
 def _shortest(kappas: FloatArray) -> tuple[int, int, FloatArray]:
     """Return (period, spacing, rows) for the shortest period of the forcings in the rows.
 
-    The spacing is that of the kicks whose signs must be alternated to reach this period; it is 0
-    if no signs change.
+    The spacing is the distance between the kicks whose signs must be alternated to reach this
+    period; it is 0 if no signs change.
     """
     exact = (
         (length, spacing, rows) for change, length, spacing, rows in _shorter(kappas) if change == 0
@@ -506,8 +507,8 @@ def degenerate_partner(omega: OmegaLike, profile: ArrayLike) -> RotationNumber |
     y → y + 1/2 changes the sign of every other kick (`alternate`) and takes ω to ω + P/2. The two
     circles break together if another symmetry restores the signs: a shift in time, time reversal or
     x → x + 1/2. This is the case if every other kick is zero, or under (1, 1, -1, -1). For
-    example, the circles of γ and 1 - γ break together on the axes of the (κ1, κ2) plane, where the
-    paper writes γ.
+    example, the circles of γ and 1 - γ break together on the axes of the (κ1, κ2) plane; the paper
+    calls this last circle γ.
 
     Examples
     --------

@@ -51,7 +51,7 @@ class VerdictSettings:
         If the boundary has no value and its bracket begins above this multiple of the forcing, a
         tighter tolerance cannot change the verdict.
     min_steps, max_steps : int
-        Limits on the number of steps of converse KAM. The upper limit takes a second or two, and
+        Limits on the number of steps of converse KAM. A run of max_steps takes a second or two; it
         suffices if the forcing is at least 4·10⁻⁶ above the boundary.
     max_points : int
         Maximum number of points of a circle that is farther from its breakup than the first of
@@ -100,18 +100,18 @@ class Answer(Enum):
 class Evidence(Enum):
     """The kinds of evidence for an Answer."""
 
-    INTEGRABLE = "without kicks, every y is a circle"
+    INTEGRABLE = "without kicks, every line of constant y is an invariant circle"
     CIRCLE = (
         "the circle was computed at exactly this forcing by Newton's method and certified on a "
         "finer grid; this is not a computer-assisted proof"
     )
     CIRCLE_BEYOND = (
         "the circle is certified further out on the ray from κ = 0, not at this forcing; that it "
-        "exists everywhere before that point is an assumption"
+        "also exists here, closer to κ = 0, is an assumption"
     )
     CONVERSE_KAM = (
-        "converse KAM excludes a circle through every sampled initial condition at exactly this "
-        "forcing: strong evidence, not a proof"
+        "at exactly this forcing, converse KAM shows that no circle passes through any sampled "
+        "initial condition: strong evidence, not a proof"
     )
     CIRCLE_PROVED = (
         "proved for exactly this forcing: an invariant circle exists, by the a-posteriori KAM "
@@ -139,12 +139,13 @@ class Verdict(Result):
     kappa : ndarray, shape (P,)
         The forcing, first kick first.
     answer : Answer
-        Whether a barrier exists or transport is global. UNDECIDED says nothing about either.
+        Whether a barrier exists or transport is global. UNDECIDED makes no statement about either.
     evidence : Evidence
         The kind of evidence for the answer.
     boundary : CriticalScale
         Breakup of the last barrier on the ray s·kappa, s = 1 being the forcing itself. Its omega is
-        that of the circle, if one exists; otherwise that of the last circle to break.
+        the rotation number of the circle, if one is found, and otherwise of the last circle to
+        break.
     circle : tuple of two ndarrays, shape (n,), or None
         x and y of the circle at the start of a period, x on the lift, y up to an integer. None
         unless evidence is CIRCLE or CIRCLE_PROVED.

@@ -1,8 +1,8 @@
 """Jobs for `pipeline.fill`: each consists of one cube and the functions that compute its tiles.
 
-The functions of this module check their arguments. A cube has the same name and settings as the one
-that a command computes, so that `fill` resumes what `python -m workflows.NAME` has begun, and vice
-versa.
+The functions of this module check their arguments. The cubes have the same names and settings as
+those of the commands, so `fill` can complete a cube that `python -m workflows.NAME` has begun, and
+vice versa.
 
 A plane is given as a Plane, or as a string that the --plane option accepts, like "rotating:1/3"
 (see `nasm.planes.parse`). Angles are directions of rays in the plane, in degrees.
@@ -40,7 +40,7 @@ P = ParamSpec("P")
 
 
 def _recorded(maker: Callable[P, Job]) -> Callable[P, Job]:
-    """Wrap a maker of jobs so that each job stores the call that made it, for `history`."""
+    """Wrap a function that makes jobs; each job then stores the call, for its cube's `history`."""
 
     @functools.wraps(maker)
     def record(*args: P.args, **options: P.kwargs) -> Job:
@@ -72,7 +72,7 @@ def escape(
     precision: str = "double",
     tile: int = 16,
 ) -> Job:
-    """Return the Job of first escape times over a plane of forcings: the cube `escape`.
+    """Return the Job for the cube `escape`: first escape times over a plane of forcings.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def frequency_map(
     n_max: int = 3000,
     tile: int = 16,
 ) -> Job:
-    """Return the Job of the rotation number over phase space: the cube `frequency_map`.
+    """Return the Job for the cube `frequency_map`: the rotation number over phase space.
 
     Parameters
     ----------
@@ -215,10 +215,10 @@ def frequency_map(
 
 @_recorded
 def last_barrier(angles: ArrayLike, tol: float = 2e-5, plane: Plane | str = "two-kicks") -> Job:
-    """Return the Job of the last barrier on rays, bracketed from both sides: the cube `barrier`.
+    """Return the Job for the cube `barrier`: the last barrier on rays, bracketed from both sides.
 
-    The cube contains the rays onto which the symmetries of the plane fold `angles`.
-    `pipeline.cubes.barrier.unfolded(cube, angles)` returns all rays, with the last circles as
+    Of rays that are images of each other under the symmetries of the plane, the cube contains only
+    one. `pipeline.cubes.barrier.unfolded(cube, angles)` returns all rays, with the last circles as
     strings.
 
     Parameters
@@ -241,7 +241,7 @@ def last_barrier(angles: ArrayLike, tol: float = 2e-5, plane: Plane | str = "two
 
 @_recorded
 def last_barriers(profiles: Iterable[ArrayLike], tol: float = 1e-3) -> Job:
-    """Return the Job of last barriers for a list of forcings of any period: the cube `forcings`.
+    """Return the Job for the cube `forcings`: last barriers for a list of forcings of any period.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def breakdown(
     q_max: int = 6000,
     plane: Plane | str = "two-kicks",
 ) -> Job:
-    """Return the Job of the scales at which circles break on rays.
+    """Return the Job that computes the scales at which circles break on rays.
 
     Parameters
     ----------
@@ -281,7 +281,7 @@ def breakdown(
     angles : array_like
         Directions of rays, in degrees.
     tol : float or None
-        Target error of the scale, 10⁻⁷ to 0.1. Circles are continued, and residues are tried where
+        Target error of the scale, 10⁻⁷ to 0.1. Circles are continued, and residues are used where
         continuation does not reach the target; the cube is `breakdown`. If None, only residues are
         used; the cube is `breakdown_residue`.
     q_max : int
@@ -308,7 +308,7 @@ def breakdown(
 def transport(
     angles: ArrayLike, n_max: int = 10_000, n_orbits: int = 100, plane: Plane | str = "two-kicks"
 ) -> Job:
-    """Return the Job of the onset of transport on rays, by direct iteration: the cube `transport`.
+    """Return the Job for the cube `transport`: the onset of transport on rays, by direct iteration.
 
     Parameters
     ----------
@@ -333,7 +333,7 @@ def transport(
 
 @_recorded
 def flux(barrier: xr.Dataset, excesses: ArrayLike, q_max: int = 30_000) -> Job:
-    """Return the Job of the flux through the last circle once it is broken: the cube `flux`.
+    """Return the Job for the cube `flux`: the flux through the last circle beyond its breakup.
 
     Parameters
     ----------
@@ -341,7 +341,7 @@ def flux(barrier: xr.Dataset, excesses: ArrayLike, q_max: int = 30_000) -> Job:
         The Dataset that `fill` returns for `last_barrier`, or that `unfolded` makes from it; rays
         without a critical scale are omitted.
     excesses : array_like
-        Scales relative to that of the breakup, minus 1; positive.
+        Relative distances s/s_c - 1 > 0 beyond the breakup at s_c.
     q_max : int
         Longest period of the orbits, 100 to 10⁶; 10 divided by the smallest excess is enough.
 
@@ -362,16 +362,14 @@ def flux(barrier: xr.Dataset, excesses: ArrayLike, q_max: int = 30_000) -> Job:
 def diffusion(
     barrier: xr.Dataset, excesses: ArrayLike, n_orbits: int = 256, n_max: int = 2**24
 ) -> Job:
-    """Return the Job of the diffusion coefficient of momentum beyond the last barrier of two kicks.
-
-    The cube is `diffusion`.
+    """Return the Job for the cube `diffusion`: diffusion of momentum beyond the last barrier.
 
     Parameters
     ----------
     barrier : xr.Dataset
         As for `flux`; its plane must be that of two kicks.
     excesses : array_like
-        Scales relative to that of the breakup, minus 1; positive.
+        Relative distances s/s_c - 1 > 0 beyond the breakup at s_c.
     n_orbits : int
         Orbits per forcing, 64 to 10⁶.
     n_max : int
@@ -394,7 +392,7 @@ def diffusion(
 
 @_recorded
 def tori(vectors: Iterable[tuple[float, float]], angles: ArrayLike, tol: float = 1e-3) -> Job:
-    """Return the Job of the breakup of tori in rotating maps of irrational frequency: cube `tori`.
+    """Return the Job for the cube `tori`: breakup of tori in rotating maps of irrational frequency.
 
     Parameters
     ----------
@@ -423,7 +421,7 @@ def tori(vectors: Iterable[tuple[float, float]], angles: ArrayLike, tol: float =
 def proved_barrier(
     angles: ArrayLike, seconds: float = 8.0, plane: Plane | str = "two-kicks"
 ) -> Job:
-    """Return the Job of proved bounds on the onset of transport: the cube `proved_barrier`.
+    """Return the Job for the cube `proved_barrier`: proved bounds on the onset of transport.
 
     Computing it needs the extra `proof`. The theorems are in nasm/proofs/README.md.
 
@@ -451,7 +449,7 @@ def proved_barrier(
 def _plane(plane: Plane | str) -> Plane:
     """Return the Plane that a string describes; return a Plane unchanged."""
     if not isinstance(plane, Plane | str):
-        raise ValueError(f"plane={plane!r} must be a Plane or a text like 'two-kicks'")
+        raise ValueError(f"plane={plane!r} must be a Plane or a string like 'two-kicks'")
     return planes.parse(plane) if isinstance(plane, str) else plane
 
 
@@ -464,7 +462,7 @@ def _angles(angles: ArrayLike) -> FloatArray:
     """Return the distinct angles in increasing order."""
     values = np.unique(np.atleast_1d(floats("angles", angles)))
     if not (values.size and np.isfinite(values).all()):
-        reason = "must be finite directions in degrees, at least one"
+        reason = "must be one or more finite directions in degrees"
         raise ValueError(f"angles={values.tolist()} {reason}")
     return values
 
@@ -497,7 +495,7 @@ def _breakups(barrier: xr.Dataset) -> tuple[Plane, Mapping[float, float], Mappin
         table = named.dropna("angle", subset=["critical_scale"])
         scales, circles = (table[key].to_series().to_dict() for key in ("critical_scale", "circle"))
     except (AttributeError, KeyError, ValueError):
-        cure = "pass what fill returns for last_barrier"
+        cure = "pass the Dataset that fill returns for last_barrier"
         raise ValueError(f"barrier is not a cube of last barriers; {cure}") from None
     if not scales:
         raise ValueError("barrier has no ray with a critical scale; compute it on other rays")

@@ -10,7 +10,7 @@ from nasm.numbers import parse
 
 GAMMA, KAPPA = parse("gamma"), (0.3, 0.4)
 
-# Valid arguments by kind and name; tests replace one of them with an invalid value.
+# Valid arguments by kind and name; tests replace one at a time with an invalid value.
 FORCINGS = {
     "kappa": KAPPA,
     "kappas": [KAPPA],

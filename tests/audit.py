@@ -1,4 +1,4 @@
-"""Audits of the proof programs: copies with changed lines, and the checks that must detect them."""
+"""Audits of the proof programs: copies with changed lines, and checks that must detect changes."""
 
 import ast
 import inspect
@@ -141,7 +141,7 @@ def combined(factors, state, names):
 
 
 def used(value, bound):
-    """Return value/bound; it exceeds 1 if the value exceeds the bound by even a single bit."""
+    """Return value/bound; it exceeds 1 if the value exceeds the bound, even by a single bit."""
     if not bound > 0:
         return math.inf if value > 1e-30 else 0.0
     share = float((value / bound).mid())
@@ -304,7 +304,7 @@ def rows(kernel, count=400):
         if wronskian < 0:
             row |= {name: -row[name] for name in ("v", "w")}
         scale = float(1 / abs(wronskian) * rng.choice([1.0, 1.0, 1.0, 1.002]))
-        begun = rng.choice([0, 0.5])  # sums that are not 0 would hide small terms
+        begun = rng.choice([0, 0.5])  # nonzero sums would hide small terms
         for *_, name in kernel.known:
             row[name] = row["V"] ** 2 * size(-8, 8) * float(rng.uniform() < begun)
         row["rest"] = row["V"] ** 2 * abs(size(-12, 0)) * float(rng.choice([0, 1]))

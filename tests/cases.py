@@ -1,4 +1,4 @@
-"""Tables of test cases, of which the fast suite runs a third, and random continued fractions."""
+"""Helpers for tests: every third row of a table for the fast suite; random continued fractions."""
 
 import pytest
 from hypothesis import strategies as st
@@ -7,9 +7,9 @@ from nasm.numbers import parse
 
 
 def thirds(table):
-    """Return the rows of a table (a list, or a dict by name) as parameters for pytest.
+    """Return the rows of a table (a list, or a dict keyed by name) as parameters for pytest.
 
-    Every third row belongs to the fast suite, the others to the slow one.
+    Every third row belongs to the fast suite; all other rows are marked as slow.
     """
     named = table.items() if isinstance(table, dict) else ((None, row) for row in table)
     return [

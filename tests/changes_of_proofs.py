@@ -6,8 +6,8 @@
 
 Changes are drawn from the code on which proofs rest, `PROVING`. Code that only chooses where to
 search, or reports results, is left out. A constant is replaced by another one, and a comparison, a
-sign or an operation by its opposite; a `demand` or a `raise` is removed. A human judges whether a
-change is unsound, that is, whether something false could then be called proved.
+sign or an operation by its opposite or a similar one; a `demand` or a `raise` is removed. A human
+judges whether a change is unsound, that is, whether something false could then be called proved.
 changes_of_proofs.toml records these judgements for the changes drawn with seed 53, in the order
 drawn, up to the fortieth unsound one. Once the sources have changed, the same seed draws
 different changes.
@@ -175,7 +175,7 @@ def noticed_by(change, seconds=3600):
     try:
         return ahead.recv() if ahead.poll(seconds) else "no answer within an hour"
     except EOFError:
-        return "the process dies"
+        return "the process died"
     finally:
         child.terminate()
         child.join()
@@ -201,7 +201,7 @@ def _tested(change, pipe):
         "not benchmark and not alters_sources",
     ]
     status = pytest.main([*options, "-o", "addopts=", *files], [first])
-    pipe.send(first.failed or (f"pytest ends with {status}" if status else ""))
+    pipe.send(first.failed or (f"pytest exited with status {status}" if status else ""))
 
 
 class _First:

@@ -15,7 +15,7 @@ from pipeline.store import place_of
 # Make Ctrl-C work in the tests and in the programs that they start, however pytest was started.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# No deadline: the first example compiles kernels, and any may be slow on a busy machine.
+# No deadline: the first example compiles kernels, and any example may be slow on a busy machine.
 settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
 
@@ -30,14 +30,14 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="session", autouse=True)
 def drawn_as_sketches():
-    """Draw sketches, except where `test_every_command` and `test_figures` need full figures."""
+    """Draw figures as sketches, unless `test_every_command` or `test_figures` needs full ones."""
     with sketches():
         yield
 
 
 @pytest.fixture(scope="session")
 def here():
-    """Yield a function that returns a Client of one worker, with two threads, in this process."""
+    """Yield a function that returns a Client with one worker, of two threads, in this process."""
     with toy.workers_here() as client:
         yield client
 

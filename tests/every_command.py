@@ -2,10 +2,10 @@
 
 RUNS is the number of times each command runs, in the same folder; after the first run, functions
 that compute raise an error. HIDDEN lists packages that cannot be imported, as if an extra were not
-installed. The script prints a JSON object {command: [exit code, what it printed, whether it looked
-for python-flint, faults of its figures on screen and in a column]}, for the last run of each
-command, or for the run that failed. All sweeps share one worker, which has two threads in this
-process. Unless Bokeh is hidden, the explorer runs until it is stopped.
+installed. The script prints a JSON object {command: [exit code, what it printed, whether it tried
+to import python-flint, faults of its figures as drawn for the screen and for a journal column]},
+for the last run of each command, or for the run that failed. All sweeps share one worker, which has
+two threads in this process. Unless Bokeh is hidden, the explorer runs until it is stopped.
 """
 
 import json
@@ -51,7 +51,7 @@ SMALLEST = {
     "status": "",
     "verify": "",
     "explore": "--no-browser",
-    # Commands that make proofs come last: the others must succeed before python-flint is imported.
+    # Commands that make proofs come last: the others must succeed without importing python-flint.
     "ask": "0.3 0.2 --prove",
     "labels": "--n-rays 3 --margins 0.05,0.3 --n-max 100 --n-orbits 8 --n-starts 8 --cells 32"
     " --cpu-seconds 0.001 --distance 0.5",
@@ -60,8 +60,8 @@ SMALLEST = {
     "work_precision": "--method barriers --method barrier-proof --ray 45",
 }
 AGAIN = [name for name in SMALLEST if name not in ("ask", "explore")]  # these two store no cubes
-# While planning, these compute rays for a second or two.
-LOOKING = "claims", "convergence", "labels", "proved_map"
+# To plan their sweeps, these commands compute rays for a second or two.
+PLANNING = "claims", "convergence", "labels", "proved_map"
 COMPUTING = {
     "pipeline.store": ["replace"],
     "pipeline.sweep.sweep": ["_Run"],
@@ -88,19 +88,19 @@ class Hidden:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 
-def compute_nothing(patch, but_look):
-    """Make all functions of COMPUTING raise an error, except those of `nasm` if `but_look`."""
+def compute_nothing(patch, may_plan):
+    """Make all functions of COMPUTING raise an error, except those of `nasm` if `may_plan`."""
 
     def refuse(*_, **__):
         raise AssertionError("recomputes a stored result")
 
     for module, names in COMPUTING.items():
-        for name in () if but_look and module.startswith("nasm") else names:
+        for name in () if may_plan and module.startswith("nasm") else names:
             patch.setattr(import_module(module), name, refuse)
 
 
 def look_at_figures(patch):
-    """Have each figure drawn both for the screen and for a column; return the list of faults."""
+    """Have each figure drawn for the screen and for a journal column; return the list of faults."""
     from figure_faults import faults
 
     from workflows.figures import style
@@ -141,7 +141,7 @@ def main(out, commands, runs, *hidden):
             sweeps = "scheduler" in [option.name for option in main_of(name).params]
             with pytest.MonkeyPatch.context() as patch, sketches() if run else nullcontext():
                 if run:
-                    compute_nothing(patch, name in LOOKING)
+                    compute_nothing(patch, name in PLANNING)
                 else:
                     faults = look_at_figures(patch)
                 result = invoke(name, there, *shlex.split(SMALLEST[name]), *workers * sweeps)

@@ -1,4 +1,4 @@
-"""Find the faults that a reader would see in a saved figure: `faults`."""
+"""Find faults in a saved figure, such as texts that overlap or are cut off."""
 
 from itertools import combinations
 
@@ -16,7 +16,7 @@ _SMALL = 3.0  # in points; smaller markers may be cut by an axis
 
 
 def faults(figure):
-    """List in words what a reader would complain about."""
+    """Return a list of the faults of a figure, each described in words."""
     renderer = figure.canvas.get_renderer()
     texts = _drawn(figure, renderer)
     return [

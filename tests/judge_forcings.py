@@ -1,27 +1,27 @@
 """Judge rows of `judged_forcings.csv`: `python tests/judge_forcings.py ROW ROW ...`.
 
-For each row that is neither an image of another row nor from the literature, the script checks the
-following, by methods independent of the search for the last barrier:
+An image of another row is compared with that row. Rows from the literature are accepted unchecked.
+In every other row the script checks three statements, by methods independent of the search for the
+last barrier:
 
-1. a circle exists at `lower`: Newton's method in Fourier space converges on a finer grid
+1. A circle exists at `lower`. Newton's method in Fourier space must converge, also on a finer grid
    (`nasm.circles`), starting from circles continued along the ray or from the sites of a long
-   periodic orbit;
-2. no circle exists at `upper`, nor at some scales up to 1% above: converse KAM eliminates all
-   starts on a transversal within 10⁵ periods (`nasm.converse_kam`), and in rows with the method
-   "proof", interval arithmetic proves transport (`nasm.proofs.transport`);
-3. in rows with the method "residues" or "proof", the circle `omega` breaks at `value`, as shown
-   by Greene's residues of the minimax orbits of its convergents. This module computes them with its
-   own code, starting from a circle just below the breakup. The scales at which the residues of two
-   convergents agree converge to `value` (by Aitken's extrapolation; `error` is three times the
-   larger of the last two changes of the extrapolated value).
+   periodic orbit.
+2. No circle exists at `upper`, or at some scales up to 1% above it. Converse KAM must eliminate all
+   starts that it tries within 10⁵ periods (`nasm.converse_kam`). In rows with the method "proof",
+   interval arithmetic must also prove transport at `upper` (`nasm.proofs.transport`).
+3. In rows with the method "residues" or "proof", the circle `omega` breaks at `value`. This script
+   computes, with its own code, Greene's residues of the minimax orbits of the convergents of
+   `omega`, starting from a circle just below the breakup. The scales at which the residues of two
+   convergents agree must converge to `value`. They are extrapolated by Aitken's method; `error` is
+   three times the larger of the last two changes of the extrapolated value.
 
-Two options judge new rows:
+Two options check a claim, and print it as a new row if the methods agree:
 
-    --new CLASS PROFILE OMEGA NEAR [START]            OMEGA breaks near the scale NEAR, by residues
-    --bracket CLASS PROFILE OMEGA LOWER UPPER [START] OMEGA exists at LOWER, no circle at UPPER
+    --new CLASS PROFILE OMEGA NEAR [START]            circle OMEGA breaks near the scale NEAR
+    --bracket CLASS PROFILE OMEGA LOWER UPPER [START] circle OMEGA exists at LOWER, none at UPPER
 
-Strengths are separated by spaces. A new row is printed if the methods agree on it. OMEGA and the
-scales in these options may come from any source.
+Strengths are separated by spaces. OMEGA and the scales in these options may come from any source.
 """
 
 import sys
@@ -38,7 +38,7 @@ from nasm.numbers import convergents, distinct_convergents, parse
 from nasm.proofs import transport
 
 STEPS = 100_000  # limit of converse KAM, in periods of the forcing
-ABOVE = (0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)  # relative distances above `upper` where no circle exists
+ABOVE = (0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)  # relative distances above `upper` that are checked
 NEAREST = (1e-4, 3e-4, 1e-3)  # distances below a breakup at which circles are certified
 SHORTEST, SITES = 20, 6000  # minimum q and maximum length, in kicks, of compared orbits
 HULL = 60_000  # maximum number of sites of the orbit from which Newton's method starts
@@ -57,15 +57,15 @@ def circle_below(omega, start, profile, breakup, distance):
 
 
 def is_circle(omega, kappa):
-    """Return True if Newton's method, started at a long periodic orbit, certifies ω's circle."""
+    """Return True if Newton's method, started from a long periodic orbit, certifies ω's circle."""
     u = hull(omega, kappa)
     return u is not None and circles.invariant_circle(omega, kappa, 65_536, u).certified
 
 
 def hull(omega, kappa):
-    """Return the deviations, shape (P, n), of a long periodic orbit with one site held fixed.
+    """Return the deviations of a long periodic orbit from uniform rotation, shape (P, n).
 
-    Return None if the orbit is lost.
+    One site of the orbit is held fixed. Return None if Newton's method does not find the orbit.
     """
     n_kicks, strongest = kappa.size, int(np.abs(kappa).argmax())
     kappa, chains = np.roll(kappa, -strongest), []
@@ -141,11 +141,11 @@ def hold(kappa, p, q, u):
 
 
 class MinimaxOrbits:
-    """Minimax orbits of the convergents of a circle, on κ = start + s·profile.
+    """Minimax orbits of the convergents of a circle's ω, on κ = start + s·profile.
 
-    u : deviations of the circle, shape (P, n), at a scale just below its breakup. To find an
-    orbit, one site is moved across a gap, at the place where the circle is stretched most. The
-    orbit is then continued to other scales.
+    u : deviations of the circle from uniform rotation, shape (P, n), at a scale just below its
+    breakup. To find an orbit, one site is moved across a gap between neighbouring sites, at the
+    place where the circle is stretched most. The orbit is then continued to other scales.
     """
 
     def __init__(self, omega, start, profile, u):
@@ -160,7 +160,7 @@ class MinimaxOrbits:
             self.fractions.append(fraction)
 
     def residue(self, i, scale):
-        """Return R of the orbit of convergent i; NaN if the orbit is not found."""
+        """Return Greene's residue R of the orbit of convergent i; NaN if no orbit is found."""
         q, known = self.fractions[i].denominator, self.known.setdefault(i, {})
         for below in (0, 0.05, 0.1, 0.2, 0.4, 0.8) if not known else ():
             at = scale * (1 - below / q)
@@ -187,7 +187,7 @@ class MinimaxOrbits:
         return np.roll(self.start + scale * self.profile, -self.site)
 
     def _moved(self, i, scale, u):
-        """Return (u, R) of the orbit close to deviations u; None if it is lost or has R ≤ 0."""
+        """Return (u, R) of the orbit with deviations close to u; None if not found or R ≤ 0."""
         (p, q), kappa, u = self.fractions[i].as_integer_ratio(), self._kappa(scale), u.copy()
         x_before, x = u[0], u[0] + 1e-3 / q
         result, before, _ = hold(kappa, p, q, u)
@@ -308,13 +308,13 @@ def _has_circle(omega, start, profile, scale, breakup):
 
 
 def doubts(row):
-    """Return a list of sentences that state what the methods do not confirm about a row."""
+    """Return a list of texts, one for each statement of a row that the methods do not confirm."""
     start = np.zeros(len(row.profile)) if row.start is None else np.array(row.start)
     profile, result = np.array(row.profile), []
     if row.image_of is not None:
         number, operations = row.image_of
         expected = image_row(row.number, row.kind, table()[number], operations)
-        return [] if expected == row else [f"the image is {expected.text()}"]
+        return [] if expected == row else [f"the image should be {expected.text()}"]
     if row.method == "literature":
         return []
     if not _has_circle(parse(row.omega), start, profile, row.lower, row.value):

@@ -1,4 +1,7 @@
-"""The table of judged forcings, `judged_forcings.csv`, and the exact images of forcings."""
+"""Forcings whose last breakup is known from independent methods, and their exact images.
+
+The table of these judged forcings is `judged_forcings.csv`.
+"""
 
 import csv
 from dataclasses import dataclass
@@ -33,7 +36,7 @@ class Row:
 
     @property
     def image_of(self):
-        """The number of the row of which this is an exact image, and the operations; or None."""
+        """The number of the row whose exact image this row is, and the operations; or None."""
         if not self.method.startswith("image of "):
             return None
         number, operations = self.method.removeprefix("image of ").split(": ")
@@ -78,13 +81,13 @@ def image(row, operations):
 
     operations : one or more of these strings, in the order of application, separated by "; ":
         "shift n"    begin the period n kicks later,
-        "reverse"    last kick first: time is reversed,
+        "reverse"    put the last kick first: time is reversed,
         "negate"     κ → -κ: x → x + 1/2,
         "alternate"  κ_n → (-1)ⁿ κ_n, for an even number of kicks: y → y + 1/2,
-        "repeat n"   the period n times,
-        "pause n"    n - 1 zeros after each kick: y → y/n and κ → κ/n,
-        "times c"    profile·c,
-        "from t"     start = t·profile.
+        "repeat n"   write the period n times,
+        "pause n"    insert n - 1 zeros after each kick: y → y/n and κ → κ/n,
+        "times c"    multiply the profile by c,
+        "from t"     begin the ray at start = t·profile.
     """
     profile, start, factor, shift = np.array(row.profile), np.array(row.start or ()), 1.0, 0.0
     for operation in operations.split("; "):
@@ -108,7 +111,7 @@ def image(row, operations):
         elif name == "from" and not start.size:
             start, shift = number * profile, shift + number
         else:
-            raise ValueError(f"{operation!r} has no meaning for profile={profile}, start={start}")
+            raise ValueError(f"{operation!r} cannot be applied to profile={profile}, start={start}")
     return tuple(profile + 0.0), tuple(start + 0.0) or None, factor, shift
 
 

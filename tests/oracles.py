@@ -92,7 +92,7 @@ def point(circle, theta):
 
 
 def invariance_error(circle):
-    """Return max |T∘K(θ) - K(θ + ω)| over some random θ, by the definitions of T and K."""
+    """Return max |T∘K(θ) - K(θ + ω)| over 100 random θ, by the definitions of T and K."""
     worst = 0.0
     for theta in np.random.default_rng(3).uniform(size=100):
         x, y = point(circle, theta)
@@ -150,9 +150,9 @@ RESOLVED = 1e-4  # error of residues computed in floats, for orbits of some 10�
 def residues_fall(omega, kappa, q):
     """Return True if the residues of minimax orbits decrease, as they do if a circle exists.
 
-    They must at least halve from the first convergent of period q or longer to the convergent that
-    lies one repetition of the tail further on. Return None if an orbit is not found, unless the
-    residue of the longer convergent exceeds 1.
+    The residue of the first convergent of period q or longer must be below 1. It must at least
+    halve, or vanish to rounding, by the convergent that lies one repetition of the tail further on.
+    Return None if an orbit is not found, unless the residue of the longer convergent exceeds 1.
     """
     omega = as_rotation_number(omega)
     longer = [f for f in islice(convergents(omega), 100) if f.denominator >= q]

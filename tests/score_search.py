@@ -4,8 +4,9 @@
                                  [--classes "two kicks,zeros"] [--images 5]
                                  [--minutes 10]
 
-A search is a function of (profile, tol, start=None) that returns a CriticalScale. For each class
-the script prints
+The table, `judged_forcings.csv`, states where last barriers break, as determined by methods that
+are independent of the search. A search is a function of (profile, tol, start=None) that returns a
+CriticalScale. For each class of forcings the script prints
 
     cases, answered  number of rows searched, and number with a value (status OK or WIDE);
     value            false values, which differ from the table's by more than both errors together;
@@ -15,7 +16,7 @@ the script prints
     CPU              seconds, median and largest.
 
 Each contradiction and each row without a value is listed with its number. The exit code is 1 if
-there is a contradiction. Rows not reached within the CPU time of --minutes are listed.
+there is a contradiction. Rows not reached within --minutes of CPU time are also listed.
 """
 
 import argparse

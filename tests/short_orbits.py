@@ -64,7 +64,7 @@ def on_symmetry_lines(kappa, p, q):
 
         exact = (lambda x: mpmath.sinpi(2 * x)), mpmath.pi
         # d is the distance between adjacent sites near the centre, halved if the centre is between
-        # two sites. Ordered orbits stay within one turn of the rotation.
+        # two sites. An ordered orbit stays within one turn of the rotation, so d is in this range.
         d = (p / n_sites + np.linspace(-0.7, 0.7, 140_001)) / (1 + between)
         values = miss(d, lambda x: np.sin(2 * np.pi * x), np.pi)
         for i in np.flatnonzero(values[1:] * values[:-1] <= 0):
@@ -131,7 +131,7 @@ def by_scan(kappa, p, q, per_gap=20):
     """Return residues of ordered orbits, found by a dense scan over x_0 at each site of the period.
 
     For each x_0 the other sites are chosen so that they minimize the action. Where the force on x_0
-    changes sign, Newton's method converges to an orbit.
+    changes sign, Newton's method is used to find an orbit.
     """
     kappa, result = np.asarray(kappa, float), []
     for site in range(kappa.size):

@@ -40,9 +40,9 @@ def test_residues_without_a_symmetry_agree_with_a_fifty_digit_computation(family
 
 
 def test_a_breakup_beyond_a_near_miss_is_found_by_residues_not_by_norms():
-    # At scale 0.5195 the ray passes 4e-4 below another sheet of the boundary. Below this scale,
-    # circles seem about to break at 0.5195. Beyond 0.5195 the residues of long orbits still fall;
-    # they rise only beyond the breakup.
+    # At scale 0.5195 the ray passes 4e-4 below another sheet of the boundary, and circles at
+    # smaller scales seem about to break there. Beyond 0.5195, however, the residues of long orbits
+    # still fall; they rise only beyond the breakup.
     omega, profile = parse("[0;1,2,1,3,1,2,(1)]"), rotating_forcing(*ray(160), "1/3", 0)
     by_norms = continuation.critical_scale(omega, profile, 1e-3)
     assert by_norms.status is Status.UNDECIDED
@@ -57,7 +57,7 @@ def test_a_breakup_beyond_a_near_miss_is_found_by_residues_not_by_norms():
 
 
 def test_far_beyond_the_breakup_orbits_are_lost_or_have_large_residues():
-    # No ordered orbit passes through the first position tried in the gap. This was once mistaken
+    # The scan of the gap finds no ordered orbit at its first position. This used to be mistaken
     # for a flat action.
     kappa = 0.5585 * np.array([0.0494274894847, 0.792760428306, -0.139033252069, 0.792760428306])
     for fraction in distinct_convergents(parse("[0;1,4,1,4,(1)]"), 200)[-3:]:
@@ -82,9 +82,9 @@ def test_the_residue_of_period_two_is_kappa_squared_over_4_on_every_call():
 
 
 def test_a_minimax_orbit_that_is_not_a_maximum_along_any_site_is_found():
-    # These are the orbits 2/5 of the standard map beyond R = 1, with two kicks per period. The
-    # action can decrease at two sites: with either of them held fixed, a negative curvature
-    # remains.
+    # These are the orbits 2/5 of the standard map, traversed twice in five periods of two equal
+    # kicks. As R > 1/2 for five kicks of the minimax orbit, its action has a direction of negative
+    # curvature whichever site is held fixed.
     kappa, p, q = (1.1723, 1.1723), 4, 5
     for kind, orbit in enumerate(action.ordered_orbits(kappa, p, q)):
         assert not short_orbits.misses(orbit, kappa, p, q, kind)
@@ -134,8 +134,8 @@ def test_every_short_orbit_is_found_up_to_twice_the_breakup(judge, kicks, n_prof
 
 
 def test_no_orbit_is_joined_twice_at_the_same_scale(monkeypatch):
-    # Orbits with residue 0 are not followed from scale to scale; they used to be joined again for
-    # each longer orbit.
+    # Orbits with residue 0 are not followed from scale to scale; they used to be recomputed, by
+    # joining shorter orbits, for each longer orbit.
     joined, calls = action.joined, []
 
     def counted(last, one, chain, kind):

@@ -86,10 +86,10 @@ FORCINGS = {
         ((maps.forcing, maps.step), NO_NUMBERS, "kappa={value} must consist of real numbers"),
         ((maps.forcing, symmetry_line.longest_lived, *PROOFS), INEXACT, NO_FLOATS),
         (proofs.transport.prove, [(nan, 0.1), (inf,), (1e7,), (), "a"], "kappa={value}"),
-        (CELLS, [(0.5,), (0.1, 0.2, 0.1)], "two strengths"),
+        (CELLS, [(0.5,), (0.1, 0.2, 0.1)], "two coordinates"),
         (CELLS, [(0.1, 0.5)], "multiples of"),
         (LINES, [(0.1, 0.2, 0.3)], "no dominant symmetry line"),
-        (symmetries.alternate, [[0.3], [0.3, 0, 0.2]], "only sites at the spacing 1"),
+        (symmetries.alternate, [[0.3], [0.3, 0, 0.2]], "kicks per period, at a spacing of 1"),
     ],
     "kappas": [
         (escape.first_escape, [0.3], "is a number; give an array of shape"),
@@ -99,7 +99,7 @@ FORCINGS = {
     "kappa1": [(PERIOD_ONE, [nan, inf], "must be finite")],
     "spacing": [
         (symmetries.alternate, [0, 3, 1.0], WHOLE + " 1 to 2"),
-        (symmetries.alternate, [2], "must kick only sites at the spacing 2"),
+        (symmetries.alternate, [2], "kicks per period, at a spacing of 2"),
     ],
     "half_width": [
         (CELLS, [0.0, -0.5], "positive"),
@@ -216,7 +216,7 @@ STARTS = {
         (periodic.critical_scale, [(0, 0, 0)], "differ in length"),
     ],
     "u": [(circles.newton_step, [np.zeros((2, 100))], "n a power of 2, at least 16")],
-    "circle": [(circles.symmetries.alternate, [CIRCLE_OF_ONE_KICK], "an even number of times")],
+    "circle": [(circles.symmetries.alternate, [CIRCLE_OF_ONE_KICK], "an even number of kicks")],
 }
 
 COUNTS = {

@@ -1,4 +1,4 @@
-"""The last barrier versus κ_G, other circles and other methods; symmetries; misled searches."""
+"""Last barriers compared with κ_G, other circles and other methods; symmetries; misled searches."""
 
 import time
 from dataclasses import replace
@@ -117,7 +117,7 @@ def test_all_methods_agree_on_the_breakup_and_brackets_meet_the_tolerance(case):
     assert np.isinf(first_escapes(result, profile)).tolist() == [True, False]
 
 
-def test_the_eight_rays_of_the_square_have_one_barrier():
+def test_the_eight_symmetric_images_of_a_ray_have_the_same_barrier():
     expected = critical_scale(ray(38.8), 1e-3)
     last = mirror_images(expected.omega, 2)
     for angle in two_kicks().unfold(38.8):
@@ -169,7 +169,7 @@ def test_hiding_symmetries_of_random_forcings_does_not_change_results(monkeypatc
     assert decided >= 0.9 * 24
 
 
-# This close to a forcing of shorter period the boundary falls steeply, as at a cusp. For
+# So close to a forcing of shorter period, the boundary falls steeply, as at a cusp. For
 # (1, 1, 1.0001), on the line x = 1/2 as well as on a transversal, some start survives 64 000 steps
 # at the scale 0.967, but none does at 0.968.
 @pytest.mark.parametrize(
@@ -216,15 +216,15 @@ def test_near_antiperiodic_forcing_no_circle_breaks_above_upper(away, omega, q, 
         ((1, 0.35, 1, 0.35, 1), 0),
         ((1, 1, 0.8, 1, 1), 0),
         ((1, 0.45, 1), 0.5505),
-        ((1, 0.4, 1, 0.4, 1), 0.4961),  # a circle is certified at .49635
-        ((1, 1, 0.55, 1, 1), 0.6287),  # this circle is above other bands of circles
+        ((1, 0.4, 1, 0.4, 1), 0.4961),  # a circle is certified at 0.49635
+        ((1, 1, 0.55, 1, 1), 0.6287),  # this circle exists above other bands of circles
         (rotating_forcing(*ray(45), "5/13", 1 / 26), 0.2962),  # missed by the first search
         (1 + 1.78e-4 * np.array([1, -1, -1, 1]), 0.956),  # near a cusp
     ],
     ids=str,
 )
 def test_where_circles_break_and_reappear_the_bracket_is_still_narrow(profile, known):
-    """Residues show that circles exist up to `known`, although searches miss survivors there."""
+    """Residues show that circles exist up to `known`; some searches for survivors miss them."""
     result = critical_scale(profile, 1e-3)
     assert max(known, result.lower) < result.value < result.upper < result.lower * (1 + 4e-3)
     assert (result.status is Status.WIDE) == (result.upper - result.lower > 2e-3 * result.value)
@@ -320,7 +320,7 @@ def test_if_all_candidates_are_wrong_the_farey_tree_finds_the_circle(wrong, monk
 
 
 @pytest.mark.parametrize(("profile", "questions"), [(GENERIC, 1), ((1, 0.8, 1), 8)])
-def test_a_search_with_too_few_questions_has_no_value_but_a_valid_bound(profile, questions):
+def test_a_search_limited_to_too_few_scales_has_bounds_but_no_value(profile, questions):
     exact = critical_scale(profile, 1e-3)
     result = critical_scale(profile, 1e-3, effort=barriers.Effort(max_questions=questions))
     assert result.status is Status.NOT_CONVERGED
@@ -330,7 +330,7 @@ def test_a_search_with_too_few_questions_has_no_value_but_a_valid_bound(profile,
     assert exact.lower < result.upper
 
 
-def test_above_a_survivor_the_scale_is_raised_until_no_circle_exists():
+def test_the_scale_is_raised_until_the_farey_tree_shows_no_circle():
     segment = barriers._Segment(np.zeros(3), np.array(GENERIC))
     tree = barriers._Tree(segment, np.inf, barriers.Effort())
     exact, scale = critical_scale(GENERIC, 1e-2).value, tree.lowest_excluded(1.75)
@@ -361,7 +361,7 @@ def compiled():
 @pytest.mark.parametrize("seconds", [2, 6])
 @pytest.mark.parametrize("period", [9, 24, 64])
 def test_a_search_ends_within_the_seconds_allowed(period, seconds, compiled):
-    """When the time runs out, the search may still finish the question in progress."""
+    """When the time runs out, the search of the Farey tree at one scale may still finish."""
     profile = np.random.default_rng(64).normal(size=period)
     begun = time.thread_time()
     result = critical_scale(profile, 1e-4, seconds=seconds)
@@ -369,12 +369,12 @@ def test_a_search_ends_within_the_seconds_allowed(period, seconds, compiled):
     assert not result.lower > result.upper
 
 
-def test_a_search_from_another_start_is_not_converged_if_its_time_runs_out():
+def test_a_search_from_a_nonzero_start_has_not_converged_if_time_runs_out():
     result = critical_scale((1, 0.7, 0.5), 1e-3, start=(0.1, 0.1, 0.1), seconds=1e-3)
     assert result.status is Status.NOT_CONVERGED
 
 
-def test_upper_is_missing_if_no_questions_remain_for_a_circle_above_it(monkeypatch):
+def test_upper_is_missing_if_the_search_ends_below_an_existing_circle(monkeypatch):
     monkeypatch.setattr(barriers, "_eliminated_above", lambda _, tol, at: (at.outside, GAMMA))
     result = critical_scale(ray(30), 1e-3, effort=barriers.Effort(max_questions=0))
     assert result.status is Status.NOT_CONVERGED
@@ -391,12 +391,12 @@ def test_without_a_circle_certified_near_the_breakup_the_status_is_wide(monkeypa
 
 @pytest.mark.parametrize("offset", thirds([0.01, 3.52361034802e-3, 1e-3, 0.1]))
 def test_near_the_cusp_results_are_consistent_or_have_no_value(offset):
-    tip = KAPPA_G * 2**0.5
+    cusp = KAPPA_G * 2**0.5
     results = [critical_scale(ray(45 - offset), tol) for tol in (1e-3, 1e-4)]
     # The results for the two tolerances do not contradict each other.
     lower = max((scale.lower for scale in results if not np.isnan(scale.lower)), default=0)
     upper = min(scale.upper for scale in results)
-    assert lower < upper < tip * (1 + 1e-4)
+    assert lower < upper < cusp * (1 + 1e-4)
     for scale in results:
         if scale.status in (Status.UNDECIDED, Status.NEAR_CUSP):
             assert np.isnan([scale.value, scale.error]).all()
@@ -459,7 +459,7 @@ def test_no_circle_exists_just_above_upper_where_circles_form_bands():
 @pytest.mark.slow
 def test_a_coarse_search_also_finds_the_breakup_where_circles_form_bands():
     scale = critical_scale((1, 0.63, 1), 1e-2)
-    # A circle exists at 0.62595, as a referee's search showed.
+    # An independent search showed that a circle exists at 0.62595.
     assert scale.status in (Status.OK, Status.WIDE)
     assert scale.value + scale.error > 0.62595
     assert scale.upper > 0.62595

@@ -58,7 +58,7 @@ def test_a_flux_law_that_cannot_be_fitted_is_reported_as_no_fit():
     values = np.tile(1e-3 * excesses**3, (2, 1))
     filled = cube.filled({"flux": values}).assign(q_max=100)
     caption = flux_caption(filled.assign_attrs(q_max=100), flux.laws(filled))
-    assert "no fit at 30°, for lack of distances" in caption
+    assert "no fit at 30°, because there are too few distances" in caption
     assert "nan" not in caption
 
 

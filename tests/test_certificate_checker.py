@@ -1,4 +1,4 @@
-"""Each bound in the checker is at least the quantity that it bounds, and less than twice it."""
+"""Each bound in the checker is valid, and less than twice as large as the quantity it bounds."""
 
 import json
 import lzma
@@ -16,9 +16,9 @@ from nasm.proofs import certificate_checker as checker
 
 
 def random_box(rng):
-    """Return the line x = a and a random box on it, for one or two kicks.
+    """Return a of the line x = a, and a random box on that line for a forcing of two kicks.
 
-    Sizes vary so widely that each part of a bound dominates in some boxes.
+    The sizes vary so widely that each part of a bound dominates in some boxes.
     """
 
     def size():
@@ -34,7 +34,10 @@ def random_box(rng):
 
 
 def orbit(a, box, place, n):
-    """Return x_k and κ_k, k < n, of the orbit from `place` in the box; callers use 300 bits."""
+    """Return x_k and κ_k, k < n, of the orbit that starts at a corner of the box.
+
+    place : the sign of each coordinate of the corner. The caller sets the precision, 300 bits.
+    """
     y, delta, k0, h0, k1, h1, *shears = map(checker.ball, box)
     moved = [s * h for s, h in zip(place[1:], (h0, h1), strict=True)]
     x = [checker.ball(a), checker.ball(a) + y + place[0] * delta]
@@ -46,7 +49,7 @@ def orbit(a, box, place, n):
 
 
 def variation(eta, cosines):
-    """Return Q/2, summed over one side: half of the term of site 0 belongs to the other side."""
+    """Return half the second variation Q: the terms of one side, and half the term of site 0."""
     around = [2 * eta[1], *(a + b for a, b in zip(eta, [*eta[2:], 0.0], strict=False))]
     terms = [x * ((2 + c) * x - y) for x, c, y in zip(eta, cosines, around, strict=True)]
     return terms[0] / 2 + sum(terms[1:])
@@ -84,7 +87,7 @@ def test_the_second_variation_has_sharp_bounds_in_boxes():
 def test_the_inverse_is_bounded_by_the_defect_of_its_approximation(most, a, small):
     """Compare with 1/(1 + a cos φ) = (1 + 2 Σ (-b)^k cos kφ)/√(1 - a²), b = (1 - √(1 - a²))/a.
 
-    The last case has too few modes.
+    In the last case there are too few modes for a small defect.
     """
     r, root = 1.2, (1 - a**2) ** 0.5
     weighted = (1 - root) / a * r
@@ -130,7 +133,7 @@ def theorem(kappa, u):
         return checker.theorem(data)[1]
 
 
-def test_residuals_of_a_circle_are_those_of_the_chain():
+def test_bounds_on_residuals_agree_with_a_float_evaluation_of_the_chain():
     kappa, k = (0.3, -0.5), np.arange(40)
     waves = np.random.default_rng(2).normal(size=(2, 2, 40)) * np.exp(-k) * (k > 0) / 50
     u = waves[0] + 1j * waves[1]
@@ -141,7 +144,7 @@ def test_residuals_of_a_circle_are_those_of_the_chain():
     assert result["epsilon"] == pytest.approx(slopes @ exact, rel=1e-9)
 
 
-def test_what_the_grid_of_a_patch_misses_is_bounded_in_the_best_strip():
+def test_the_error_of_a_grid_of_points_is_bounded_in_the_best_strip():
     f = np.array([0, 0.05, 0.02])
     with ctx.workprec(checker.BITS):
         grid = checker.Grid(arb(RHO), [arb_poly(f.tolist())] * 2)
@@ -156,7 +159,7 @@ def test_what_the_grid_of_a_patch_misses_is_bounded_in_the_best_strip():
         assert float(more - less) == pytest.approx(k / (2 * np.pi) * float(missed))
 
 
-def test_the_checker_is_a_program_for_files_with_certificates(tmp_path):
+def test_the_checker_runs_as_a_program_on_files_of_certificates(tmp_path):
     certificate = barrier.prove("gamma", (0.3,)).certificate()
     contents = {
         "one.json": json.dumps(certificate).encode(),

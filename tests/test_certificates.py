@@ -60,7 +60,7 @@ def refuted(certificate, changes, reason=None):
         check(resealed(changed))
 
 
-def test_a_claim_is_of_the_forcing_as_it_was_given(made):
+def test_a_claim_refers_to_the_forcing_that_was_given(made):
     assert {name: check(certificate) for name, certificate in made.items()} == {
         "transport": "transport is global under the forcing (1.2, 0.3)",
         "shortened": "transport is global under the forcing (1.1, -1.1)",
@@ -101,7 +101,7 @@ def in_hex(*numbers):
 
 
 def of_another(omega, *kappa):
-    """Return changes that replace the circle and the forcing, without shortening them."""
+    """Return changes that replace the circle and the forcing, both as given and as shortened."""
     given = {"omega": omega, "kappa": in_hex(*kappa)}
     return given | {"shortened_from": given}
 
@@ -132,8 +132,8 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("fan", {"tilt": in_hex(9.9, 9.9)}, "claimed"),
     ("fan", {"kappa": in_hex(9.9, 9.9)}, "shortened"),
     ("fan", {"constants": {}}, "unknown"),
-    # (0.5, 0) equals (0.5, -0), for which the circle of ω + 1 is that of ω shifted by half a
-    # turn; the forcings next to it have no such symmetry.
+    # (0.5, 0) equals (0.5, -0), under which the circle of ω + 1 is the circle of ω shifted by half
+    # a turn. Neighbouring forcings lack this symmetry.
     ("fan", {"shortened_from": {"omega": "[1;(1)]", "kappa": in_hex(0.5, 0)}}, "omega"),
     ("fan", of_another("[0;3,(1)]", 0.5, 0), "inequality"),
     ("fan", of_another("[0;(1)]", 0.51, 0), "inequality"),
@@ -222,7 +222,7 @@ def test_boxes_that_are_eliminated_too_late_or_leave_a_gap_are_refused(name):
         changes += [other_box(2, other) for other in (slope + 0.5, slope / 3)]
         changes += [other_life(life[:1]), {"points": right["points"][:-1]}]
         changes += [{"points": [in_hex(x + 2.0**-10, y), *right["points"][1:]]}]
-        # If a share could be rounded, both halves could be 0 and Q could be 2⁻⁵³.
+        # If a site's weights in the halves of Q were rounded, both halves could be 0, but Q 2⁻⁵³.
         refuted(right, other_box(2, -(2.0**-53)), "a part of the site is")
     for change in changes:
         refuted(right, change)
@@ -261,7 +261,7 @@ def test_the_checker_accepts_the_shorter_form_of_a_forcing(kappa):
 
 
 def polygon_at_one_height():
-    """Certify a curve that runs out and back; halfway to breakup all its starts are eliminated."""
+    """Certify a curve that runs out and back: its starts are eliminated, but circles exist."""
     points = np.array([[0.5, 0.0], [0.5, 2.0**-6], [0.5, 0.0]])
     kappa = tuple((0.5 * np.array(SEVERAL)).tolist())
     proof, _ = proofs.transport._covered(kappa, kappa, 0, points, 10.0)
@@ -270,7 +270,7 @@ def polygon_at_one_height():
 
 
 def box_across_a_corner():
-    """Certify, halfway to breakup, a box that spans two pieces; the second crosses all circles."""
+    """Certify, although circles exist, a box on two pieces; all circles cross the second piece."""
     kappa, slopes = 0.5 * np.array(SEVERAL), np.array([0.25])
     straight, whole = np.array([[0.5, 0.0], [0.5, 2.0**-8]]), np.array([[0.25, 0.25]])
     cycle = np.tile(kappa, 3)
@@ -369,7 +369,7 @@ LARGE = [  # a certificate, what is changed in it, and why it is refused
     ("several", {"lives": first([1, 10**9])}, "from 1 to"),
     ("barrier", {"omega": f"[0;{'1' * 3000},(1)]"}, "at most 50 digits"),
     ("barrier", {"omega": f"[0;({'1,' * 4999}1)]"}, "1 to 200"),
-    ("barrier", {"omega": "0" * 10**6}, "letters"),
+    ("barrier", {"omega": "0" * 10**6}, "characters"),
     ("barrier", given(omega=f"[0;({'1,' * 4999}1)]"), "1 to 200"),
     ("barrier", {"rho": (1e300).hex()}, "rho is not"),
     ("barrier", {"rho": (1.5).hex()}, "rho is not"),
@@ -411,12 +411,12 @@ def test_the_caller_sets_how_many_kicks_are_checked(made):
 
 
 def test_orbits_too_far_apart_are_not_followed_further(made):
-    """Bounds grow like 4 to the power of 4^n; their exponents would exhaust the memory."""
+    """The bounds grow like 4^(4^n), so their exponents would exhaust the memory."""
     lives = [10**5] * len(made["transport"]["lives"])
     refuted(made["transport"], {"lives": lives}, "orbits of a box are too far apart")
 
 
-def test_a_circle_with_a_large_residual_is_refused_before_an_inverse(made, monkeypatch):
+def test_a_circle_with_a_large_residual_is_refused_before_any_inversion(made, monkeypatch):
     monkeypatch.setattr(certificate_checker, "inverse", None)
     unit, numbers = -1, [[[[[], [0, 1, 1, 1]]]]]
     refuted(made["barrier"], {"moves": {"unit": unit, "numbers": numbers}}, "a residual is")

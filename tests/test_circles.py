@@ -47,7 +47,7 @@ def test_the_two_newton_methods_find_the_same_circle(name, kappa):
 
 
 @pytest.mark.parametrize("newton_step", [circles.newton_step, parameterization.newton_step])
-def test_newton_error_squares(newton_step):
+def test_each_newton_step_squares_the_error(newton_step):
     exact, _ = newton_errors(newton_step, GAMMA, (0.4, 0.2), np.zeros((2, 512)), 10)
     pairs = []
     for distance in (0.1, 0.03, 0.01, 0.003):
@@ -97,22 +97,22 @@ def polished(circle):
     return circles.invariant_circle(circle.omega, circle.kappa, start=start).u
 
 
-def assert_same_circle(carried, kappa, omega):
-    """Assert that the carried circle is the one found directly for kappa and omega.
+def assert_same_circle(image, kappa, omega):
+    """Assert that the image of a circle is the circle found directly for kappa and omega.
 
-    The carried circle must also be certified, and invariant under the map of kappa.
+    The image must also be certified, and invariant under the map with the strengths kappa.
     """
-    assert tuple(carried.kappa) == kappa
-    assert carried.omega == omega
-    assert carried.certified
-    assert oracles.invariance_error(carried) < 10 * carried.error + 1e-14
+    assert tuple(image.kappa) == kappa
+    assert image.omega == omega
+    assert image.certified
+    assert oracles.invariance_error(image) < 10 * image.error + 1e-14
     direct = circles.invariant_circle(omega, kappa)
-    np.testing.assert_allclose(polished(carried), polished(direct), atol=1e-10)
+    np.testing.assert_allclose(polished(image), polished(direct), atol=1e-10)
 
 
 @settings(max_examples=15)
 @given(strengths, strengths, st.sampled_from(["gamma", "gamma+1", "[0;(2)]"]))
-def test_circles_are_carried_along_the_symmetries_of_two_kicks(kappa1, kappa2, name):
+def test_symmetries_of_two_kicks_map_circles_to_circles(kappa1, kappa2, name):
     circle, omega = circles.invariant_circle(parse(name), (kappa1, kappa2)), parse(name)
     assert circle.certified
     assert_same_circle(circles.symmetries.shift(circle), (kappa2, kappa1), omega)
@@ -121,7 +121,7 @@ def test_circles_are_carried_along_the_symmetries_of_two_kicks(kappa1, kappa2, n
     assert_same_circle(alternate, (kappa1, -kappa2), moebius(omega, 1, 1))
 
 
-def test_a_circle_without_a_symmetry_centre_is_shifted_by_a_whole_period():
+def test_three_shifts_return_a_circle_of_three_kicks_to_itself():
     circle = shifted = circles.invariant_circle(GAMMA, (0.1, 0.2, -0.25))
     for kappa in ((0.2, -0.25, 0.1), (-0.25, 0.1, 0.2), (0.1, 0.2, -0.25)):
         shifted = circles.symmetries.shift(shifted)
@@ -133,7 +133,7 @@ def test_a_circle_without_a_symmetry_centre_is_shifted_by_a_whole_period():
 def naive_circle(n, kappa_end, step):
     """Return κ and u of the last circle of the standard map that seems to exist.
 
-    A circle is accepted as soon as the updates of Newton's method with n modes are small.
+    A circle is accepted as soon as the updates of Newton's method on n grid points are small.
     """
     u, kappa = np.zeros((1, n)), 0.0
     while kappa < kappa_end:
@@ -165,7 +165,7 @@ def test_fake_circles_from_too_few_modes_or_small_updates_are_rejected(n, past):
 
 
 @pytest.mark.parametrize("name", ["gamma", "2gamma", "(gamma+1)/(4gamma+5)"])
-def test_both_certificates_agree_on_circles_with_enough_modes(name):
+def test_a_circle_with_enough_modes_is_still_certified_after_polishing(name):
     omega, kappa = parse(name), np.array([0.3, 0.2])
     u = circles.invariant_circle(omega, kappa).u
     for n_modes in (100, 1000):

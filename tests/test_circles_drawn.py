@@ -1,4 +1,4 @@
-"""The boundaries CB_ω: which method is used and how accurate it is; nothing uncertain is drawn."""
+"""The boundaries CB_ω: choice of the method, accuracy, and omission of uncertain points."""
 
 from contextlib import suppress
 from itertools import takewhile
@@ -101,7 +101,7 @@ def test_residues_are_used_where_continuation_misses_the_tolerance():
     judge(result)
 
 
-def test_if_no_method_succeeds_the_status_is_that_of_the_first_method():
+def test_if_all_methods_fail_the_status_is_from_the_first():
     result = computed(two_kicks(), [f"[0;2,{10**9},(1)]"], [0.0])
     assert result.status == status_code(Status.NEARLY_RATIONAL)
     assert style.has_flag(result.method, "continuation")
@@ -115,7 +115,7 @@ def test_in_a_plane_with_a_nonzero_origin_only_residues_are_used():
 
 @pytest.mark.slow
 def test_the_circles_of_the_main_job_are_right_on_all_rays():
-    """Rays from 0 to 90 degrees are enough; the others are their images."""
+    """Rays from 0 to 90 degrees are enough, because all other rays are images of these."""
     angles = rays.ray_angles(two_kicks(), 181, 8)
     result = computed(two_kicks(), map(str, rays.PAPER_CIRCLES), angles[angles <= 90])
     assert (result.error <= 1e-4).all()
@@ -128,10 +128,10 @@ AWAY = 1e-3, 1e-2
 
 
 def judge(found):
-    """Compare points found by continuation with residues, and find witnesses for the others.
+    """Check that all points are right within their errors.
 
-    The witnesses are a certified circle just below the breakup, and converse KAM, which excludes
-    the circle just above it.
+    Points found by continuation are compared with residues. For points found by residues, a circle
+    must be certified just below the breakup, and converse KAM must exclude it just above.
     """
     by_residue = style.has_flag(found.method, "residue").values
     for place in np.ndindex(found.critical_scale.shape):
@@ -150,9 +150,9 @@ def judge(found):
 
 
 def no_circle(omega, kappa):
-    """Return True if converse KAM excludes a circle of ω.
+    """Return True if converse KAM excludes a circle of rotation number ω.
 
-    It must eliminate all starts where the circle would cross the dominant line. These starts lie
+    It must eliminate all starts at which the circle could cross the dominant line. These starts lie
     between orbits of lower and higher rotation numbers.
     """
     low, high, (site, a) = [], [], dominant_centre(kappa)

@@ -64,7 +64,7 @@ def test_the_console_script_is_the_overview():
 
 
 @pytest.mark.parametrize("command", ["ask", pytest.param("escape_plane", marks=pytest.mark.slow)])
-def test_without_the_compiler_one_sentence_states_what_to_unset(command, tmp_path):
+def test_if_numba_is_disabled_one_sentence_states_what_to_unset(command, tmp_path):
     arguments = ["0.3"] if command == "ask" else []
     result = subprocess.run(
         [sys.executable, "-m", f"workflows.{command}", *arguments, f"--out={tmp_path}"],
@@ -97,7 +97,7 @@ def test_full_changes_defaults_but_not_explicit_options():
     assert [len(short_or_long["phase"]) for short_or_long in phases] == [3, 6]
 
 
-def test_commands_but_explore_status_and_verify_have_their_own_folders():
+def test_each_command_except_explore_status_verify_has_its_own_folder():
     """A command uses the same folder whether run as a module, by the overview or from Python."""
     folders = {name: main_of(name).make_context(name, ["1"] * (name == "ask")) for name in COMMANDS}
     folders = {name: context.params["out"] for name, context in folders.items()}
@@ -113,7 +113,7 @@ def test_commands_but_explore_status_and_verify_have_their_own_folders():
 
 
 def test_files_of_different_commands_have_different_names():
-    """Literal names are checked here, the others in `test_every_command`."""
+    """Only names written as literals are checked here; `test_every_command` checks all names."""
     assert not [(a, b) for a in COMMANDS for b in COMMANDS if a != b and b.startswith(a)]
     for name in COMMANDS:
         source = inspect.getsource(inspect.unwrap(main_of(name).callback))
@@ -130,7 +130,7 @@ def test_a_figure_for_a_column_is_saved_next_to_the_one_for_the_screen(tmp_path)
     assert sorted(file.name for file in tmp_path.iterdir()) == files
 
 
-def test_the_range_of_angles_is_that_stated_in_the_help():
+def test_rays_cover_the_range_of_angles_stated_in_the_help():
     help = CliRunner().invoke(main_of("last_barrier"), ["--help"], terminal_width=200).output
     assert "from 0 to 180 degrees, or to 360 where κ and -κ are not equivalent" in help
     reach = {name: ray_angles(parse(name), 3, 0)[-1] for name in ("two-kicks", "three-kicks:0.2")}

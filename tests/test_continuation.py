@@ -33,7 +33,7 @@ def test_the_error_covers_the_difference_from_the_breakup_by_residues(tol, n, se
     assert np.mean(covered) >= part
 
 
-def test_fineness_grows_by_the_golden_ratio_per_shrinking_by_delta():
+def test_fineness_grows_by_the_golden_ratio_if_distance_shrinks_by_delta():
     delta, growth = continuation.UNSTABLE_EIGENVALUES[1,], (1 + 5**0.5) / 2
     finest = []
     for distance in 0.01 / delta ** np.arange(3):
@@ -87,10 +87,11 @@ def test_breakups_for_tails_other_than_golden_have_adequate_errors(tail):
     assert compared >= 3
 
 
-# In these cases the path of circles ends before it reaches the tail of ω, or where the next circle
-# is 3 units of scale away; or ω is close to a fraction; or the circle breaks almost at once.
-# If a circle is certified nevertheless, its scale is between `low` and `high`. Two values of `high`
-# come from residues of minimizing orbits with q up to 60 000; their errors are 5e-7 and 2.3e-5.
+# In some of these cases, the path of circles ends before it reaches the tail of ω, or the next
+# circle on it would be 3 units of scale away. In the other cases, ω is close to a fraction, or the
+# circle breaks almost at once. If a circle is certified nevertheless, its scale must be between
+# `low` and `high`. Two values of `high` come from residues of minimizing orbits with q up to
+# 60 000; their errors are 5e-7 and 2.3e-5.
 @pytest.mark.parametrize(
     ("omega", "profile", "tol", "status", "low", "high"),
     [
@@ -163,7 +164,7 @@ def test_a_circle_is_certified_at_the_given_distance_and_none_past_breakup(name,
 @pytest.mark.parametrize("case", thirds([("gamma", (1,)), ("[0;1,2,(1)]", ray(30))]))
 def test_spurious_circles_just_beyond_the_breakup_are_rejected(case):
     # This close to the breakup, Newton's method converges even beyond it: a scale above the breakup
-    # would be that of a spurious circle.
+    # would belong to a spurious circle.
     name, profile = case
     breakup = periodic.critical_scale(parse(name), profile).value
     scale = continuation.certified_circle(parse(name), profile, breakup * (1 + 1e-4), 2e-5)[0]

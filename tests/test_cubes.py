@@ -169,7 +169,7 @@ def test_a_tile_of_rays_takes_seconds_so_that_there_are_few_files(job):
     assert 1 < job.predict(axes, job.cube.settings) <= 3
 
 
-def test_the_boundary_at_an_angle_follows_from_that_at_the_folded_angle():
+def test_the_boundary_at_any_angle_is_computed_on_the_folded_ray():
     angles = [200.0, 45.0, 10.0, 95.0]
     result = barrier.boundary(angles, 1e-2)
     assert result.angle.values.tolist() == angles

@@ -205,7 +205,7 @@ def test_the_same_command_restores_edited_metadata_and_computes_no_tile(on_disk,
     toy.assert_complete(on_disk, plan)
 
 
-def test_other_settings_are_refused_whatever_was_edited(on_disk):
+def test_other_settings_are_refused_even_if_the_metadata_were_edited(on_disk):
     fill(on_disk, toy.cube(depth=3))
     put(on_disk, ROOT, get(on_disk, ROOT).replace(b'"depth": 3', b'"depth": 5'))
     for depth in (5, 7):
@@ -213,7 +213,7 @@ def test_other_settings_are_refused_whatever_was_edited(on_disk):
             store.create(on_disk, toy.cube(depth=depth), US)
 
 
-def test_a_study_whose_metadata_were_edited_is_rewritten(on_disk):
+def test_a_cube_without_tiles_is_rewritten_if_its_metadata_were_edited(on_disk):
     store.replace(on_disk, squares(1, depth=3), US)
     key = "squares.zarr/zarr.json"
     for old, new in ((b'"depth": 3', b'"depth": 4'), (b'"units": "1"', b'"units": "m"')):

@@ -1,4 +1,4 @@
-"""Compare diffusion rates with theory, between equivalent forcings, and between sets of orbits."""
+"""Compare diffusion rates with theory, for equivalent forcings, and for other orbits."""
 
 import numpy as np
 import pytest
@@ -66,7 +66,7 @@ def test_no_rate_is_returned_if_a_barrier_or_accelerator_mode_exists():
         (np.nan, 3, ". Not decided: "),
     ],
 )
-def test_the_rules_can_reject_a_statement_or_leave_it_undecided(ratio, exponent, expected):
+def test_findings_can_reject_a_claim_or_leave_it_undecided(ratio, exponent, expected):
     excess = xr.DataArray(np.geomspace(0.05, 3.2, 16), dims="excess")
     flux = 0.01 * excess**exponent * xr.DataArray(np.ones(3), {"angle": [0.0, 20, 45]}, "angle")
     fields = {"diffusion": ratio * flux, "error": 0.05 * ratio * flux, "ratio": ratio + 0 * flux}

@@ -1,4 +1,4 @@
-"""Documents agree with the program: README, checklists, versions."""
+"""The documentation agrees with the program: READMEs, pages of the site, version numbers."""
 
 import ast
 import doctest
@@ -37,7 +37,7 @@ def blocks(language, text):
 
 
 def test_the_pipeline_page_starts_a_cluster_as_the_readme_does():
-    """The lines must be the same, because only those of the README are run."""
+    """The lines must be the same, because the tests run only the lines of the README."""
     pipeline = (ROOT / "pipeline" / "README.md").read_text(encoding="utf-8")
     assert blocks("sh", pipeline) == blocks("sh", README.partition("## On a cluster")[2])[:1]
 
@@ -84,7 +84,7 @@ def test_a_command_in_the_readme_succeeds_in_a_dry_run(call, tmp_path):
     main = main_of(module.removeprefix("workflows."))
     flags = [flag for parameter in main.params for flag in parameter.opts]
     if "--dry-run" not in flags or "--scheduler" in options:
-        pytest.skip("it does not sweep, or needs the cluster that other lines start")
+        pytest.skip("the command does not sweep, or needs a cluster started by other lines")
     with chdir(tmp_path):
         result = CliRunner().invoke(main, [*options, "--dry-run"])
     assert result.exit_code == 0, result.output
@@ -109,7 +109,7 @@ def test_relative_links_in_documents_lead_to_existing_files():
             assert target.startswith("http") or (document.parent / target).exists(), target
 
 
-def test_every_command_has_a_row_and_every_module_an_equation():
+def test_every_command_and_module_is_listed_in_the_table_of_its_readme():
     rows = (ROOT / "workflows" / "README.md").read_text(encoding="utf-8")
     assert [name for name in commands() if f"`{name}" not in rows] == []
     table = (ROOT / "nasm" / "README.md").read_text(encoding="utf-8")

@@ -64,7 +64,7 @@ SMALL = {
 }
 
 
-def faces():
+def public_functions():
     """Yield (full name, function) for the public functions of all modules that check arguments."""
     for module in walk_packages(nasm.__path__, "nasm."):
         names = [] if module.ispkg else getattr(import_module(module.name), "__all__", ())
@@ -111,7 +111,7 @@ def numeric(value):
 
 CASES = [
     pytest.param(function, name, id=f"{path}-{name}")
-    for path, function in faces()
+    for path, function in public_functions()
     for name, value in good(function).items()
     if numeric(value) and function not in KERNELS
 ]

@@ -50,7 +50,7 @@ def test_with_a_closed_or_full_stream_no_command_crashes_or_loses_results(redire
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
 def test_a_command_finishes_even_if_the_reader_of_its_output_goes_away(tmp_path, stream):
-    """Under `| head -1`, for example, the command completes its work and exits as usual."""
+    """With `| head -1`, for example, the command completes its work and exits as usual."""
     script = f"""
 import click, sys
 from workflows.shared.cli import COMMON
@@ -94,7 +94,7 @@ def test_a_command_on_windows_prints_one_sentence(name):
 
 
 @pytest.mark.parametrize("package", ["nasm", "pipeline"])
-def test_an_import_on_windows_states_why_it_fails(package):
+def test_a_failed_import_on_windows_states_the_reason(package):
     result = python("-c", f"{WITHOUT}import {package}")
     assert result.returncode == 1
     *_, line = result.stderr.decode().splitlines()

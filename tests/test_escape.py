@@ -50,14 +50,14 @@ def _kick_each(c, x, y):
 
 
 def scalar_times(kappa, x, y, n_max, window, precision="double"):
-    """Compute times orbit by orbit with the kernel's kick but without lanes, blocks or packing."""
+    """Compute escape times one orbit at a time: the kernel's kick without its lanes and blocks."""
     kind, series = escape._PRECISIONS[precision]
     arrays = escape.kick_series(np.array(kappa), series), x - 0.25, y
     return _scalar_times(*(array.astype(kind) for array in arrays), n_max, *window)
 
 
 @pytest.mark.parametrize("strength", [0.3, -2.0])
-def test_the_kernel_s_kick_is_accurate_to_rounding(strength):
+def test_a_kick_of_the_kernel_is_accurate_to_rounding(strength):
     rng = np.random.default_rng(3)
     x, y = rng.uniform(-0.5, 0.5, 2000), rng.uniform(-0.5, 0.5, 2000)
     c = escape.kick_series(np.array([strength]))
@@ -83,12 +83,12 @@ def test_escape_times_agree_with_the_definition(kappa, n_max):
 
 
 @pytest.mark.parametrize("kappa", thirds([(1.5, 1.5), (0.9, 0.0), (0.7, -0.7, 0.5)]))
-def test_long_escape_times_follow_the_distribution_of_the_definition(kappa):
+def test_long_escape_times_are_distributed_as_in_a_direct_iteration(kappa):
     x, y = ensemble(4000)
     ours = escape_time(kappa, x, y, 5000)
     single = scalar_times(kappa, x, y, 5000, escape.PAPER_WINDOW, "single")
     for others in (oracles.escape_time(kappa, x, y, 5000), single):
-        assert (ours != others).any()  # the orbits are chaotic, so times are random draws
+        assert (ours != others).any()  # the orbits are chaotic: rounding changes their times
         assert 200 < np.isfinite(ours).sum() < 3999
         # At (1.5, 1.5), kicks 3% stronger would give a p-value of 1e-5.
         assert ks_2samp(np.minimum(ours, 5001), np.minimum(others, 5001)).pvalue > 1e-3
@@ -168,7 +168,7 @@ def test_escape_times_do_not_change_if_window_and_starts_shift_by_turns(shift):
     assert_array_equal(shifted, firsts)
 
 
-def test_starts_broadcast():
+def test_escape_times_broadcast_over_the_starts():
     x, y = np.linspace(0, 1, 3), np.linspace(0, 0.3, 4)
     times = escape_time((6.0, 5.0), x[:, None], y, 8)
     assert times.shape == (3, 4)
@@ -190,7 +190,7 @@ def test_ensembles_are_nested_and_fill_the_paper_s_rectangle_evenly(n_orbits):
 @pytest.mark.slow
 def test_a_processor_without_fma_computes_the_same_times(tmp_path):
     if platform.machine() not in ("x86_64", "AMD64"):
-        pytest.skip("x86-64 is the target that lacks fma")
+        pytest.skip("the target without fma is an x86-64 processor")
     path = tmp_path / "times.npy"
     script = f"""
 import numpy as np
@@ -243,7 +243,7 @@ def test_the_boundary_is_unknown_if_a_ray_starts_in_transport_or_meets_nan():
 
 
 @pytest.mark.parametrize(("profile", "barrier"), [((1, 0), KAPPA_G / 2), ((1, 1), KAPPA_G)])
-def test_an_escape_bounds_the_direct_critical_scale_from_above(profile, barrier):
+def test_the_direct_scale_has_an_upper_bound_at_which_an_orbit_escapes(profile, barrier):
     for n_max in (3000, 30_000):  # test_work_precision tests how the bias decreases
         result = escape.critical_scale(profile, n_max, 256)
         assert result.status is Status.OK
@@ -258,7 +258,7 @@ def test_an_escape_bounds_the_direct_critical_scale_from_above(profile, barrier)
 @pytest.mark.parametrize(
     ("profile", "n_max", "n_orbits"), [(ray(46.285), 3000, 100), ((1, 0.2), 10_000, 10)]
 )
-def test_the_error_of_the_direct_scale_allows_for_a_lucky_draw(profile, n_max, n_orbits):
+def test_the_error_of_the_direct_scale_covers_an_atypical_ensemble(profile, n_max, n_orbits):
     result, barrier = escape.critical_scale(profile, n_max, n_orbits), critical_scale(profile, 1e-3)
     assert result.upper - result.value < abs(result.value - barrier.value) <= result.error
 

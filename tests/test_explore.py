@@ -1,4 +1,4 @@
-"""The explorer without a browser: views it computes, state in its URL, requests it answers."""
+"""The explorer without a browser: its views, its state in the URL, and its answers to requests."""
 
 import asyncio
 import os
@@ -214,11 +214,11 @@ def test_a_zoomed_view_has_few_rays_except_where_the_last_circle_changes(change,
     [
         ((0.5, 0.3), "a circle"),
         ((0.5, 0.0), "periodic with ω = 0: residue 0.4, elliptic"),
-        ((0.5, 1e-3), "in an island of the orbits with ω = 0"),
+        ((0.5, 1e-3), "in an island around a periodic orbit with ω = 0"),
         ((1e-3, 1e-3), "chaotic (averages"),
     ],
 )
-def test_orbits_are_described_as_circles_periodic_in_islands_or_chaotic(start, expected):
+def test_the_description_of_an_orbit_states_its_kind(start, expected):
     assert expected in describe_orbit(np.array([0.5, 0.4]), *start)
 
 
@@ -309,7 +309,7 @@ def test_a_closed_tab_ends_its_generators():
         ("k1=inf", "not finite"),
         ("k2=1e9", "too large"),
         ("n=7", "n='7' must be a whole number from 100"),
-        ("k1=0.1&plane=rotating:1/3", "start one with --plane rotating:1/3"),
+        ("k1=0.1&plane=rotating:1/3", "start another with --plane rotating:1/3"),
         ("a=0.1", "'0.1' must be a range, like"),
         ("a=0.3:0.1", "the range 0.3:0.1 must be 2.3e-09 to 69 wide"),
         ("b=nan:1", "the range nan:1.0 must be"),
@@ -539,7 +539,7 @@ def test_a_page_on_any_port_forwarded_by_ssh_can_connect(name, forwarded, site, 
     ("path", "headers"),
     [("/", {}), (SCRIPT, {}), (AUTOLOAD, {}), ("/none", {}), ("/", {"Host": ELSEWHERE})],
 )
-def test_every_answer_tells_browsers_what_to_withhold_from_other_sites(path, headers):
+def test_every_response_has_headers_that_protect_it_from_other_sites(path, headers):
     (answer,), _ = answers([(path, headers)])
     assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
     assert "default-src 'self';" in answer.headers["Content-Security-Policy"]
@@ -740,6 +740,6 @@ def test_orbits_that_are_not_found_are_named_and_short_ones_are_drawn(monkeypatc
     )  # fmt: skip
 
 
-def test_the_absence_of_the_lobes_of_a_resonance_is_explained():
+def test_missing_lobes_of_a_resonance_are_explained():
     _, words = on_demand.resonance((0.0, 0.0), Fraction(1, 2), (0.0, -0.5, 1.0, 1.0))
     assert "No turnstile at its upper edge: the minimizing orbit of 1/2 is not hyperbolic" in words

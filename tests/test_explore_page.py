@@ -101,7 +101,7 @@ def seen_at(image, box, x, y):
     return image[row[inside], column[inside]]
 
 
-def test_orbits_are_coloured_by_rotation_number_and_circles_certified(opened):
+def test_orbits_are_coloured_by_rotation_number_and_the_circle_is_drawn(opened):
     tab, words = opened
     image, expected = pixels(tab), verdict(KAPPA)
     for line, y in ((0.5, 12 * 2 + 1), (0.0, 2 * 14), (0.0, 2 * 20)):  # starts of `orbits.portrait`
@@ -193,9 +193,9 @@ def test_toggles_show_symmetry_lines_and_the_orbits_of_the_convergents(opened):
     assert x.size == 2 * sum(f.denominator for f in shown)
     image_x, image_y = maps.step(KAPPA, x, y)
     apart = abs(x[:, None] - image_x + 0.5) % 1 - 0.5, (y[:, None] - image_y + 0.5) % 1 - 0.5
-    assert np.hypot(*apart).min(axis=0).max() < 1e-9  # each point is mapped to one of these points
+    assert np.hypot(*apart).min(axis=0).max() < 1e-9  # every image is one of the points
     lines = columns(tab, "symmetry")
-    assert {0.0, 0.5} <= set(np.round(lines["x"], 12))  # the lines before the first kick
+    assert {0.0, 0.5} <= set(np.round(lines["x"], 12))  # the symmetry lines before the first kick
     type_in(tab, "Orbits of a fraction", "3/8")
     output = message_with(tab, "3/8: minimizing orbit")
     (residue,) = re.findall(r"minimax orbit: residue (\S+), elliptic", output)
@@ -257,7 +257,7 @@ def test_keys_reach_all_controls_in_order_and_going_back_undoes_a_move(opened):
     tab.get_by_role("application", name="plane of forcings").focus()
     for key in ("ArrowRight", "Shift+ArrowUp"):
         tab.keyboard.press(key)
-    wait(tab, "location.search.includes('k2=0.4023')")  # steps: 1% of 2.3, or 0.1% with Shift
+    wait(tab, "location.search.includes('k2=0.4023')")  # 1% of the view's width, or 0.1% with Shift
     assert float(asked(tab)["k1"]) == pytest.approx(0.523)
     assert tab.get_by_label("κ₁").input_value() == "0.523"
     tab.go_back()
@@ -265,7 +265,7 @@ def test_keys_reach_all_controls_in_order_and_going_back_undoes_a_move(opened):
     assert float(tab.get_by_label("κ₂").input_value()) == KAPPA[1]
 
 
-def test_pictures_and_fields_follow_the_system_s_dark_mode(opened):
+def test_pictures_and_fields_follow_the_dark_mode_of_the_system(opened):
     tab, _ = opened
     painted = """(colours) => [...new Set([...Bokeh.documents[0]._all_models.values()].flatMap(
         (model) => model.type == "Figure" ? [model.border_fill_color] :
@@ -390,7 +390,7 @@ def test_play_moves_the_forcing_along_the_ray_and_draws_curves(opened):
     type_in(tab, "Orbits of a fraction", "")
 
 
-def test_bad_input_is_explained_below_its_field_and_workers_are_replaced(opened, served):
+def test_bad_input_is_explained_at_its_field_and_dead_workers_are_replaced(opened, served):
     tab, _ = opened
     good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "0.618", "Orbits added": "0.5 0.3"}
     good["Orbits of a fraction"] = ""

@@ -15,7 +15,7 @@ RIPPLE = np.array([1, -1, -1, 1])
 
 
 @pytest.mark.parametrize("profile", thirds([ray(30), (0.3, 0.2, 0.25), (1, 0.2, 1), (1,)]))
-def test_a_circle_is_found_below_breakup_and_the_last_is_a_candidate_above(profile):
+def test_the_tree_finds_a_circle_below_breakup_and_candidates_above(profile):
     last = barriers.critical_scale(profile, 1e-3)
     inside, outside, *far = (last.value * s * np.array(profile) for s in (0.999, 1.0002, 1.01, 99))
     omega, _, _ = farey.find_existing_circle(inside)
@@ -31,7 +31,7 @@ MISSED = [((1, 0.45, 1), 0.551), (1 + 1.7084e-5 * RIPPLE, 0.9648), (1 + 1.78e-4 
 
 
 @pytest.mark.parametrize("case", thirds(MISSED))
-def test_the_tree_finds_circles_that_searches_for_survivors_miss(case):
+def test_the_tree_finds_circles_that_other_searches_miss(case):
     kappa = np.multiply(*case)
     omega, nobles, _ = farey.find_existing_circle(kappa)
     assert oracles.residues_fall(omega, kappa, 3000)

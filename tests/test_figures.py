@@ -58,7 +58,7 @@ ON_THE_BOUNDARY = [
     "[0;1,3,3,(1)]",
     "[0;1,3,4,2,(1)]",
 ]
-IN_THE_TIP = ["[0;1,3,4,3,(1)]", "[0;1,3,4,4,(1)]", "[0;1,3,4,4,2,(1)]", "[0;1,3,(4)]"]
+NEAR_THE_CUSP = ["[0;1,3,4,3,(1)]", "[0;1,3,4,4,(1)]", "[0;1,3,4,4,2,(1)]", "[0;1,3,(4)]"]
 
 
 def lab(colour, seen_by):
@@ -80,13 +80,13 @@ def test_colour_blind_readers_can_distinguish_all_circles_and_greys(seen_by):
 
 
 def test_circles_that_meet_on_the_boundary_differ_in_colour():
-    looks = [circle_style(text, 1) for text in ON_THE_BOUNDARY + IN_THE_TIP]
+    looks = [circle_style(text, 1) for text in ON_THE_BOUNDARY + NEAR_THE_CUSP]
     assert len({look["color"] for look in looks[: len(ON_THE_BOUNDARY)]}) == len(ON_THE_BOUNDARY)
     assert all(a["color"] != b["color"] for a, b in pairwise(looks))
     assert len({(look["color"], look["marker"]) for look in looks}) == len(looks)
 
 
-def test_the_six_circles_of_the_paper_look_different_and_golden_is_blue():
+def test_the_six_circles_of_the_paper_differ_and_the_golden_one_is_blue():
     looks = [circle_style(str(parse(name)), 1) for name in NAMES]
     assert len({(look["color"], look["ls"]) for look in looks}) == len(NAMES)
     assert looks[0] == {"color": style.COLOURS[0], "marker": "o", "ls": "-"}
@@ -97,7 +97,7 @@ def test_no_two_circles_look_alike_and_simple_ones_keep_their_style():
     alike = ["[0;1,3,(1)]", "[0;2,2,(1)]", "[1;3,(1)]"]
     assert len({str(circle_style(text)) for text in alike}) == 1
     tree = [f"[0;{a},{b},{c},(1)]" for a, b, c in product(range(1, 5), range(1, 6), range(2, 5))]
-    for texts in (alike, [*tree, ""], ON_THE_BOUNDARY + IN_THE_TIP):
+    for texts in (alike, [*tree, ""], ON_THE_BOUNDARY + NEAR_THE_CUSP):
         styles = style.circle_styles(texts)
         assert styles == style.circle_styles(texts[::-1])
         assert [*styles] == sorted(texts, key=lambda text: float(parse(text)) if text else 2)
@@ -322,5 +322,5 @@ def test_last_barriers_of_any_plane_are_named_and_no_two_look_alike(around, colu
     (legend,) = figure.legends
     named = [text.get_text() for text in legend.get_texts()]
     shown = {text for text in around.circle.values if text}
-    assert len(named) == len(shown) + 1  # one more for ×, the rays without an answer
+    assert len(named) == len(shown) + 1  # one more for ×, which marks rays without an answer
     assert all(any(f"{text}$" in words for words in named) for text in shown)

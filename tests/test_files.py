@@ -64,8 +64,8 @@ def test_on_a_full_disk_only_the_earlier_file_remains(tmp_path):
     assert contents(tmp_path) == {tmp_path / "table.csv": b"an earlier run"}
 
 
-# Other modules that write. Two write certificates or pictures to memory, and two write the keys of
-# a cluster to a new folder that only this user can read.
+# Other modules that call writing functions. Two write certificates or pictures to memory, and two
+# write the keys of a cluster to a new folder that only this user can read.
 OTHERS = {"pipeline/cubes/proved.py", "workflows/figures/style.py"}
 OTHERS |= {"pipeline/sweep/cluster.py", "workflows/examples/job_queue.py"}
 WRITE = {"write_text", "write_bytes", "to_csv", "savefig", "to_netcdf", "open", "touch"}

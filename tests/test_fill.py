@@ -1,4 +1,4 @@
-"""Test filling cubes from Python: `pipeline.fill` computes what is missing, on any workers."""
+"""Fill cubes from Python: `pipeline.fill` computes the missing tiles, on workers of any kind."""
 
 import asyncio
 import os
@@ -34,7 +34,7 @@ def test_a_cube_is_filled_and_then_read_without_workers(here, tmp_path, monkeypa
     xr.testing.assert_identical(cube.load(), store.read(store.place_of(tmp_path), "toy").load())
 
     def refuse(*_, **__):
-        raise AssertionError("starts workers, though nothing is missing")
+        raise AssertionError("workers were started although nothing is missing")
 
     monkeypatch.setattr("pipeline.sweep.cluster.LocalCluster", refuse)
     xr.testing.assert_identical(pipeline.fill(job, str(tmp_path), progress=False), cube)
@@ -70,7 +70,7 @@ def test_filling_a_cube_with_different_settings_raises_an_exception(here, tmp_pa
 # Threads share warning filters: when one thread restores them, another may lose a filter it needs.
 @pytest.mark.filterwarnings("ignore:Consolidated metadata")
 def test_fill_runs_in_a_thread_and_under_a_running_event_loop(here, tmp_path):
-    """Fill two directories at once, as from a notebook cell and from a program's thread."""
+    """Fill two directories at once: one under an event loop, as in a notebook, one in a thread."""
     cubes = {}
 
     def fill(out):
@@ -162,7 +162,7 @@ SOUND = {
 @pytest.mark.parametrize(
     ("maker", "name", "value"), [(m, n, v) for m, bad in JOBS.items() for n, v in bad.items()]
 )
-def test_a_bad_argument_of_a_job_is_named(maker, name, value):
+def test_an_error_names_the_bad_argument_of_a_job(maker, name, value):
     barrier = xr.Dataset({"critical_scale": ("angle", [1.0])}, {"angle": [30.0]})
     barrier = barrier.assign_coords(circle=("angle", ["gamma"]))
     if maker in ("flux", "diffusion"):

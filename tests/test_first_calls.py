@@ -1,4 +1,4 @@
-"""A worker's first call compiles all kernels of a job, so that tiles computed later load none."""
+"""A worker's first call compiles all kernels of a job; tiles computed later load no kernel."""
 
 import json
 import subprocess

@@ -45,7 +45,7 @@ def test_the_difference_in_action_is_the_area_of_the_turnstile(kappa, p, q):
 
 
 def test_the_action_difference_of_fixed_points_is_the_potential_difference():
-    # The orbits are (0, 0) and (1/2, 0); the difference of their actions is that of the potentials.
+    # The orbits are (0, 0) and (1/2, 0); their actions differ only by the difference in potential.
     assert action_difference((0.8,), 0, 1) == pytest.approx(0.8 / (2 * math.pi**2), rel=1e-14)
 
 
@@ -82,10 +82,10 @@ def test_the_exponent_agrees_with_renormalisation():
 
 
 @pytest.mark.parametrize(("kappa", "p", "q"), [(0.9, 377, 305), (1.2, 21, 17), (1.8, 21, 17)])
-def test_the_standard_map_has_a_flux_though_some_denominators_are_even(kappa, p, q):
+def test_the_flux_in_the_standard_map_is_found_despite_even_denominators(kappa, p, q):
     # Convergents of 2γ: 5/4, 21/17, 89/72, 377/305. For q = 4 and 72 the minimizing orbit has no
-    # symmetry centre on a site if P = 1. At each strength, p/q is the longest of the
-    # other convergents whose orbits are found; its action difference is already close to the limit.
+    # symmetry centre on a site if P = 1. At each strength, p/q is the convergent with the largest
+    # odd q for which the orbits are found; its action difference is already close to the limit.
     result = flux(parse("2gamma"), (kappa,))
     assert result.status is Status.OK
     assert result.error < 1e-2 * result.value

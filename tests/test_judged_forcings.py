@@ -1,4 +1,7 @@
-"""Test the table of judged forcings and its judges; no search may contradict the table."""
+"""Test the table of judged forcings and the script that judges them.
+
+The results of the search must agree with the table.
+"""
 
 from collections import Counter
 from dataclasses import replace
@@ -93,7 +96,7 @@ def test_residues_of_the_judge_reproduce_the_breakup_of_the_standard_map():
         ("value", 1 + 1e-6, "by residues"),
     ],
 )
-def test_the_judge_doubts_a_false_row(name, factor, words):
+def test_a_false_row_is_reported_with_the_reason(name, factor, words):
     row = next(row for row in ROWS.values() if len(row.profile) == 2 and row.method == "residues")
     assert judge_forcings.doubts(row) == []
     false = replace(row, **{name: factor * row.value})
@@ -146,7 +149,7 @@ CHEAP = [row for row in ROWS.values() if row.kind in ("one kick", "two kicks")]
 
 
 @pytest.mark.parametrize("row", thirds({row.number: row for row in CHEAP}))
-def test_the_search_contradicts_no_cheap_row(row):
+def test_the_search_contradicts_no_row_of_one_or_two_kicks(row):
     result = score_search.score(barriers.critical_scale, row, 1e-3)
     assert result.false == ()
     assert result.answered
@@ -172,5 +175,5 @@ def test_the_search_contradicts_no_row(images, capsys):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("row", list(JUDGED.values())[::10], ids=lambda row: str(row.number))
-def test_judges_confirm_rows(row):
+def test_the_judge_confirms_every_tenth_row(row):
     assert judge_forcings.doubts(row) == []

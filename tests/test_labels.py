@@ -1,4 +1,4 @@
-"""Labels that are theorems: splits, exact regions, rules of the indicators, scores and findings."""
+"""Labelled forcings: splits, exact regions, rules of the indicators, scores and findings."""
 
 from fractions import Fraction
 from itertools import product
@@ -115,7 +115,7 @@ def test_a_proved_forcing_needs_a_certificate_of_the_same_statement():
     assert "no certificate" in proved.uncertified_forcing(other, certificates)
 
 
-def test_orbits_of_islands_are_locked_and_those_of_noble_circles_are_not():
+def test_orbits_in_islands_are_locked_but_orbits_on_noble_circles_are_not():
     for n in (300, 3000, 30_000):
         assert of_cube.is_locked(np.array([n / 2 + 0.4, n / 3 - 0.2, 0.9]), n).all()
         for omega in (GAMMA, GAMMA**2, float(parse("[0;3,(1)]"))):
@@ -142,7 +142,7 @@ def test_without_kicks_indicators_have_exact_values():
     assert_allclose([n * values["exponent"], values["fli"]], grown, rtol=1e-12)
 
 
-def test_the_escape_indicator_is_that_of_a_plain_loop_over_orbits():
+def test_the_escape_indicator_agrees_with_a_plain_loop_over_orbits():
     kappa, n = (5.0, 4.5), 60
     times = oracles.escape_time(kappa, *escape.ensemble(16), n)
     assert np.isfinite(times.min())
@@ -164,7 +164,7 @@ def test_the_rules_for_orbits_answer_barrier_far_below_the_boundary():
 
 
 @pytest.mark.parametrize("larger", [True, False])
-def test_the_threshold_is_the_best_of_all(larger):
+def test_no_other_threshold_has_a_smaller_error(larger):
     random = np.random.default_rng(5)
     is_barrier = random.random(60) < 0.4
     values = random.normal(size=60) + (1.5 if larger else -1.5) * is_barrier
@@ -179,7 +179,7 @@ def test_the_threshold_is_the_best_of_all(larger):
     assert error(limit) <= min(map(error, others)) + 1e-12
 
 
-def test_intervals_are_those_of_wilson():
+def test_intervals_agree_with_the_wilson_intervals_of_scipy():
     for k, n in ((0, 10), (3, 17), (25, 25)):
         expected = binomtest(k, n).proportion_ci(0.95, "wilson")
         assert_allclose(scoring.wilson(k, n), (expected.low, expected.high), atol=1e-4)

@@ -53,7 +53,7 @@ def test_the_driver_needs_little_time_and_memory_for_many_tiles(tmp_path, n_tile
     assert (report["committed"], report["remaining"]) == (n_tiles, 0)
     assert len(store.missing(store.place_of(out), toy.line(n_tiles).cube)) == 0
     assert report["bytes"] < 250e6
-    # The driver needs 0.2 ms of CPU time per tile, because tiles return in batches of 166.
+    # The driver needs 0.2 ms of CPU time per tile, because workers return batches of 166 tiles.
     assert report["batches"] < n_tiles / 50
 
 

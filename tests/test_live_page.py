@@ -65,8 +65,8 @@ def test_short_escape_times_agree_with_nasm(page):
     pytest.param(200, marks=pytest.mark.slow),
     pytest.param(1000, marks=pytest.mark.release),
 ])  # fmt: skip
-def test_verdicts_never_contradict_those_of_nasm(page, n):
-    """Close to the boundary the page may answer UNDECIDED, for at most a tenth of all forcings."""
+def test_the_page_never_contradicts_a_verdict_of_nasm(page, n):
+    """The page may answer UNDECIDED close to the boundary, for up to a tenth of the forcings."""
     kappas = np.random.default_rng(n).uniform(-1.2, 1.2, (n, 2))
     seen = page.evaluate("(kappas) => kappas.map(verdict)", kappas.tolist())
     for kappa, answer in zip(kappas, seen, strict=True):
@@ -78,7 +78,7 @@ def test_verdicts_never_contradict_those_of_nasm(page, n):
 
 @pytest.mark.parametrize("n", [6, pytest.param(60, marks=pytest.mark.slow)])
 def test_forcings_that_the_page_calls_proved_can_be_proved(page, n):
-    """The test checks single forcings; the page relies on regions from `workflows.proved_map`."""
+    """The page uses regions computed by `workflows.proved_map`; the test checks single forcings."""
     random = np.random.default_rng(n)
     kappas = random.uniform(-1.125, 1.125, (20 * n, 2))
     seen = page.evaluate("(kappas) => kappas.map(proved)", kappas.tolist())

@@ -34,7 +34,7 @@ def test_at_a_hyperbolic_fixed_point_vectors_grow_as_powers_of_a_matrix(kappa, n
 
 
 @pytest.mark.parametrize(("x", "y"), [(0.3, 0.62), (0.1, 0.25)])
-def test_exponent_and_indicator_agree_with_forty_digits(x, y):
+def test_exponent_and_indicator_agree_with_a_40_digit_computation(x, y):
     kappa = 1.1, 0.7
     with mpmath.workdps(40):
         at, p, v, w = mpmath.mpf(x), mpmath.mpf(y), mpmath.mpf(0), mpmath.mpf(1)
@@ -48,12 +48,12 @@ def test_exponent_and_indicator_agree_with_forty_digits(x, y):
             logs.append(mpmath.log(mpmath.sqrt(v**2 + w**2)))
     n = max(n for n in range(61) if logs[n] < max(logs[:n], default=0))
     exponent, indicator, _ = tangent_growth(kappa, x, y, n)
-    # In doubles, a chaotic orbit is that of a start that differs in the sixteenth digit.
+    # In double precision, rounding acts on a chaotic orbit like a change in the start's 16th digit.
     assert_allclose(n * exponent, float(logs[n]), atol=1e-4)
     assert_allclose(indicator, float(max(logs[: n + 1])), atol=1e-4)
 
 
-def test_the_advance_is_that_of_the_orbit_on_the_lift():
+def test_the_advance_equals_the_displacement_of_the_orbit_on_the_lift():
     kappa, y, n = (0.3, 0.2), np.linspace(0.3, 0.4, 5), 2000
     x, _ = orbit(kappa, 0.0, y, n)
     _, _, advance = tangent_growth(kappa, 0.0, y, n)

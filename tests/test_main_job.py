@@ -259,7 +259,7 @@ def test_the_cubes_notebook_reports_the_numbers_in_the_cubes(finished, notebook)
     assert f"transport within 4000 steps in {share:.1f}% of the cells" in output
     assert f"{(field(finished) <= 4000).mean():.6f}" in output  # computed block by block
     radius = np.hypot(*names["curves"].to_numpy().T)
-    # The curves lie outside the last barrier, and inside the table's boundary by direct iteration.
+    # The curves lie outside the last barrier, and inside the boundary found by direct iteration.
     assert radius.min() > KAPPA_G / 2
     direct = [
         float(r["critical_scale"] or 0) for r in table(finished / "critical_boundary_direct.csv")

@@ -49,7 +49,7 @@ def test_tangent_is_the_derivative_of_step(kappa, x, y):
     ("frequency", "amplitude", "phase", "strengths"),
     [
         ("1/2", 0.2, 0, (0.7, 0.3)),
-        ("1/2", -0.2, 0, (0.3, 0.7)),  # the paper's sign: a shift by half a period
+        ("1/2", -0.2, 0, (0.3, 0.7)),  # the paper's sign, which shifts the forcing by one kick
         ("1/2", 0.2, 0.25, (0.5, 0.5)),
         ("1/3", 0.2, 0, (0.7, 0.4, 0.4)),
         ("5/7", 0.2, 0.1, 0.5 + 0.2 * cos(2 * pi * (0.1 + np.arange(7) * 5 / 7))),

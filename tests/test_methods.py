@@ -111,7 +111,7 @@ def images(profile, omega):
         *(pytest.param(name, ray(25), None, marks=pytest.mark.slow) for name in NAMES[1:]),
     ],
 )
-def test_copies_of_a_forcing_have_one_answer(name, profile, size):
+def test_symmetric_images_of_a_forcing_have_the_same_answer(name, profile, size):
     omega = parse(name)
     expected = periodic.critical_scale(omega, profile, 3000)
     methods = {
@@ -152,7 +152,7 @@ def test_next_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
 
 
 @pytest.mark.parametrize(("name", "angle"), [("2gamma", 135), ("2gamma+1", 45)])
-def test_the_paper_s_circles_have_a_value_at_each_other_s_cusps(name, angle):
+def test_two_circles_of_the_paper_have_values_at_each_others_cusps(name, angle):
     # At these cusps both circles are circles of the standard map, with the tail (8, 2); the default
     # q_max covers two periods of the tail. The reference value comes from half orbits on symmetry
     # lines, with periods up to 200 000; its error is 1.5e-11.
@@ -176,8 +176,8 @@ LARGE = [RotationNumber((0, *[1] * n, large), (1,)) for n in (6, 9, 12) for larg
 
 @pytest.mark.parametrize("omega", [*LARGE, RotationNumber((0, 2, 10**9), (1,))], ids=str)
 def test_convergents_before_a_large_quotient_do_not_decide_the_breakup(omega):
-    # Up to q_max, the convergents equal those of 1/2, or those of the golden mean, whose circle
-    # breaks last, at 2.08.
+    # Up to q_max, the convergents are the same as for 1/2 or for the golden mean, whose circle
+    # breaks last, at scale 2.08.
     for result in (
         periodic.critical_scale(omega, (0.3, 0.2), 1500),
         flux.flux(omega, (0.55, 0.1), 1000),

@@ -15,7 +15,7 @@ from nasm import periodic
 from nasm.numbers import parse
 
 MODULES = sorted(Path(nasm.__file__).parent.rglob("[!_]*.py"))
-ROOMS = sorted(path.parent.name for path in Path(nasm.__file__).parent.glob("*/__init__.py"))
+PACKAGES = sorted(path.parent.name for path in Path(nasm.__file__).parent.glob("*/__init__.py"))
 
 
 def defined_in(path):
@@ -35,14 +35,14 @@ def test_the_public_names_of_a_module_are_defined_there(path):
     assert all(hasattr(module, name) and name[0] != "_" for name in module.__all__)
 
 
-@pytest.mark.parametrize("package", [nasm, *(getattr(nasm, name) for name in ROOMS)])
+@pytest.mark.parametrize("package", [nasm, *(getattr(nasm, name) for name in PACKAGES)])
 def test_completion_of_a_package_offers_its_modules_and_public_names(package):
     folder = Path(package.__file__).parent
     modules = {path.stem for path in folder.glob("[!_]*.py")}
-    rooms = {path.parent.name for path in folder.glob("*/__init__.py")}
-    assert modules | rooms <= set(dir(package)) == set(package.__all__)
+    packages = {path.parent.name for path in folder.glob("*/__init__.py")}
+    assert modules | packages <= set(dir(package)) == set(package.__all__)
     homes = {
-        name: getattr(package, name).__module__ for name in set(dir(package)) - modules - rooms
+        name: getattr(package, name).__module__ for name in set(dir(package)) - modules - packages
     }
     assert all(name in import_module(home).__all__ for name, home in homes.items())
     with pytest.raises(AttributeError, match="nosuch"):
@@ -55,12 +55,12 @@ def test_the_most_used_functions_are_at_the_top_level():
     assert nasm.verdict is nasm.verdicts.verdict
 
 
-def test_importing_the_package_loads_neither_methods_nor_numba():
-    asks = "import sys, nasm, nasm.circles; assert 'numba' not in sys.modules; nasm.maps.kick"
-    subprocess.run([sys.executable, "-c", asks], check=True)
+def test_importing_the_package_does_not_load_numba():
+    code = "import sys, nasm, nasm.circles; assert 'numba' not in sys.modules; nasm.maps.kick"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_the_boundary_on_axes_and_diagonal_is_that_of_the_standard_map():
+def test_the_boundary_on_axes_and_diagonal_agrees_with_the_standard_map():
     """The standard map's strength is 2κ if every other kick is 0, and κ if both kicks are equal."""
     scales = nasm.boundary([0, 45, 90, 180], tol=1e-2)
     assert all(scale.status is nasm.Status.OK for scale in scales)

@@ -159,7 +159,7 @@ def test_a_noble_number_is_identified_from_its_float(prefix, exponent):
 
 
 @given(st.floats(-3, 3), st.floats(1e-9, 0.5), st.integers(1, 6))
-def test_nobles_near_a_number_agree_with_it_and_the_shortest_come_first(value, width, n):
+def test_nobles_near_a_number_share_its_quotients_shortest_first(value, width, n):
     result = nobles_near(value, width, n)
     assert len(set(result)) == len(result) <= n
     lengths = [len(omega.prefix) for omega in result]

@@ -42,7 +42,7 @@ def test_starts_broadcast():
 
 
 @pytest.mark.parametrize("P", [1, 2, 3])
-def test_a_rigid_rotation_is_returned_on_the_lift_and_has_omega_P_y(P):
+def test_a_rigid_rotation_is_returned_on_the_lift_with_omega_equal_to_Py(P):
     xs, ys = orbit([0.0] * P, 0.25, 0.5, 100)
     np.testing.assert_array_equal(xs, 0.25 + P * 0.5 * np.arange(101))
     np.testing.assert_array_equal(ys, 0.5)
@@ -52,7 +52,7 @@ def test_a_rigid_rotation_is_returned_on_the_lift_and_has_omega_P_y(P):
     assert (digits > 13).all()
 
 
-def test_the_rotation_number_of_a_series_is_that_of_its_orbit():
+def test_a_series_has_the_same_rotation_number_as_its_orbit():
     xs, _ = orbit(KAPPA, X[:, None], np.linspace(0.28, 0.4, 9), 3000)
     omega, digits = rotation_number_of(xs)
     expected, sure = rotation_number(KAPPA, X[:, None], np.linspace(0.28, 0.4, 9), 3000)
@@ -121,7 +121,7 @@ def test_digits_are_limited_by_rounding(case):
 
 
 def weighted_average(kappa, x, y, n):
-    """Return ω over n exact steps, from the definition of the weighted average."""
+    """Compute ω from n exact steps, by the definition of the weighted average."""
     total = weights = mpmath.mpf(0)
     for t in range(n):
         x_next, y = oracles.exact_step(kappa, x, y)
@@ -133,7 +133,7 @@ def weighted_average(kappa, x, y, n):
     return total / weights
 
 
-def test_omega_in_an_island_is_that_of_its_centre_and_nan_in_chaos():
+def test_omega_is_the_same_throughout_an_island_and_nan_in_chaos():
     # (1/2, 0) is an elliptic fixed point for small positive strengths: ω = 0 all around it.
     assert rotation_number(KAPPA, 0.55, 0.0, 10_000)[0] == pytest.approx(0, abs=1e-12)
     omega, digits = rotation_number((1.5, 1.5), [0.01, 0.02, 0.03], 0.0, 10_000)
@@ -151,7 +151,7 @@ def test_portrait_shows_one_cell():
 
 
 @pytest.mark.parametrize("every", [None, 1])
-def test_passages_are_the_points_of_the_orbits_in_the_box(every):
+def test_passages_are_the_points_of_orbits_that_lie_in_the_box(every):
     y = np.arange(30) / 31
     left, bottom, width, height = box = (0.8, -0.3, 0.45, 0.4)  # crosses edges of the cell
     which, xs, ys, (x_next, y_next) = passages(KAPPA, np.full(30, 0.1), y, 40, box, every)

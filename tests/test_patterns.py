@@ -1,4 +1,4 @@
-"""Kick patterns used in laboratories: properties of pairs, and findings that data can refute."""
+"""Kick patterns used in laboratories: properties of pairs, and the judgement of findings."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from pipeline.cubes.forcings import labels
 from workflows.patterns import study
 
 
-def said_of(*scale):
+def findings_for(*scale):
     """Return the findings for pairs of kicks 1/2, 1/3 and 1/4 of a period apart with these K_c."""
     apart = 2, 3, 4
     pairs = [(study.PAIRS, 1 / q, study.pair(1, q)) for q in apart]
@@ -19,9 +19,9 @@ def said_of(*scale):
 
 
 def test_findings_on_patterns_follow_from_the_numbers():
-    assert "Supported: " in said_of(1.9, 0.9, 1.95)
-    assert "Not supported: " in said_of(1.9, 2.0, 1.95)
-    assert "Not decided" in said_of(1.9, np.nan, 1.95)
+    assert "Supported: " in findings_for(1.9, 0.9, 1.95)
+    assert "Not supported: " in findings_for(1.9, 2.0, 1.95)
+    assert "Not decided" in findings_for(1.9, np.nan, 1.95)
 
 
 @pytest.mark.parametrize("q", [2, 3, 4, 5])

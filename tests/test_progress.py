@@ -29,7 +29,8 @@ def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
     """Simulate a sweep; yield (Progress, actual seconds remaining) after each tile.
 
     tiles, later : predicted CPU seconds of the tiles, and of a later sweep. error : ratio of
-    actual to predicted CPU seconds. after : CPU seconds of the driver after the sweeps.
+    actual to predicted CPU seconds. slowness : ratio of elapsed to CPU seconds. after : CPU seconds
+    of the driver after the sweeps.
     """
     clock = Clock()
     line = Progress("run", None, {"one": sum(tiles), "two": later}, after, clock)
@@ -51,8 +52,8 @@ def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
 @pytest.mark.parametrize("slowness", [1.0, 4.0])
 @pytest.mark.parametrize("error", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("later", [0.0, 60.0])
-def test_after_a_tenth_of_the_work_remaining_time_is_within_a_factor_1_5(slowness, error, later):
-    """The accuracy holds even on a machine 4 times slower with predictions off by a factor of 3."""
+def test_after_a_tenth_of_the_work_the_prediction_is_within_a_factor_1_5(slowness, error, later):
+    """This holds even if the machine is 4 times slower and predictions are off by a factor of 3."""
     tiles = np.sort(np.random.default_rng(0).lognormal(0, 0.7, 100))[::-1]
     ratios = [
         line.remaining() / remains
@@ -62,8 +63,11 @@ def test_after_a_tenth_of_the_work_remaining_time_is_within_a_factor_1_5(slownes
     assert 2 / 3 < min(ratios) <= max(ratios) < 3 / 2
 
 
-def test_other_programs_slow_the_driver_down_but_workers_do_not():
-    """Two workers and another program share two processors: each gets two thirds of a processor."""
+def test_the_workers_do_not_slow_down_the_driver_that_runs_after_them():
+    """Two workers and another program share two processors: each gets two thirds of a processor.
+
+    After the sweep, the driver and the other program have a processor each.
+    """
     clock = Clock()
     line = Progress("run", None, {"one": 10.0}, after=10.0, clock=clock)
     line.begin_sweep("one", "one")

@@ -33,7 +33,7 @@ CASES = [("gamma", (0.3, 0.2), 64), ("[0;(3)]", (-0.5,), 128), ("gamma", (0.15, 
 
 
 def near(profile, omega, breakup, distance):
-    """Return ω, kappa and deviations (floats) of a circle this relative distance below breakup."""
+    """Return ω, kappa and deviations of a circle at this relative distance below its breakup."""
     omega, profile = parse(omega), np.array(profile)
     scale, u = continuation.certified_circle(omega, profile, breakup, distance)
     return omega, scale * profile, u
@@ -51,7 +51,7 @@ def test_the_bound_on_small_divisors_holds_and_is_sharp(omega, delta):
     assert bound <= brute * 1.001
 
 
-def assert_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module):
+def assert_closed_sums_bound_all_aliases_and_all_omitted_modes(module):
     rho, hat, n, cut = 0.01, 0.05, 64, 29
     grid = module.Grid(GAMMA, [0.7], n)
     u = [[arb(0), arb(0.01), arb(0.002)]]
@@ -68,7 +68,7 @@ def assert_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module):
     assert exact <= float(bound) <= 1.05 * exact
 
 
-def assert_the_inverse_is_bounded_by_a_poor_approximation_too(module):
+def assert_even_a_poor_approximate_inverse_yields_a_bound(module):
     # 1/(1 + a cos) = (1 + 2 Σ (-b)^k cos)/√(1 - a²) with b = (1 - √(1 - a²))/a.
     rho, cases = 0.02, [(0.5, 5, 2, 1.03), (0.5, 3, 2, 1.5), (0.2, 1, 1, 1.2), (0.5, 40, 2, 1.0001)]
     for odd, (a, modes, kept, slack) in product((True, False), cases):
@@ -115,8 +115,8 @@ def audit(module):
             assert all(value.overlaps(left[key]) for key, value in exact.items())
             seen += failed[:1]
         assert seen[0] == name
-    assert_closed_sums_are_those_of_all_aliases_and_all_modes_left_out(module)
-    assert_the_inverse_is_bounded_by_a_poor_approximation_too(module)
+    assert_closed_sums_bound_all_aliases_and_all_omitted_modes(module)
+    assert_even_a_poor_approximate_inverse_yields_a_bound(module)
     for omega, kappa, n in CASES:
         data, constants = certificate(module, omega, kappa, n)
         holds, exact = theorem(data)
@@ -218,7 +218,7 @@ def test_circles_below_the_breakup_are_proved(case):
         ("gamma", (1e-300, 0.0)),
     ],
 )
-def test_circles_of_any_quadratic_omega_and_number_of_kicks_are_proved(omega, kappa):
+def test_circles_are_proved_for_any_quadratic_omega_and_any_period(omega, kappa):
     assert prove(parse(omega), kappa).proved
 
 
@@ -288,7 +288,7 @@ def test_more_time_proves_a_circle_nearer_to_the_breakup(monkeypatch):
     assert scales[0] < scales[1] < breakup
 
 
-def test_a_lower_scale_is_proved_if_rounding_makes_strengths_equal():
+def test_a_lower_bound_is_proved_even_if_rounding_equates_strengths():
     profile, values = np.array([0.7, np.nextafter(0.7, 1)]), (0.9, 0.92)
     first = [(1 - 0.05) * value * profile for value in values]
     assert {len(set(kappa)) for kappa in first} == {1, 2}
@@ -298,7 +298,7 @@ def test_a_lower_scale_is_proved_if_rounding_makes_strengths_equal():
         assert proof.kappa == tuple(scale * profile)
 
 
-def test_no_lower_scale_is_proved_if_no_circle_exists():
+def test_no_lower_bound_is_proved_if_no_circle_exists():
     scale, proof = proved_lower(GAMMA, (1.0,), 3.0, 0.2)  # the circle breaks at 0.97
     assert np.isnan(scale)
     assert proof is None or not proof.proved
@@ -348,7 +348,7 @@ def test_a_bound_outside_its_strip_is_refused():
 def test_the_golden_circle_is_proved_as_close_to_its_breakup_as_published(kappa, n):
     """Figueras, Haro and Luque (2017) proved that this circle exists at κ = 0.9716.
 
-    This is 0.99996 of its breakup value.
+    This value of κ is 99.996% of the value at which the circle breaks.
     """
     omega, near_kappa, u = near((1.0,), "gamma", 0.971635406, 1 - kappa / 0.971635406)
     assert near_kappa == pytest.approx(kappa, abs=1e-9)

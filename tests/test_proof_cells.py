@@ -14,7 +14,7 @@ from nasm.proofs.transport_cells import prove_cell
 
 
 def cell_beyond(angle, widths, size):
-    """Return the grid cell of width `size` that is `widths` cells beyond the breakup on the ray."""
+    """Return the centre and half-width of the grid cell `widths` cells beyond the breakup."""
     place = beyond(angle, widths * size / BREAKUPS[angle])
     return np.floor(place / size) * size + size / 2, size / 2
 
@@ -109,7 +109,7 @@ def test_half_of_a_kick_on_the_symmetry_line_counts_whatever_its_sign(a, k0):
     after, cosine = dict(zip(KERNEL.names, state, strict=True)), math.cos(2 * math.pi * a)
     assert bad == 0
     assert after["lp"] == pytest.approx(2.0**-8 * cosine / 2)
-    assert after["W"] == pytest.approx(k0 * cosine / 2 + 2.0**-8 / 2)  # with the payment for h0
+    assert after["W"] == pytest.approx(k0 * cosine / 2 + 2.0**-8 / 2)  # plus the payment for h0
 
 
 def test_a_kick_of_cells_allows_for_what_it_has_to_and_no_more():

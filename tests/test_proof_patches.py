@@ -1,4 +1,4 @@
-"""Proofs of circles throughout a patch: constants valid for every forcing, and scales reached."""
+"""Proofs of circles throughout a patch of forcings: their constants, and the scales they reach."""
 
 import json
 from functools import cache
@@ -102,8 +102,8 @@ def test_a_patch_whose_inequalities_fail_is_retried_with_a_smaller_residual(monk
 
 
 @pytest.mark.slow
-def test_triangles_of_other_circles_are_proved_as_close_to_the_boundary():
-    # Between 34.5 and 40 degrees, where [0;1,3,(1)] breaks last.
+def test_triangles_of_other_circles_are_proved_close_to_the_boundary():
+    # The triangle lies between 34.5 and 40 degrees, where [0;1,3,(1)] breaks last.
     low, high = np.array([0.64836, 0.44560]), np.array([0.73828, 0.61949])
     middle, tilt = (low + high) / 2, (high - low) / 2
     at = [periodic.critical_scale("[0;1,3,(1)]", middle + t * tilt).value for t in (-1, 0, 1)]
@@ -310,7 +310,7 @@ def too_large(case, rho, bounds):
 
 @pytest.mark.parametrize("case", thirds([*CASES]))
 @pytest.mark.parametrize("program", [proved_constants, checked_constants])
-def test_constants_bound_those_of_all_forcings_of_a_patch(program, case):
+def test_constants_are_bounds_for_all_forcings_of_a_patch(program, case):
     result = program(case)
     assert too_small(case, *result) == too_large(case, *result) == []
 

@@ -29,7 +29,7 @@ BREAKUPS = {("pairs:1/3", 20.0): 1.115, ("three-kicks:0.2", 20.0): 0.440}
 
 
 def cell_beyond(name, angle, excess, size):
-    """Return the grid cell of width `size` on a ray, a fraction `excess` beyond the breakup."""
+    """Return centre and half width of a cell on a ray, a fraction `excess` beyond the breakup."""
     turn = np.deg2rad(angle)
     place = BREAKUPS[name, angle] * (1 + excess) * np.array([np.cos(turn), np.sin(turn)])
     return np.floor(place / size) * size + size / 2, size / 2
@@ -58,7 +58,7 @@ def cell():
 
 @pytest.fixture(scope="module")
 def patch():
-    """Return the certificate of a patch of three kicks from the plane's origin, and its claim."""
+    """Return the certificate of a patch that begins at a plane's origin, and its claim."""
     below, (proof, *_) = proofs.proved_below(
         GAMMA, (0.125, 0.0625), 1.0, 0.2, (0.015625, -0.03125), 0.4, three_kicks(0.05)
     )
@@ -67,14 +67,14 @@ def patch():
 
 
 @pytest.mark.slow
-def test_the_breakups_of_these_tests_are_right():
+def test_the_breakups_used_in_these_tests_are_correct():
     for (name, angle), scale in BREAKUPS.items():
         start, profile = parse(name).ray(angle)
-        found = barriers.critical_scale(profile, 1e-2, start if start.any() else None)
-        assert found.value == pytest.approx(scale, abs=1e-3)
+        result = barriers.critical_scale(profile, 1e-2, start if start.any() else None)
+        assert result.value == pytest.approx(scale, abs=1e-3)
 
 
-def test_claims_name_the_plane_by_its_matrix(cell, patch):
+def test_claims_specify_the_plane_by_its_matrix(cell, patch):
     rows = "in the plane (0.0, 0.0, {}) + a (1.0, 0.0, 0.0) + b (0.0, 1.0, 0.0)"
     assert cell[1].startswith("transport is global under every forcing within (0.00390625, ")
     assert cell[1].endswith(rows.format(0.2))
@@ -89,7 +89,7 @@ def test_claims_name_the_plane_by_its_matrix(cell, patch):
     ("plane", "centre"),
     [(two_kicks(), (0.75, 0.25)), (rotating("1/2"), (0.5, 0.25)), (TWICE, (0.75, 0.25))],
 )
-def test_a_plane_of_two_kicks_reduces_to_the_map_of_two_kicks(plane, centre):
+def test_two_kicks_written_as_another_plane_yield_the_same_outcome(plane, centre):
     half_width = 2.0**-6
     assert transport_cells.prove_cell((0.75, 0.25), half_width).proved
     certified(prove_cell_of_plane(plane, centre, half_width))
@@ -163,7 +163,7 @@ def followed(forcings, points, s, delta, centre, widths):
     ("plane", "centre"),
     [(rotating("1/4"), (1.0, 0.0)), (three_kicks(0.2), (4.0, 0.5)), (pairs("1/5"), (30.0, 0.0))],
 )
-def test_cells_outside_the_theorem_are_not_proved(plane, centre):
+def test_cells_outside_the_scope_of_the_theorem_are_not_proved(plane, centre):
     assert prove_cell_of_plane(plane, centre, 2.0**-7).outcome is Outcome.SCOPE
 
 
@@ -226,7 +226,7 @@ def test_changed_certificates_of_patches_are_refuted(patch, change, reason):
 
 
 def along_a_ray(shift, program):
-    """Return the constants of κ = (shift + s)(0.4, -0.2, 0.1), 0.25 ≤ shift + s ≤ 0.75."""
+    """Return the constants of a patch, κ = (shift + s)(0.4, -0.2, 0.1), 0.25 ≤ shift + s ≤ 0.75."""
     rng, profile = np.random.default_rng(3), np.array([0.4, -0.2, 0.1])
     moves = [
         [[[0, *rng.integers(-(2**20), 2**20, 3).tolist()] for _ in "ri"] for _ in range(3)]
@@ -247,15 +247,15 @@ def along_a_ray(shift, program):
 
 
 @pytest.mark.parametrize("program", [patches, checker])
-def test_constants_of_a_patch_do_not_depend_on_the_origin_along_its_ray(program):
-    """The constants include bounds on the strengths over ellipses, used between the points."""
+def test_the_constants_of_a_patch_on_a_ray_do_not_depend_on_its_origin(program):
+    """The constants depend on bounds on |κ_j| over ellipses, which bound interpolation errors."""
     one, other = (along_a_ray(shift, program) for shift in (0.0, 0.25))
     assert one == pytest.approx(other, rel=1e-9)
     assert one["error"] > 0
 
 
 @pytest.mark.parametrize("name", ["two-kicks", "pairs:1/3", "three-kicks:0.2", "rotating:1/3"])
-def test_a_map_is_computed_in_a_wedge_and_filled_by_symmetry(name):
+def test_a_map_is_computed_in_a_wedge_and_completed_by_symmetry(name):
     plane = parse(name)
     rays = [(angle, 1.0) for angle in np.linspace(*plane.wedge, 4)]
     cube = proved.proved_map(plane, rays, 64, 1.0).cube
@@ -310,8 +310,8 @@ def started(way, rng):
 
 
 @pytest.mark.parametrize("way", [0, 1])
-def test_a_start_has_bounds_on_its_rounding(way):
-    """A and B bound the rounding errors of the start, even if every term is rounded six times."""
+def test_the_rounding_of_initial_states_is_bounded(way):
+    """A and B bound the rounding errors of a state even if every term is rounded six times."""
     rng, ulp = np.random.default_rng(9), Fraction(1, 2**53)
     for _ in range(300):
         _, points, box, state, _ = started(way, rng)

@@ -1,4 +1,4 @@
-"""Residuals of a patch, computed in sums of two floats: error bounds are derived and tested."""
+"""Residuals of a patch, computed as sums of two floats: error bounds are derived and tested."""
 
 import re
 import time
@@ -51,7 +51,7 @@ def test_sums_and_products_are_as_accurate_as_the_bounds_assume(a, b, near):
         assert abs(Fraction(low)) <= abs(Fraction(high)) / 2**53
 
 
-def test_the_constants_of_the_bounds_follow_from_those_of_sums_and_products():
+def test_errors_of_sums_and_products_imply_the_other_constants():
     much = 1 + 1e-3  # allows for products of errors
     product = ROOT * (MULTIPLY + ADD) * much
     assert product < 14.2
@@ -73,7 +73,7 @@ def test_the_error_of_the_sine_is_less_than_eighteen_units():
     r = 2.0**-8 * (1 + 1e-6)
     theta, errors = 2 * pi * r, []
     for first, table in ((1, module._SINE), (0, module._COSINE)):
-        # The last three terms in floats: the coefficients, two products and two sums are rounded.
+        # The last three terms use floats: coefficients, two products and two sums are rounded.
         last, p = module._IN_PAIRS, 1.001 * abs(table[module._IN_PAIRS, 0])
         e = 8 * 2.0**53 * p
         assert abs(table[last:, 0]) @ r ** (2 * np.arange(len(table) - last)) < p
@@ -177,7 +177,7 @@ def exactly(u, node, odd):
 
 @pytest.mark.parametrize("case", ["decaying", "flat", "large"])
 @pytest.mark.parametrize(("n", "n_sites"), [(128, 1), (96, 2), (160, 2), (96, 3), (80, 4)])
-def test_residuals_contain_those_of_balls_of_256_bits(n, n_sites, case):
+def test_residuals_enclose_those_computed_with_256_bits(n, n_sites, case):
     omega, kappa, u = parse("gamma"), (*KAPPA, 0.1)[:n_sites], modes_of(case, n, n_sites)
     rng = np.random.default_rng(4)
     errors = np.abs(u[0]).max(axis=(0, 2)) * 1e-28
@@ -205,7 +205,7 @@ def test_residuals_contain_those_of_balls_of_256_bits(n, n_sites, case):
     assert max(ratios) > 0.1  # the errors added to u are the largest allowed
 
 
-def test_the_bound_of_the_rounding_alone_is_not_much_too_large():
+def test_the_bound_on_rounding_is_at_most_10000_times_too_large():
     n, u = 320, modes_of("decaying", 320, 2)
     with ctx.workprec(256):
         grid = barrier.Grid(parse("gamma"), KAPPA[:2], n)
@@ -220,7 +220,7 @@ def test_the_bound_of_the_rounding_alone_is_not_much_too_large():
     assert radii.max() < 1e-28
 
 
-def test_combinations_are_within_their_bound():
+def test_errors_of_combinations_are_within_their_bound():
     rng, shapes = np.random.default_rng(6), ((5, 4), (3, 7))
     x = np.zeros((2, 4 * 7, 2, 1, 9))
     x[0] = rng.normal(size=x[0].shape)
@@ -250,7 +250,7 @@ def test_combinations_are_within_their_bound():
     assert 1e-3 < worst < 1
 
 
-def test_modes_survive_the_way_to_integers_and_back():
+def test_modes_survive_conversion_to_integers_and_back():
     rng = np.random.default_rng(7)
     numbers = [[[[], [0, 3**60, -(3**55)]]], [[[], [0, *map(int, rng.integers(-99, 99, 4))]]]]
     modes = module.from_integers(numbers, -80, True)
@@ -301,7 +301,7 @@ def test_numbers_that_are_not_known_to_106_bits_are_refused():
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e200, 600.0])
-def test_modes_that_are_not_finite_or_large_bound_nothing(value):
+def test_infinite_or_too_large_modes_have_no_finite_bound(value):
     u = modes_of("decaying", 96, 2)
     u[0, 1, 0, 0, 3] = value
     with ctx.workprec(128):
@@ -312,7 +312,7 @@ def test_modes_that_are_not_finite_or_large_bound_nothing(value):
 
 
 @pytest.mark.parametrize(("n", "size"), [(64, 33), (112, 20)])
-def test_grids_that_do_not_fit_are_refused(n, size):
+def test_grids_that_do_not_fit_the_modes_are_refused(n, size):
     u = np.zeros((2, 1, 2, 1, size))
     with ctx.workprec(128):
         grid = barrier.Grid(parse("gamma"), KAPPA[:2], n)
@@ -320,7 +320,7 @@ def test_grids_that_do_not_fit_are_refused(n, size):
             module.residuals([grid], u, u[0, 0, :, 0])
 
 
-def test_threads_do_not_change_the_precision_of_each_other():
+def test_a_thread_does_not_change_the_precision_of_other_threads():
     def bits(precision):
         with working_precision(precision):
             time.sleep(0.001)  # lets another thread run

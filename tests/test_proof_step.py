@@ -1,4 +1,4 @@
-"""Test the mode-by-mode bounds on the first step v_j = g_j'w_j of a proof of a circle."""
+"""Test the mode-by-mode bounds on v_j = g_j'w_j, the first step of the proof of a circle."""
 
 import json
 from functools import cache
@@ -23,7 +23,7 @@ RHO = 0.004
 
 
 def near_breakup(omega, profile, value, n, distance=0.05):
-    """Return a proof of a circle, on so few points that it must compute the first step."""
+    """Return a proof of a circle on so few points that the first step must be computed."""
     omega, profile = parse(omega), np.array(profile)
     scale, u = continuation.certified_circle(omega, profile, value, distance)
     return barrier.prove(omega, scale * profile, start=u, n=n)
@@ -46,7 +46,7 @@ made = cache(lambda name: PROOFS[name]())
 
 
 @pytest.mark.parametrize("name", thirds([*PROOFS]))
-def test_the_checker_confirms_a_computed_step_with_nearly_the_same_constants(name):
+def test_the_checker_confirms_a_computed_step_with_similar_constants(name):
     proof = made(name)
     assert proof.stepped, proof.reason
     certificate = json.loads(json.dumps(proof.certificate()))
@@ -212,7 +212,7 @@ def test_a_changed_line_of_the_step_is_noticed(change):
 
 
 def pairs_of(case, module=barrier):
-    """Return the strip, the majorants and the bounds on w of a case of test_proof_patches.py."""
+    """Return the strip's half width, majorants and bounds on w of a case in test_proof_patches."""
     profile, tilt, high, shape, moves = made_case(case)
     seen = []
 

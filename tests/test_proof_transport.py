@@ -1,3 +1,5 @@
+"""Proofs of transport: bounds on errors, certificates, and forcings where nothing is proved."""
+
 import inspect
 import json
 import math
@@ -174,7 +176,7 @@ def test_both_directions_of_a_box_start_at_its_place_on_the_polygon():
         assert ahead["V"] - ahead["W"] == behind["V"] == 1 - Fraction(slope)
 
 
-def test_a_kick_allows_for_what_it_has_to_and_no_more():
+def test_the_error_bounds_of_a_kick_suffice_and_are_over_90_percent_used():
     shares = audit.audit_of_kicks(KERNEL)
     assert all(0.9 < share <= 1 for share in shares.values())
 
@@ -250,7 +252,7 @@ def test_lanes_and_floats_agree_with_the_source_run_in_python():
         )
 
 
-def test_every_fma_is_one_and_nothing_else_is():
+def test_compiled_code_fuses_exactly_the_operations_written_as_fma():
     # Compile `_replay` and `_advance` here, instead of loading them from the cache.
     after_a_block(STATE.index("x"), 0.25)
     sources = {f.__name__: inspect.getsource(f.py_func) for f in KERNEL.functions}
@@ -276,7 +278,7 @@ def test_every_fma_is_one_and_nothing_else_is():
             assert sum(widths["".join(one)] for one in fused) == calls * width
 
 
-def test_arithmetic_that_is_not_ieee_proves_nothing(monkeypatch):
+def test_nothing_is_proved_with_arithmetic_that_is_not_ieee_754(monkeypatch):
     assert proofs.transport._arithmetic_is_ieee(1.0, 2.0**-53, 2.0**-52, 2.0**-1022)
     # These values would result on machines that truncate or that lack gradual underflow.
     assert not proofs.transport._arithmetic_is_ieee(1.0, 2.0**-52, 2.0**-52, 2.0**-1022)
@@ -302,19 +304,19 @@ def after_a_block(row, value, kappa=(1.5, 1.2)):
 
 
 @pytest.mark.parametrize("row", range(proofs.transport._ROWS))
-def test_overflow_and_nan_eliminate_nothing(row):
+def test_a_box_with_overflow_or_nan_is_not_eliminated(row):
     assert after_a_block(STATE.index("x"), 0.25) == (proofs.transport._ELIMINATED, True)
     values = [math.nan]
     if STATE[row : row + 1] != ("paid",):
         values.append(math.inf)  # paid becomes infinite only after V
     if STATE[row : row + 1] == ("V",):
-        values.append(1e160)  # the square of V is infinite
+        values.append(1e160)  # its square overflows
     for value in values:
         assert after_a_block(row, value) == (proofs.transport._FAILED, True)
 
 
 @pytest.mark.parametrize("off", [0.998, 1.002, 1.5])
-def test_a_wronskian_that_is_a_little_off_eliminates_nothing(off):
+def test_a_box_with_an_inaccurate_wronskian_is_not_eliminated(off):
     start_of_scale = 1 / (1e-3 * 2 * 0.5)
     scale = len(STATE)
     assert after_a_block(scale, start_of_scale) == (proofs.transport._ELIMINATED, True)
@@ -322,7 +324,7 @@ def test_a_wronskian_that_is_a_little_off_eliminates_nothing(off):
 
 
 @pytest.mark.parametrize(("kappa", "budget", "kicks"), [(63 / 64, 0.5, 50_000), (0.9718, 5, 10**9)])
-def test_mackay_percival_1985_and_jungreis_1991(kappa, budget, kicks):
+def test_results_of_mackay_percival_1985_and_jungreis_1991_are_confirmed(kappa, budget, kicks):
     """The standard map has no circle at 63/64 (proved in a millisecond) or at 0.9718."""
     proof = prove((kappa,), budget)
     assert proof.proved
@@ -366,7 +368,7 @@ def test_boxes_tile_the_half_line():
         assert not proofs.transport._tiles(np.delete(proof.boxes, i, axis=0))
 
 
-def test_the_ends_of_a_polygon_are_their_own_images():
+def test_both_ends_of_a_polygon_are_fixed_by_a_reflection():
     corners = np.array([[0.5 + 2.0**-20, -(2.0**-21)], [0.3, 0.2], [0.51, 1.49]])
     points, pieces = proofs.transport._closed(corners)
     assert (2 * points[[0, -1]] == [[1, 0], [1, 3]]).all()
@@ -374,7 +376,7 @@ def test_the_ends_of_a_polygon_are_their_own_images():
     assert pieces == [-1, 0, 1, 2]
 
 
-def test_lifetimes_beyond_the_allowance_for_rounding_prove_nothing(monkeypatch):
+def test_a_lifetime_beyond_the_allowance_for_rounding_raises_an_error(monkeypatch):
     monkeypatch.setattr(proofs.transport, "_MAX_LIFETIME", 5)
     with pytest.raises(RuntimeError, match="a lifetime of 5 kicks"):
         prove(beyond(20, 0.1))
@@ -398,7 +400,7 @@ def test_no_proof_is_attempted_where_a_circle_obviously_exists(kappa, monkeypatc
     assert prove(kappa).outcome is Outcome.WEAK
 
 
-def test_the_search_for_a_polygon_ends_with_the_budget(monkeypatch):
+def test_the_search_for_a_polygon_ends_when_the_budget_is_spent(monkeypatch):
     # The clock advances whenever it is read. A circle exists, so the search would take minutes
     # without a limit.
     clock = SimpleNamespace(thread_time=partial(next, count(0, 0.1)))
@@ -465,7 +467,7 @@ def tried(profile, excess, checks):
         kappa = 2 * (tuple((scale * np.array(profile)).tolist()),)
         below, _ = proofs.transport._covered(*kappa, proof.site, proof.points, 0.2)
         assert not below.proved
-        assert below.lifetimes.size > 0  # no circle crosses most edges of the polygon
+        assert below.lifetimes.size > 0  # boxes on edges that no circle crosses are eliminated
     assert not prove(0.9 * result.lower * np.array(profile), 0.2).proved
     if checks and proof.proved:
         checker.check(json.loads(json.dumps(proof.certificate())))

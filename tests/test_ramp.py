@@ -1,4 +1,4 @@
-"""Lifetimes of graphs under ramps, and the command's findings about the laws that they obey."""
+"""Lifetimes of invariant graphs in ramps, and the conclusions that the command `ramp` draws."""
 
 import numpy as np
 import pytest
@@ -12,13 +12,13 @@ from workflows.ramp import study
 
 @pytest.mark.parametrize(("rate", "ratio"), [(1e-2, 1.0), (1e-3, 1.0), (1e-6, 0.77)])
 def test_lifetimes_are_as_renormalisation_predicts_except_in_slow_ramps(rate, ratio):
-    foreseen = 1.67 * rate**-study.EXPONENT
-    assert study.lost(KAPPA_G, rate) == pytest.approx(ratio * foreseen, rel=0.05)
+    predicted = 1.67 * rate**-study.EXPONENT
+    assert study.lost(KAPPA_G, rate) == pytest.approx(ratio * predicted, rel=0.05)
 
 
 @pytest.mark.parametrize("rate", [1e-3, 1e-5])
-def test_the_first_orbit_crosses_after_part_of_the_cell_has_leaked(rate):
-    """The flux grows like (κ - κ_G)^3.01, so its total is its final value times kicks/4.01."""
+def test_the_first_crossing_occurs_at_a_total_flux_between_0_1_and_0_5(rate):
+    """The flux grows like (κ - κ_G)^3.01, so its sum is its last value times kicks/4.01."""
     kicks = study._escape(KAPPA_G + rate * np.arange(int(6 * rate**-study.ESCAPES)))
     end = flux.flux(parse("gamma"), (KAPPA_G + rate * kicks,)).value
     assert 0.1 < end * kicks / 4.01 < 0.5

@@ -1,8 +1,8 @@
 """Sweeps survive faults: a seed decides what happens to the driver and its workers, and when.
 
 A driver is a program that starts workers, by default two, and sweeps with them. After each run with
-faults the store is compared with its earlier contents and with a serial computation; a last run
-without faults completes the cube.
+faults, the store is compared with its contents before the run, and with a serial computation. A
+last run without faults completes the cube.
 """
 
 import os
@@ -37,10 +37,10 @@ def main(run, log):
 
 def driver(out, n_workers=2):
     arguments = [sys.executable, __file__, str(out.parent / "log"), "--out", str(out)]
-    how = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     paths = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
     arguments += ["--workers", str(n_workers)]
-    return subprocess.Popen(arguments, env=paths, start_new_session=True, **how)
+    return subprocess.Popen(arguments, env=paths, start_new_session=True, **pipes)
 
 
 def begun(out):

@@ -16,7 +16,7 @@ from workflows.figures.rotating import where_above
 from workflows.rotating import VECTORS
 
 
-def test_circle_boundaries_agree_with_those_of_single_rays(tmp_path, workers):
+def test_circle_boundaries_agree_with_computations_on_single_rays(tmp_path, workers):
     rays = ["--n-rays", "5", "--n-cusp-rays", "1", "--tol", "0.1"]
     options = [*rays, "--omega", "gamma", "--omega", "2gamma"]
     succeed("circle_boundaries", tmp_path / "out", *options, *workers)
@@ -54,7 +54,8 @@ def test_rotating_maps_are_compared_with_the_standard_map(tmp_path, workers):
     # With κ̄ alone, the map is the standard map; with Δκ alone and Ω = 1/2, the forcing is (κ, -κ).
     direct = escape.critical_scale((1.0, 1.0), 1000, 64).upper
     assert float(xr.open_zarr(out / "transport.zarr").upper.sel(angle=0)) == direct
-    # At 45° the second kick is 0, and CB_gt is reached at 2·κ1 = κ_G, as in the standard map.
+    # At 45° the second kick is 0. Two kicks are then one step of the standard map of strength 2·κ1,
+    # so CB_gt is at 2·κ1 = κ_G.
     (row,) = table(out / "rotating_tori.csv", angle="45", vector=VECTORS[2])
     two = KAPPA_G / 2 / 2**0.5
     assert float(row["ratio"]) == pytest.approx(float(row["critical_scale"]) / two, rel=1e-6)
@@ -74,7 +75,7 @@ def test_three_kicks_are_compared_with_the_standard_map(tmp_path, workers):
         assert abs(float(r["ratio"]) - 1) < float(r["error"]) / float(r["critical_scale"])
 
 
-def test_any_plane_is_swept_with_the_names_of_its_axes(tmp_path, workers):
+def test_a_sweep_over_any_plane_uses_the_names_of_its_axes(tmp_path, workers):
     plane = Plane("mine", {"kappa_b": "b", "kappa_a": "a"}, (0, 0.1, 0), (1, 0, 0), (0, 1, 2))
     (tmp_path / "mine.json").write_text(plane.record["plane"])
     axes = ["--first", "0:2:8", "--second", "-1:1:7", "--tile", "3", "--n-max", "100"]

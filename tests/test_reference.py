@@ -1,4 +1,4 @@
-"""Reference values: the rule for verdicts can refute them, and plain Python reproduces them."""
+"""Reference values: plain Python reproduces them, and contradictions between methods are found."""
 
 import ast
 import json
@@ -34,11 +34,11 @@ def lines_agree(value):
         for name in [node.module]
     ]  # fmt: skip
     assert {*names} <= {"math", "random"}
-    told = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-I", "-S", "-c", lines], capture_output=True, text=True, check=True
     )
     allowed = value["check"]["accuracy"] * abs(value["value"]) + value["error"]
-    return abs(float(told.stdout) - value["value"]) <= allowed
+    return abs(float(process.stdout) - value["value"]) <= allowed
 
 
 FEW = [value for value in CHECKED if value["kind"] in QUICKLY][::4]
@@ -58,7 +58,7 @@ def test_plain_python_reproduces_the_other_values(value):
     assert lines_agree(value)
 
 
-def test_the_published_values_are_those_that_the_program_measures():
+def test_published_values_have_the_names_and_methods_of_the_program():
     cases = study.cases(quick=False)
     assert [value["name"] for value in VALUES] == [case.name for case in cases]
     assert {value["verdict"] for value in VALUES} == {"confirmed"}
@@ -80,7 +80,7 @@ def test_a_preview_agrees_with_the_published_values():
 def test_the_command_stored_with_a_value_reproduces_the_value(kind, capsys):
     for value in [value for value in VALUES if value["kind"] == kind][::5]:
         _, _, line = value["command"].partition(' -c "')
-        exec(line.removesuffix('"'), {"nasm": nasm, "print": lambda told: print(np.ravel(told)[0])})
+        exec(line.removesuffix('"'), {"nasm": nasm, "print": lambda out: print(np.ravel(out)[0])})
         found = float(capsys.readouterr().out)
         assert abs(found - value["value"]) <= value["error"]
 
@@ -131,7 +131,7 @@ def test_the_flux_through_the_gap_of_a_fixed_point_agrees_with_the_formula():
     assert abs(area - 0.8 / (2 * np.pi**2)) <= error < 1e-14
 
 
-def test_the_rotation_number_is_that_of_the_circle_and_nan_in_chaos():
+def test_rotation_numbers_match_the_circle_and_are_nan_in_chaos():
     circle = invariant_circle("[0;1,1,(2)]", (0.5,), settings=circle_through.FINE)
     y = circle_through.momentum_on(circle, 0.3)
     omega, error = circle_through.rotation_number((0.5,), 0.3, y)
@@ -149,7 +149,7 @@ def test_a_start_survives_while_its_second_variation_is_positive():
 
 
 def test_without_correlations_diffusion_is_quasilinear():
-    # Between strong kicks (κ, 0, …, 0), x advances so far that the kicks are uncorrelated.
+    # Between such strong kicks, x advances so far that successive kicks are uncorrelated.
     value, error = spreading.green_kubo((1000.3,), 512, 512, 16)
     assert value == pytest.approx((1000.3 / (4 * np.pi)) ** 2, rel=0.05)
     assert 0 < error < 0.05 * value

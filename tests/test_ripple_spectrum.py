@@ -43,7 +43,7 @@ def test_the_response_resonates_where_the_frequency_is_a_multiple_of_omega(mode)
     assert nearer / near == pytest.approx(4, rel=1e-2)
 
 
-def test_slow_ripples_are_bounded_by_the_largest_kick():
+def test_the_bound_for_slow_ripples_grows_from_one_with_frequency():
     frequency = np.geomspace(1e-8, 0.5, 50)
     for depth in (0.03, 0.3, 1):
         bound = study.adiabatic_bound(frequency, depth)

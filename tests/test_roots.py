@@ -17,31 +17,31 @@ FUNCTIONS = {
 
 @given(st.floats(-0.999, 0.999), st.sampled_from(sorted(FUNCTIONS)))
 def test_finding_a_root_takes_about_as_many_steps_as_in_scipy(at, name):
-    asked = []
+    points = []
 
     def f(x):
-        asked.append(x)
+        points.append(x)
         return FUNCTIONS[name](x, at)
 
     assert abs(root(f, -1, 1, 1e-9) - at) <= 2e-9 or abs(f(root(f, -1, 1, 1e-9))) < 1e-70
-    asked.clear()
+    points.clear()
     root(f, 1, -1, 1e-9)
-    ours = len(asked)
-    asked.clear()
+    ours = len(points)
+    points.clear()
     brentq(f, -1, 1, xtol=1e-9)
-    assert ours <= max(1.5 * len(asked), 60)
+    assert ours <= max(1.5 * len(points), 60)
 
 
 def test_after_max_steps_the_best_point_so_far_is_returned():
-    asked = []
+    points = []
 
     def f(x):
-        asked.append(x)
+        points.append(x)
         return np.exp(x) - 2
 
     result = root(f, 0, 30, max_steps=3)
-    assert len(asked) == 5
-    assert abs(f(result)) == min(abs(f(x)) for x in asked[:5])
+    assert len(points) == 5
+    assert abs(f(result)) == min(abs(f(x)) for x in points[:5])
 
 
 def test_root_refuses_an_interval_without_a_change_of_sign():

@@ -75,7 +75,7 @@ def test_a_tile_that_runs_out_of_memory_fails_alone(here, tmp_path):
 # one driver restores the filters, it may remove a filter that the other driver still needs.
 @pytest.mark.filterwarnings("ignore:Consolidated metadata")
 def test_two_drivers_of_one_cube_lose_nothing(here, place):
-    """No lock stops the second driver, as on an object store; meanwhile the cube is verified."""
+    """As on an object store, no lock stops the second driver. The cube is verified meanwhile."""
     plan, job, outcomes, faults = toy.cube(tile=1), toy.job(tile=1), [], []
 
     def drive():

@@ -1,4 +1,4 @@
-"""Segments that do not begin at zero, compared with rays from zero and with each other."""
+"""Breakups on segments that do not begin at zero, compared with breakups on rays from zero."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_a_segment_and_the_ray_through_its_breakup_point_agree(segment):
 @settings(max_examples=12)
 @given(st.floats(5, 40), st.floats(-0.25, 0.3), st.floats(-0.2, 0.25))
 @example(None, 0.1, -0.1)  # a segment with three kicks
-def test_segments_from_inside_end_on_the_boundary_of_their_circle(angle, kappa1, kappa2):
+def test_on_a_segment_to_a_breakup_point_the_circle_breaks_at_its_end(angle, kappa1, kappa2):
     # Some segments begin above the diagonal κ1 = κ2; where they cross it, the centre of the minimax
     # orbit changes.
     omega, profile = ("gamma", ray(angle)) if angle else ("[1;3,(1)]", ASYMMETRIC)

@@ -58,7 +58,7 @@ def ramp(rate, n_kicks):
     return KAPPA_G + rate * np.arange(-n_kicks, n_kicks + 1)
 
 
-def test_under_changing_kicks_the_search_finds_lifetimes_as_long_as_a_scan():
+def test_in_a_ramp_the_search_finds_almost_the_longest_lifetime_of_a_scan():
     kappa, low, high, longest = ramp(1e-3, 600), 0.4, 0.41, 0.0
     while high - low > 1e-12:
         y = np.linspace(low, high, 20_001)
@@ -168,7 +168,7 @@ def test_momentum_is_conserved_and_graphs_persist_only_in_weak_fields():
 
 
 def test_a_study_runs_one_thread_for_each_core_that_the_job_may_use(monkeypatch):
-    """A container or a batch job may use fewer cores than the machine has."""
+    """A container or a batch job may be allowed fewer cores than the machine has."""
     threads = []
 
     def executor(n):

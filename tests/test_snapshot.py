@@ -1,4 +1,4 @@
-"""Snapshot tori: mean distances, exponents and folds compared with exact cases; the findings."""
+"""Test snapshot tori: mean distances, exponents and folds in known cases, and the findings."""
 
 import math
 
@@ -13,7 +13,7 @@ from nasm.circles import graph, invariant_circle
 from nasm.converse_kam import aperiodic
 from workflows.snapshot_tori import study
 
-GOLDEN_Y = 0.3951  # near the golden circle under κ = 0.5, at x = 1/2
+GOLDEN_Y = 0.3951  # y of the golden circle under κ = 0.5 at x = 1/2, approximately
 
 
 def dumb_separations(kappa, x, y, u, v):
@@ -30,14 +30,14 @@ def dumb_separations(kappa, x, y, u, v):
     return logarithms, xi, np.log(sigma)
 
 
-def until_for_good(is_small):
-    """Return the number of entries up to the last True; inf if the last entry is True."""
+def after_last_true(is_small):
+    """Return the index after the last True; inf if the last entry is True."""
     known = np.flatnonzero(is_small)
     number = known[-1] + 1 if known.size else 0
     return np.inf if number == is_small.size else number
 
 
-def test_without_kicks_distances_along_a_torus_are_constant_and_the_shear_is_exact():
+def test_distances_and_exponents_agree_with_a_pure_shear_without_kicks():
     n = np.arange(100)
     along, across = (
         snapshot.separations(np.zeros(100), [0.0, 0.3], 0.25, *vector)
@@ -52,7 +52,7 @@ def test_without_kicks_distances_along_a_torus_are_constant_and_the_shear_is_exa
     assert np.isnan(along.exponents[0]).all()
 
 
-def test_exponents_at_a_hyperbolic_point_tend_to_the_logarithm_of_its_multiplier():
+def test_exponents_at_a_hyperbolic_point_tend_to_ln_of_its_multiplier():
     strength, n = 0.8, 600  # σ_n reaches 10²²², so vectors and matrices are rescaled
     followed = snapshot.separations(np.full(n + 1, strength), 0.0, 0.0, 1.0, strength, every=n)
     with mpmath.workdps(30):
@@ -66,7 +66,7 @@ def test_exponents_at_a_hyperbolic_point_tend_to_the_logarithm_of_its_multiplier
     assert followed.exponents[1] == pytest.approx(math.acosh(1 + strength / 2), abs=1 / n)
 
 
-def test_on_a_circle_distances_are_constant_and_exponents_fall_like_log_n_over_n():
+def test_circles_have_constant_distances_and_exponents_like_log_n_over_n():
     circle = snapshot.torus(0.5, GOLDEN_Y, 500)
     followed = snapshot.separations(np.full(3001, 0.5), *circle, every=1000)
     assert followed.distance == pytest.approx(followed.distance[0], abs=2e-3)
@@ -89,7 +89,7 @@ def test_tangents_of_a_torus_are_derivatives_of_its_circle():
     assert np.array([u, v]) == pytest.approx(expected / expected[0].mean(), abs=1e-6)
 
 
-def test_distances_are_those_of_pairs_of_points():
+def test_distances_agree_with_pairs_of_points_in_high_precision():
     kappa, start = 0.5 + 0.02 * np.arange(50), snapshot.torus(0.5, GOLDEN_Y, 4)
     mean = np.zeros(kappa.size)
     with mpmath.workdps(60):
@@ -105,7 +105,7 @@ def test_distances_are_those_of_pairs_of_points():
     assert snapshot.separations(kappa, *start).distance == pytest.approx(mean, abs=1e-8)
 
 
-def test_folds_and_times_are_those_of_plain_loops():
+def test_folds_and_times_agree_with_plain_loops():
     kappa, start = 0.5 + 0.01 * np.arange(101), snapshot.torus(0.5, 0.3, 12)
     followed = snapshot.separations(kappa, *start)
     bound = 0.5 * np.log(1 + (1 + kappa) ** 2)
@@ -116,14 +116,14 @@ def test_folds_and_times_are_those_of_plain_loops():
     assert followed.distance == pytest.approx(mean, abs=1e-14 * math.exp(largest))
     for i, (logarithm, xi, stretch) in enumerate(rows):
         assert followed.folded[i] == (np.argmax(xi <= 0) if (xi <= 0).any() else np.inf)
-        assert followed.separated[i] == until_for_good(logarithm <= bound)
-        assert followed.stretched[i] == until_for_good(stretch <= shear)
+        assert followed.separated[i] == after_last_true(logarithm <= bound)
+        assert followed.stretched[i] == after_last_true(stretch <= shear)
     assert np.isfinite([followed.folded, followed.separated]).any(axis=1).all()
     assert np.isfinite(followed.stretched).any()
 
 
 @pytest.mark.parametrize("y", [0.24, 0.3, 0.33, GOLDEN_Y, 0.45])
-def test_a_torus_folds_before_it_is_excluded_and_before_its_distances_exceed_the_bound(y):
+def test_a_torus_folds_before_it_is_excluded_or_exceeds_the_graph_bound(y):
     kappa = 0.5 + 2e-3 * np.arange(501)
     circle = snapshot.torus(0.5, y, 256)
     followed = snapshot.separations(kappa, *circle)
@@ -146,7 +146,7 @@ def test_distances_change_little_on_a_torus_in_an_island_despite_its_folds():
 @pytest.mark.parametrize(
     ("name", "value"), [("u", 0.0), ("u", np.nan), ("x", []), ("every", 0), ("every", 3)]
 )
-def test_vectors_without_length_and_ensembles_without_points_are_refused(name, value):
+def test_zero_vectors_empty_ensembles_and_bad_intervals_are_refused(name, value):
     good = {"kappa": [0.5, 0.5], "x": 0.1, "y": 0.2, "u": 1.0, "v": 0.0}
     with pytest.raises(ValueError, match=name):
         snapshot.separations(**good | {name: value})
@@ -162,10 +162,10 @@ def test_the_study_of_the_golden_torus_agrees_with_plain_loops():
     rows = [dumb_separations(kappa, *each) for each in np.transpose(start)]
     mean = np.mean([row[0] for row in rows], axis=0)
     bound = 0.5 * np.log(1 + (1 + kappa) ** 2)
-    onset = until_for_good(mean <= bound + np.log(10))
+    onset = after_last_true(mean <= bound + np.log(10))
     assert cube.exceeds == np.argmax(mean > bound) - zero
     assert cube.onset == onset - zero
-    separated = np.array([until_for_good(row[0] <= bound) for row in rows])
+    separated = np.array([after_last_true(row[0] <= bound) for row in rows])
     assert cube.share == (separated <= onset).mean()
     assert cube.slope == pytest.approx((mean[-1] - mean[onset]) / (100 - onset), rel=1e-6)
     assert cube.folded <= cube.excluded <= cube.lost
@@ -173,7 +173,7 @@ def test_the_study_of_the_golden_torus_agrees_with_plain_loops():
 
 
 def made_up(lag, onset, island_onset, share):
-    """Return a cube of two winding tori and one in an island, in two ramps."""
+    """Return a cube of two winding tori and one in an island, under two ramps."""
     dims = "start", "rate"
     excluded = np.array([[-20.0, -30.0], [5.0, 10.0], [-90.0, -200.0]])
     kicks = {"excluded": excluded, "folded": excluded - 3, "exceeds": excluded + lag}

@@ -108,8 +108,8 @@ def test_committed_tiles_are_read_by_plain_xarray_and_contain_no_secret(place):
         assert b"somebody" not in text
 
 
-def test_no_thread_that_python_did_not_start_returns_a_result(place, monkeypatch):
-    # Python ends such threads wherever they are when it ends, and this aborts the process.
+def test_results_are_delivered_only_by_threads_that_python_started(place, monkeypatch):
+    # When Python exits, it ends any other thread wherever it is, which aborts the process.
     threads, wake = [], BaseSelectorEventLoop._write_to_self
 
     def recorded(loop):
@@ -175,7 +175,7 @@ def test_tiles_that_do_not_fit_are_refused_but_fill_values_are_stored(on_disk):
     assert np.isnan(store.read(on_disk, "toy").wave).all()
 
 
-def test_neither_foreign_files_nor_timestamps_affect_which_tiles_count(on_disk):
+def test_foreign_files_and_timestamps_do_not_affect_which_tiles_count(on_disk):
     fill(on_disk, toy.cube())
     for name in (".DS_Store", "0/7", "0/1/x", "x/y/z", "0/9/9", "1/2/3", "0/1/-4", "0/-3/1"):
         put(on_disk, f"toy.zarr/{COMMIT}/c/{name}", bytes(20))
@@ -275,7 +275,7 @@ def test_a_file_system_that_supports_no_locks_is_used_without_a_lock(tmp_path, m
 
 
 def test_global_zarr_settings_do_not_change_a_cube(tmp_path):
-    """Such a setting may select another codec pipeline, which may support only files on disk."""
+    """A user's settings may select another codec pipeline, which may support only local files."""
     theirs = {"codec_pipeline.path": "nowhere.Pipeline", "default_zarr_format": 2}
     with zarr.config.set(theirs | {"array.order": "F", "array.write_empty_chunks": False}):
         fill(place := store.place_of(tmp_path), toy.cube())

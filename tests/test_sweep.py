@@ -238,7 +238,7 @@ def test_a_sweep_fails_if_a_written_tile_is_missing_at_the_end(here, tmp_path):
 
 @pytest.mark.skipif(
     not Path("/proc/self/statm").exists() or "CS_GNU_LIBC_VERSION" not in os.confstr_names,
-    reason="other C libraries keep memory in their own ways",
+    reason="other C libraries manage freed memory differently",
 )
 def test_workers_keep_freed_memory_but_programs_that_import_nasm_do_not(client):
     assert client().submit(toy.kept_memory).result() > 120
@@ -330,7 +330,7 @@ def test_a_worker_that_dies_while_starting_raises_one_clear_error(monkeypatch):
         ("socket.create_connection", r"the address 127\.0\.0\.1: .*Read-only"),
     ],
 )
-def test_a_machine_on_which_workers_would_hang_raises_one_clear_error(
+def test_one_clear_error_reports_a_machine_on_which_workers_would_hang(
     monkeypatch, lacking, expected
 ):
     error = OSError(errno.EROFS, os.strerror(errno.EROFS))

@@ -141,7 +141,7 @@ def test_orbits_from_symmetry_lines_are_their_own_mirror_images(kappa):
     here = np.arange(period) + 2 * period
     centres = set()
     for line in range(4):
-        # The centre c/2 is a site or midway between two, and x_{c-n} + x_n is a whole number.
+        # The centre c/2 is a site or midway between two sites; x_{c-n} + x_n is a whole number.
         sums = {c: sites[c - here, line] + sites[here, line] for c in range(4 * period, 6 * period)}
         (centre,) = (c for c, sum in sums.items() if np.abs(sum - np.rint(sum)).max() < 1e-9)
         centres.add(centre)

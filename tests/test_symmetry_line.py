@@ -34,7 +34,7 @@ def _one_by_one(c, x0, w0, y0, n_max):
 
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize("n_starts", [1, 63, 300])
-def test_lockstep_blocks_and_packing_do_not_change_a_lifetime(kappa, n_starts):
+def test_lifetimes_do_not_depend_on_how_starts_and_kicks_are_grouped(kappa, n_starts):
     # Compare with the same kicks applied to single floats, one start at a time. The last block may
     # be incomplete.
     line = symmetry_line._line_coefficients(
@@ -94,8 +94,8 @@ def test_all_starts_are_eliminated_above_upper_but_not_slightly_below_it():
 
 @pytest.mark.parametrize("degrees", thirds([14, 30, 44.4, 44.99]))
 def test_a_dense_scan_does_not_find_a_longer_lifetime(degrees):
-    # If T is the lifetime, the cells of the search shrink to a width of 0.01/T² ≈ 5e-8; those of
-    # the scan are 2.4e-7 wide.
+    # If T is the lifetime, the cells of the search shrink to a width of 0.01/T² ≈ 5e-8; the
+    # cells of the scan are 2.4e-7 wide.
     kappa = 1.003 * critical_scale(ray(degrees), 5000).value * ray(degrees)
     _, time = longest_lived(kappa, 10**6)
     dense = elimination_time(kappa, (np.arange(2**21) + 0.3) / 2**22, 10**6).max()

@@ -1,4 +1,4 @@
-"""Strings from untrusted sources are promptly parsed, or rejected with a one-sentence message."""
+"""Strings from untrusted sources are parsed promptly, or rejected with a one-sentence message."""
 
 import signal
 from decimal import Decimal
@@ -36,7 +36,7 @@ def alarm():
     signal.signal(signal.SIGALRM, before)
 
 
-def asked(name, text):
+def visit(name, text):
     """Open the explorer at an address whose parameter `name` is `text`."""
     State(planes.two_kicks()).go({name: text})
 
@@ -51,20 +51,20 @@ STORED = '{"name": "plane", "axes": {}, "origin": [%s, 0], "first": [1, 0], "sec
 
 
 @pytest.mark.parametrize(
-    ("read", "text", "words"),
+    ("read", "text", "message"),
     [
-        (partial(asked, "pq"), "1e-99999999", "'1e-99999999' must be a fraction like 3/8"),
-        (partial(asked, "pq"), "1e99999999", "'1e99999999' must be a fraction like 3/8"),
-        (partial(asked, "pq"), f"1/{DIGITS}", "(60004 characters) must be a fraction like 3/8"),
-        (partial(asked, "omega"), f"1{' ' * 60_000}1", "too long; write at most 10000 characters"),
-        (partial(asked, "omega"), f"[0;{','.join(['9' * 99] * 600)}]", "too long; write at most"),
-        (partial(asked, "omega"), DIGITS + ".5", "must be below 1e+06; write one like 0.618"),
-        (partial(asked, "n"), DIGITS, "must be a whole number from 100 to 1000000"),
-        (partial(asked, "k1"), "x" * 60_000, "is not a number; write one like 0.3"),
-        (partial(asked, "orbits"), "0,0;" * 15_000, "orbits: 15000 are too many"),
-        (partial(asked, "show"), DIGITS, "must be a list of names from boundary"),
-        (partial(asked, "a"), DIGITS, "must be a range, like 0.1:0.3"),
-        (partial(asked, "plane"), DIGITS, "start one with --plane 9999"),
+        (partial(visit, "pq"), "1e-99999999", "'1e-99999999' must be a fraction like 3/8"),
+        (partial(visit, "pq"), "1e99999999", "'1e99999999' must be a fraction like 3/8"),
+        (partial(visit, "pq"), f"1/{DIGITS}", "(60004 characters) must be a fraction like 3/8"),
+        (partial(visit, "omega"), f"1{' ' * 60_000}1", "too long; write at most 10000 characters"),
+        (partial(visit, "omega"), f"[0;{','.join(['9' * 99] * 600)}]", "too long; write at most"),
+        (partial(visit, "omega"), DIGITS + ".5", "must be below 1e+06; write one like 0.618"),
+        (partial(visit, "n"), DIGITS, "must be a whole number from 100 to 1000000"),
+        (partial(visit, "k1"), "x" * 60_000, "is not a number; write one like 0.3"),
+        (partial(visit, "orbits"), "0,0;" * 15_000, "orbits: 15000 are too many"),
+        (partial(visit, "show"), DIGITS, "must be a list of names from boundary"),
+        (partial(visit, "a"), DIGITS, "must be a range, like 0.1:0.3"),
+        (partial(visit, "plane"), DIGITS, "start another with --plane 9999"),
         (orbits_of, f"0 {'9 ' * 60_000}", "must be two numbers, like 0.5, 0.3"),
         (planes.parse, "rotating:1e-99999999,0", f"frequency='1e-99999999' {FRACTION}"),
         (planes.parse, f"rotating:1/3,{DIGITS}/7", FRACTION),
@@ -96,11 +96,11 @@ STORED = '{"name": "plane", "axes": {}, "origin": [%s, 0], "first": [1, 0], "sec
         "" if callable(value) else repr(value)[:20] if isinstance(value, str | bytes) else ""
     ),
 )
-def test_oversized_or_malformed_input_is_refused_at_once_in_one_sentence(read, text, words):
+def test_oversized_or_malformed_input_is_refused_at_once_in_one_sentence(read, text, message):
     with pytest.raises((ValueError, click.BadParameter)) as refused:
         read(text)
     output = str(refused.value)
-    assert words in output
+    assert message in output
     assert len(output) < 300
     assert "\n" not in output
 

@@ -39,8 +39,8 @@ def test_ripples_have_mean_zero_rms_one_and_one_of_three_shapes():
     assert study.ripple(4, "one kick") * 3**0.5 == pytest.approx([3, -1, -1, -1])
 
 
-def test_renormalisation_repeats_modes_and_approaches_the_golden_circle():
-    """`finer` maps the golden circle to itself, and other circles to ones closer to it."""
+def test_finer_circles_approach_the_golden_one_and_modes_form_cycles():
+    """`finer` maps the golden circle to itself, and other circles to circles closer to it."""
     steps = [len(response.modes(n)) * response.steps(n) for n in study.PERIODS]
     assert steps == [3, 4, 6, 10, 12, 8, 12]
     for n, circle in {2: "[0;1,3,4,2,(1)]", 3: "[1;6,1,5,(1)]", 7: "[2;1,1,3,5,2,(1)]"}.items():
@@ -80,7 +80,7 @@ def results(measured, upper):
     """Return the arguments of `findings` and of the figure.
 
     measured : exponents of the loss of the golden circle. upper : bounds for random forcings,
-    followed by the bound for a climb.
+    followed by the bound for the end of a hill climb.
     """
     ripples = [("cosine", d, 1 + d * study.ripple(2)) for d in (1e-3, 1e-2)]
     cube = xr.Dataset(coords=labels(ripples, "")).assign(loss=("forcing", [0.02, 0.09]))

@@ -94,7 +94,7 @@ def test_each_newton_step_squares_the_error():
 
 @pytest.mark.parametrize("n_max", [2**14, 2**16])  # n = 256 and 1024
 def test_at_zero_amplitude_no_torus_is_certified_past_kappa_g(n_max):
-    # On 1024 points, Newton's method converges at 0.97251 if it checks only its own modes.
+    # On 1024 points, Newton's method converges at 0.97251; only a finer grid reveals the breakup.
     vector, mean = (float(GAMMA), np.e), 0.97251
     torus = tori.invariant_torus(*vector, mean, 0.0, n_max)
     assert torus.status in (Status.TOO_FEW_MODES, Status.NO_CIRCLE, Status.NOT_CERTIFIED)
@@ -113,7 +113,7 @@ def test_past_the_breakup_no_torus_is_certified_on_any_grid(n_max):
     ("omega", "frequency"),
     [(0.618, 0.5), (float(GAMMA), 1 / 3 + 1e-9), (0.4, 2**0.5), (2**0.5 - 1, 1 - 2**0.5 / 2)],
 )
-def test_a_resonant_vector_has_no_torus(omega, frequency):
+def test_no_torus_is_computed_for_a_resonant_rotation_vector(omega, frequency):
     torus = tori.invariant_torus(omega, frequency, 0.1, 0.1)
     assert torus.status is Status.NEARLY_RATIONAL
     result = tori.critical_scale(omega, frequency, 1.0, 1.0)
@@ -152,9 +152,9 @@ def test_tori_are_certified_close_to_the_breakup_predicted_by_residues(angle, to
 def test_graphs_persist_at_a_certified_torus_and_are_excluded_far_beyond():
     n = np.arange(-100, 101)
     kappa = ray(45)[0] + ray(45)[1] * np.cos(2 * np.pi * n * TRIBONACCI[1])
-    lives = [aperiodic.longest_lived(scale * kappa, 0.0, 100)[2] for scale in (0.3, 0.6)]
-    assert lives[0] == np.inf
-    assert lives[1] < 60
+    lifetimes = [aperiodic.longest_lived(scale * kappa, 0.0, 100)[2] for scale in (0.3, 0.6)]
+    assert lifetimes[0] == np.inf
+    assert lifetimes[1] < 60
 
 
 # One period of each forcing, the breakup of its last circle by residues or continuation, and the
@@ -177,10 +177,10 @@ def test_a_few_strong_random_kicks_eliminate_even_the_longest_lived_start():
     last = aperiodic.last_survivor(kappa)
     site, reach = last.site, int(last.kicks)
     assert reach < 20
-    for less, life in ((0, reach), (1, np.inf)):  # these kicks alone suffice; fewer do not
+    for less, lifetime in ((0, reach), (1, np.inf)):  # these kicks alone suffice; fewer do not
         first, end = max(site - reach + less, 0), site + reach - less
         alone = aperiodic.elimination_time(kappa[first:end], 0.0, site - first, [last.x], [last.y])
-        assert alone == life
+        assert alone == lifetime
 
 
 def test_searches_that_disagree_give_no_bound(monkeypatch):

@@ -15,7 +15,7 @@ FORCINGS = [(1.03,), (0.71, 0.46), (0.2, 0.5, 0.36), (0.1, 0.7, -0.3, 0.2)]
 
 
 def elimination_time(kappa, site, x, y, n_kicks):
-    """Return the number of kicks in either direction that eliminate each start.
+    """Return the number of kicks followed in each direction until each start is eliminated.
 
     The orbits start just before kick `site`.
     """

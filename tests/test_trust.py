@@ -52,7 +52,7 @@ def test_verdicts_are_counted_by_section(page, tmp_path):
     ]
 
 
-def test_each_measured_row_names_a_method_of_nasm_with_consistent_counts(page):
+def test_each_measured_row_names_a_nasm_method_and_has_consistent_counts(page):
     trust = page("measure_trust")
     rows = trust.read(trust.MEASURED)
     assert {row["command"] for row in rows} <= {trust.COMMAND, *trust.STUDIES}
@@ -71,7 +71,7 @@ def test_a_row_measured_with_other_code_is_outdated(page):
     assert trust.has_changed(row | {"code": "0" * 12})
 
 
-def test_each_method_is_judged_by_its_own_efforts(page, monkeypatch):
+def test_each_method_is_judged_by_its_own_runs(page, monkeypatch):
     names = ["direct", "direct-100", "converse KAM, upper bound", "converse KAM, value"]
     names += ["blow-up of circles", "residue, Aitken", "last barrier, value"]
     ratios = xr.DataArray([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 1.7], dims="method")

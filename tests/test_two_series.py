@@ -68,7 +68,7 @@ def test_resonances_have_the_strength_that_the_command_states(delay, ratio):
     assert study.weakest_resonance(float(Fraction(delay)), ratio, q // 2) == weakest
 
 
-def test_resonances_of_an_irrational_delay_become_weaker_in_wider_windows():
+def test_wider_windows_contain_weaker_resonances_of_an_irrational_delay():
     tau = float(numbers.parse(study.IRRATIONAL))
     seen = [study.weakest_resonance(tau, 1.0, n) for n in (0, 1, 4, 17, 72, 305)]
     assert seen == sorted(seen, reverse=True)
@@ -146,7 +146,7 @@ def test_thresholds_and_panels_are_legible(column):
 
 
 @OF_A_DELAY
-def test_without_the_second_series_the_threshold_is_that_of_the_standard_map(delay):
+def test_one_series_alone_has_the_threshold_of_the_standard_map(delay):
     result = barriers.critical_scale(pairs(delay).forcing(1.0, 0.0), 1e-2)
     assert abs(result.value - KAPPA_G) <= result.error + 1e-12
 
@@ -159,7 +159,7 @@ def test_a_delay_must_be_a_proper_fraction_with_a_small_denominator(delay, tmp_p
     assert not (tmp_path / "out").exists()
 
 
-# K_c and its error, as first computed from these forcings without their factor 1/q.
+# K_c and its error, computed as q times the critical scale of the forcing without its factor 1/q.
 FIRST = {
     ("1/2", 1.0): (1.943271, 5e-7),
     ("1/2", 0.5): (1.158455, 5e-7),

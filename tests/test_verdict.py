@@ -1,4 +1,4 @@
-"""A verdict on one forcing agrees with the boundary, respects symmetries, and is never a guess."""
+"""A verdict on one forcing agrees with the boundary, is never a guess, and is stated correctly."""
 
 import re
 from dataclasses import replace

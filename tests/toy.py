@@ -135,7 +135,7 @@ def run(client, out, plan, wanted=None, **functions):
 
 
 def assert_complete(out, plan):
-    """Assert that every cell equals that of a serial computation, and `verify` finds no damage."""
+    """Assert that all cells equal a serial computation, and that `verify` finds no damage."""
     cube = store.read(store.place_of(out), plan.name)
     for name, values in serial(plan).items():
         assert np.array_equal(cube[name].values, values)

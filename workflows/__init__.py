@@ -1,4 +1,4 @@
-"""The commands, one for each question: modules, or packages with a `__main__`."""
+"""The commands, one for each question; each is a module or a package with a `__main__`."""
 
 import sys
 from importlib.util import find_spec

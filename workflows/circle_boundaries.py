@@ -2,9 +2,9 @@
 
 They are computed along rays of a plane of forcings, for the paper's six rotation numbers
 (arXiv:1606.04824, Sec. VI, Figs. 8 and 9) or any others, by two independent methods: continuation
-of circles from zero to their breakup, as in the paper, and Greene's residue, which is more accurate
-and does not need to start at zero. Where continuation does not reach the tolerance, the residue is
-used; such points are not compared.
+of circles from zero strength to their breakup, as in the paper, and Greene's residue, which is more
+accurate and does not need to start at zero strength. Where continuation does not reach the
+tolerance, the residue is used, and the two methods are not compared there.
 
 Writes three cubes, two tables and two figures to OUT. The defaults take about three CPU minutes.
 """

@@ -1,10 +1,11 @@
 """The main job: where in the (κ1, κ2) plane does global transport begin, and what breaks there?
 
-The figure combines three methods (arXiv:1606.04824, Secs. V and VI): first escape times over the
-plane, whose boundary converges from outside like N^(-1/3); the boundaries CB_ω of the paper's six
-circles by continuation, and by Greene's residue where continuation does not reach the tolerance or
-rays do not start at zero; and CB_gt itself, bracketed by a certified circle (below) and converse
-KAM (above), with the last circle to break.
+The figure combines three methods (arXiv:1606.04824, Secs. V and VI). First escape times are
+computed over the plane; the boundary that they show converges from outside like N^(-1/3), where N
+is the number of steps. The boundaries CB_ω of the paper's six circles are found by continuation, or
+by Greene's residue where continuation does not reach the tolerance or rays do not start at zero.
+CB_gt itself is bracketed by a certified circle (below) and converse KAM (above), and coloured by
+the last circle to break.
 
 Writes cubes, three tables and a figure to OUT. The defaults take about 80 CPU seconds. For direct
 iteration at the size used in the paper, add --first -1.1:1.1:1024 --second 0:1.1:512 --levels 5

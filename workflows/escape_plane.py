@@ -1,8 +1,9 @@
 """At which forcings does an ensemble escape, and when? First escape times over a plane of forcings.
 
-Direct iteration (arXiv:1606.04824, Sec. V.B, Figs. 5 and 6). One field of first escape times n*, in
-steps (periods of the forcing), contains the boundary {n* ≤ N} for every N ≤ n_max. Every cell is
-computed, or, with --levels above 1, a coarse grid is refined along the boundary only.
+The method is direct iteration (arXiv:1606.04824, Sec. V.B, Figs. 5 and 6). One field of first
+escape times n*, in steps (periods of the forcing), contains the boundary of {n* ≤ N} for every
+N ≤ n_max. Every cell is computed, or, with --levels above 1, a coarse grid is refined along the
+boundary only.
 
 Writes the cube `escape` and a figure to OUT. The paper's Fig. 5 is --first 0:1:512 --second 0:1:512
 --levels 5 --n-max 1000000 --n-orbits 10000; Fig. 6 uses the same options with --first -1:1:1024.

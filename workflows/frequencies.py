@@ -1,9 +1,9 @@
 """How does the last barrier of a rotating map depend on its frequency Ω?
 
 On a ray of the (κ̄, Δκ) plane (arXiv:1606.04824, Sec. VII), this command computes the scale at
-which the last circle breaks for fractions Ω = p/q and several phases φ0, or the last torus for
-irrational Ω; Ω and -Ω are equivalent. For the convergents of an irrational Ω, does the smallest
-scale over the phases tend to the scale at Ω?
+which the last circle breaks, for fractions Ω = p/q and several phases φ0. For irrational Ω, it
+computes the scale at which the last torus breaks. Ω and -Ω are equivalent. The results show whether
+the smallest scale over the phases, for convergents of an irrational Ω, tends to the scale at Ω.
 
 The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(1)], √5 - 2, √2 - 1,
 1 - 1/√2, π - 3, 1/e and 1 - 1/τ - 1/τ², where τ is the tribonacci constant.

@@ -1,6 +1,6 @@
 """Which orbits of this forcing are regular, and with what rotation number? A frequency map.
 
-Each start in a part of phase space is iterated, and ω is averaged over the whole orbit and over its
+Starts on a grid in phase space are iterated, and ω is averaged over each whole orbit and over its
 halves (arXiv:1606.04824, Eq. (23)). The number of digits that these averages share distinguishes
 regular orbits, on circles and in islands, from chaotic ones; islands appear as areas of constant ω.
 `nasm.orbits.rotation_number_of` does the same for a time series of your own.

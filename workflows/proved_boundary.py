@@ -18,9 +18,9 @@ from workflows.shared.cli import command, preset, real, sweeps, whole
     361,
     2,
     10**5,
-    "Rays around the plane; one eighth is computed, the others are mirror images.",
+    "Rays around the plane; an eighth of them are computed, the others are mirror images.",
 )
-@real("--cpu-seconds", 3.0, 0.1, 10**5, "CPU time limit for one proof; each ray needs three.")
+@real("--cpu-seconds", 3.0, 0.1, 10**5, "CPU time limit per proof; each ray needs three proofs.")
 @preset("--quick", "A preview", n_rays=41, cpu_seconds=0.5)
 @sweeps
 def main(run, n_rays, cpu_seconds):

@@ -1,10 +1,10 @@
 """How do barriers break in the rotating standard map, κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ)?
 
-Computes circles, CB_gt and, by direct iteration, the onset of transport for T_{κ1κ2}, the case
-Ω = 1/2, in the (κ̄, Δκ) plane (arXiv:1606.04824, Sec. VII, Figs. 10 and 11). The breakup of
-two-dimensional tori is estimated by residues of long orbits whose rotation vectors approximate
-those of the tori; the command `tori` certifies tori, and shows where converse KAM excludes them
-for every ω.
+For T_{κ1κ2}, the case Ω = 1/2, the boundaries of circles, CB_gt, and the onset of transport by
+direct iteration are computed in the (κ̄, Δκ) plane (arXiv:1606.04824, Sec. VII, Figs. 10 and 11).
+The breakup of two-dimensional tori is estimated from the residues of long periodic orbits with
+nearly the same rotation vectors. The command `tori` certifies tori, and shows where converse KAM
+excludes them for every ω.
 
 The first of the three vectors is the paper's, (1705/3136, 2631/3136). The other two are convergents
 of 1/τ = 0.543689… and 1/τ + 1/τ² = 0.839286…, where τ is the tribonacci constant; 2631 may be a

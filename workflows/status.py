@@ -1,7 +1,7 @@
 """Progress of a sweep that is running or was stopped, read from the store without a lock.
 
-For each cube of a run, or of all runs in a folder, prints the tiles done, failures with reasons,
-the rate and the time remaining.
+Prints, for each cube of a run or of all runs in a folder, the number of tiles done, the failures
+with their reasons, the rate, and the time remaining.
 """
 
 import sys

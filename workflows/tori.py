@@ -2,8 +2,8 @@
 
 For an irrational Ω the kicks never repeat (arXiv:1606.04824, Sec. VII), and the barriers are tori
 over (θ, φ). They are continued to their breakup by Newton's method and certified on finer grids.
-The default rotation vectors are that of the tribonacci constant, as in the paper's Fig. 11, and two
-based on √2 and the golden mean.
+By default there are three rotation vectors: one from the tribonacci constant, as in the paper's
+Fig. 11, and two from √2 and the golden mean.
 
 Writes two cubes, a table and two figures to OUT. The defaults take about eight CPU minutes; --quick
 takes half a minute.
@@ -19,7 +19,7 @@ VECTORS = (
     (0.6180339887498949, 0.2700907567377265),
 )
 _VECTOR = {"default": VECTORS, "metavar": "OMEGA FREQUENCY"}
-_VECTOR["show_default"] = "of the tribonacci constant, and two of √2 and the golden mean"
+_VECTOR["show_default"] = "one from the tribonacci constant, and two from √2 and the golden mean"
 _VECTOR["help"] = "Rotation vector: turns of θ and φ per kick. May be repeated."
 
 
@@ -48,7 +48,7 @@ def main(run, vector, n_rays, tol, picture_angle):
         run.figure("tori", figures.draw_breakups, breakups, caption=caption)
         known = float(breakups.lower.isel(vector=0).sel(angle=picture_angle))
         if np.isnan(known):
-            run.say(f"On the ray of {picture_angle:g}° no torus of the first vector was certified.")
+            run.say(f"On the ray at {picture_angle:g}° no torus of the first vector was certified.")
             return
         scales = [part * known for part in (0.7, 0.95, 0.99)]
         drawn = untiled(

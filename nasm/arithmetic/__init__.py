@@ -1,4 +1,4 @@
-"""Building blocks of kernels: a cache on disk, vectors, the sine, double-double arithmetic."""
+"""Numerical building blocks: cached kernels, vectors, sine, roots, double-double arithmetic."""
 
 import lazy_loader
 

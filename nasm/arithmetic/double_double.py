@@ -3,7 +3,7 @@
     x = x_hi + x_lo,   |x_lo| ≤ ulp(x_hi)/2
 
 Sums and products are built from error-free transformations: a + b = s + e and a·b = p + e exactly,
-where s and p are the rounded results (Knuth; Dekker; here with fma for the product). If a long
+where s and p are the rounded results (Knuth; Dekker; the product uses fma here). If a long
 computation in floats has lost digits to rounding, repeating its last steps in this arithmetic
 restores them.
 

@@ -4,18 +4,19 @@
 
 - *Never stale.* Numba checks only whether the file that defines a kernel has changed, but code from
   other files is compiled into the kernel. Here the directory is named after a digest of all sources
-  of this package and the version of rocket-fft; Numba's own keys are its version, the processor and
-  the types. So every version of the sources has its own directory. A process whose sources have
-  been edited or upgraded since it imported them may contain code from both versions: it neither
-  loads nor stores kernels.
+  of this package and the version of rocket-fft, so every version of the sources has its own
+  directory. Within it, Numba distinguishes its own version, the processor and the argument types. A
+  process whose sources have been edited or upgraded since it imported them may contain code from
+  both versions, so it neither loads nor stores kernels.
 - *Many processes.* If several processes need the same missing kernel, one compiles it while the
   others wait and then load it: a lock is held until the kernel is stored. On a file system without
   locks each may compile it; files are replaced atomically, so none is corrupted.
 - *No harm.* If a file cannot be written or read, because the disk is full or the file is damaged,
   the kernel is compiled as if there were no cache; kernels are still loaded from a read-only
-  directory. Each file ends with a digest of its content: machine code with one flipped bit would
-  crash every process that loads it. A kernel runs with its user's permissions: directories and
-  files that belong to anyone but this user or root, or to which others can write, are not used.
+  directory. Each file ends with a digest of its content, because machine code with one flipped bit
+  could crash every process that loads it. A kernel runs with its user's permissions, so directories
+  and files are not used if they belong to anyone but this user or root, or if others can write to
+  them.
 
 The directory is in NUMBA_CACHE_DIR if that is set, otherwise in the user's cache folder. Only
 functions called from Python need to be kernels; the functions that kernels call are compiled into
@@ -219,7 +220,7 @@ class _Files(IndexDataCacheFile):
 def _check(path, start=0):
     """Raise OSError if the file is damaged or `_is_trusted` rejects it.
 
-    The last 32 bytes must be the digest of all bytes between `start` and these 32.
+    The last 32 bytes must be the digest of the bytes from `start` up to them.
     """
     with open(path, "rb") as file:
         if not _is_trusted(os.fstat(file.fileno())):

@@ -125,8 +125,8 @@ def fma(typing_context, a, b, c):
 
 def _select(comparison):
     def emit(builder, a, b):
-        # Comparison and selection take one instruction; LLVM's own maxnum is slower because of its
-        # rules about NaN.
+        # Comparison and selection together compile to one instruction; LLVM's own maxnum is slower
+        # because of its rules about NaN.
         return builder.select(builder.fcmp_ordered(comparison, a, b), a, b)
 
     return emit
@@ -161,7 +161,7 @@ def _negate(a):
 
 
 def _pointer(context, builder, array_type, kind, array, index):
-    """Return a pointer to array[index], as `kind`: lanes, or a float."""
+    """Return a pointer to array[index] of type `kind`, which is lanes or a float."""
     place = builder.gep(context.make_array(array_type)(context, builder, array).data, [index])
     return place if kind in _ELEMENTS else builder.bitcast(place, kind.vector.as_pointer())
 
@@ -196,10 +196,10 @@ def store(typing_context, array, index, lanes):
 
 @intrinsic(prefer_literal=True)
 def load_state(typing_context, array, column, n_rows, width):
-    """Load `width` columns, starting at `column`, of the first n_rows rows of an array (rows, FEW).
+    """Load `width` columns, starting at `column`, of the first n_rows rows of an array.
 
-    n_rows and width : compile-time constants. The result is a tuple with an entry for each row:
-    `width` lanes, or a float if width is 1.
+    The array has FEW columns; n_rows and width are compile-time constants. The result is a tuple
+    with one entry per row: `width` lanes, or a float if width is 1.
     """
     n, size = n_rows.literal_value, width.literal_value
     kind = _LanesType(size, types.float64) if size > 1 else types.float64
@@ -217,7 +217,7 @@ def load_state(typing_context, array, column, n_rows, width):
 
 @intrinsic
 def store_state(typing_context, array, state):
-    """Store a tuple whose entries are FEW lanes each in the first rows of an array (rows, FEW)."""
+    """Store a tuple, whose entries are FEW lanes each, as the first rows of an array."""
 
     def generate(context, builder, signature, arguments):
         for row in range(state.count):

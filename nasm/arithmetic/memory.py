@@ -2,7 +2,8 @@
 
 Tori, and circles near their breakup, are stored in arrays of up to 10⁶ points. Each step of
 Newton's method allocates many such arrays. By default the C library requests memory for each of
-them from the system and returns it afterwards, so that a third of the time is spent on page faults.
+them from the system and returns it afterwards. A third of the run time is then spent on page
+faults.
 """
 
 import ctypes
@@ -17,8 +18,8 @@ def keep_freed_memory() -> None:
     """Make the whole process keep freed memory for reuse.
 
     Programs that compute circles, such as workers and commands, should call this function; no
-    module calls it on import. The call affects the threads that start after it. With a C library
-    other than GNU's it does nothing.
+    module calls it on import. The call affects only threads that start after it. With a C library
+    other than GNU's it has no effect.
 
     Examples
     --------

@@ -31,7 +31,7 @@ def geometric(first: float, last: float, n: int) -> FloatArray:
 
 
 def powers(values: ArrayLike, exponent: float) -> FloatArray:
-    """Compute values**exponent for a few numbers, in 0.1 µs each.
+    """Compute values**exponent; meant for a few numbers, since each takes 0.1 µs.
 
     Examples
     --------

@@ -4,17 +4,17 @@ The length of a circle's finest structure is 1/M,
 
     M = ‖u‖_{H³} / ‖u‖_{H²}  →  ∞     as  s → s_c.
 
-Near the breakup the circle is self-similar. For ω with the tail (b_1, …, b_m) there are Λ and δ
-with
+Near the breakup the circle is self-similar. For ω with the tail (b_1, …, b_m) there are constants
+Λ and δ such that, at a distance d from the breakup,
 
     M(s_c - d/δ) = Λ M(s_c - d)
 
-up to terms that vanish with d. Λ is the growth of the denominators of the convergents over m
-partial quotients, and δ the unstable eigenvalue of renormalisation, the same for all circles with
-that tail. So M blows up like d^(-ν), ν = log Λ / log δ, times a function that is periodic in log M:
-constant for golden tails, varying by ±10% for the tail of fours. Three scales at which M differs by
-factors of Λ and Λ² are in phase, and yield s_c by Richardson extrapolation with the ratios δ and
-δ².
+up to terms that vanish as d → 0. Λ is the factor by which the denominators of the convergents grow
+over m partial quotients, and δ is the unstable eigenvalue of renormalisation; both are the same for
+all circles with that tail. So M blows up like d^(-ν), ν = log Λ / log δ, times a function that is
+periodic in log M. This function is constant for golden tails, and varies by ±10% for the tail of
+fours. Three scales at which M differs by factors of Λ and Λ² are in phase, and yield s_c by
+Richardson extrapolation with the ratios δ and δ².
 
 Calleja & de la Llave (Nonlinearity 23 (2010) 2029) introduced this blow-up as a criterion for the
 breakup; the paper uses their criterion (arXiv:1606.04824, Sec. VI).
@@ -58,8 +58,8 @@ class ContinuationSettings:
         Number of points of the finest grid; the smallest distance from the breakup that can be
         reached is inversely proportional to it.
     max_certified_points : int
-        Maximum number of points of the circle that is certified; its certificate uses a grid four
-        times finer.
+        Maximum number of points of the circle that is certified; the certification uses a grid
+        four times finer.
     max_circles : int
         Maximum number of circles on a ray, which usually needs 10 to 30.
     max_halvings : int
@@ -72,11 +72,11 @@ class ContinuationSettings:
     modes : float
         Number of modes that resolve a circle, multiplied by its relative distance from the breakup.
     modes_of_path : float
-        The same number for circles from which others are extrapolated: of 46 certificates, five
+        The same number for circles from which others are extrapolated: of 46 certifications, five
         failed when it was 3.5, and none when it was 4.5.
     two_scale_error : float
-        Error of s_c from two scales, divided by the distance from s_c to the last circle; the
-        largest ratio seen was 2.3.
+        Error assigned to s_c if it is extrapolated from two scales, divided by the distance from
+        s_c to the last circle; the largest ratio observed was 2.3.
     error_without_delta : float
         Minimum error of s_c if δ is not known, divided by the distance from s_c to the last circle.
     test_distance : float
@@ -122,11 +122,12 @@ def critical_scale(
 ) -> CriticalScale:
     """Compute the scale at which the circle of ω breaks on κ = s·profile, from the blow-up of M.
 
-    1. If the forcing repeats itself, take the shorter map, as `periodic.critical_scale` does.
+    1. If the forcing repeats itself within its period, use the map of the shorter period, as
+       `periodic.critical_scale` does.
     2. Continue the circle from s = 0, each time by a fixed fraction of the estimated distance to
        the breakup, with as many modes as each circle needs.
     3. Stop when `error` is below tol, or no more modes are available.
-    4. Certify the last circle with at most 2048 points.
+    4. Certify the last circle that has at most 2048 points.
 
     Parameters
     ----------
@@ -144,9 +145,9 @@ def critical_scale(
     CriticalScale
         lower is the scale of the certified circle; upper is NaN. If there is no estimate, or its
         error is as large as the value, value and error are NaN, but lower is still returned. This
-        happens, for example, if a large quotient hides the tail of ω from all circles for which
-        there are enough modes. The status is UNDECIDED if residues show that the circle exists
-        beyond the value.
+        happens, for example, if a large partial quotient precedes the tail of ω, so that too few
+        modes are available to resolve the tail. The status is UNDECIDED if residues show that the
+        circle exists beyond the estimate.
 
     Raises
     ------
@@ -156,10 +157,11 @@ def critical_scale(
     Notes
     -----
     The error is the spread of the last estimates plus their last change, or the change due to the
-    third scale plus that due to the highest modes, whichever is larger. Near a forcing of
+    third scale plus the change due to the highest modes, whichever is larger. Near a forcing of
     shorter period the error includes the depth of the boundary's cusp there, until the circles
-    resolve the cusp. It is three times the distance from the last circle to the value if M has not
-    grown by Λ² yet, and at least a fifth of that distance if δ is not known for the tail of ω.
+    resolve the cusp. The error is three times the distance from the last circle to the value if M
+    has not grown by Λ² yet, and at least a fifth of that distance if δ is not known for the tail
+    of ω.
 
     Examples
     --------
@@ -206,9 +208,9 @@ def certified_circle(
 
     1. Circles are computed at the relative distances d = 1/2, 0.15, 0.045, … from the breakup, with
        at least 4.5/d modes, which resolve their finest structures.
-    2. The circle at d = `distance` is certified on a finer grid, from 2.4/d modes if they suffice,
-       else from 4.2/d or 6/d; if that fails, a circle slightly farther from the breakup is
-       certified instead, or an earlier one from step 1.
+    2. The circle at d = `distance` is computed with 2.4/d modes, or with 4.2/d or 6/d if fewer do
+       not suffice, and certified on a finer grid. If that fails, a circle slightly farther from
+       the breakup is certified instead, or an earlier one from step 1.
 
     Parameters
     ----------
@@ -236,8 +238,9 @@ def certified_circle(
 
     Notes
     -----
-    The work grows like 1/distance: 0.1 s at 10⁻⁴, 9 s and 1 GB at 10⁻⁵. At such
-    distances rounding sets a limit: next to a cusp, the smallest one attainable may be 3·10⁻⁵.
+    The number of modes grows like 1/distance, and the time faster: it is 0.1 s at a distance of
+    10⁻⁴, and 9 s at 10⁻⁵, with 1 GB of memory. Rounding limits the distance: next to a cusp, the
+    smallest attainable one may be 3·10⁻⁵.
 
     Examples
     --------
@@ -263,7 +266,8 @@ def certified_circle(
         if u is None:
             break
         path.append((breakup * (1 - d), u))
-    # Try fewer modes first: they add less rounding error. No circle is extrapolated from this one.
+    # Try fewer modes first, which add less rounding error: they may suffice for the last circle,
+    # from which no other is extrapolated.
     tries = [(distance, factor) for factor in (0.4, 0.7, 1.0)] + [(min(1.4 * distance, 0.5), 0.7)]
     nearest = (
         (breakup * (1 - d), circle_at(d, factor * settings.modes / d))
@@ -367,7 +371,7 @@ def _continue(omega, profile, tol, settings):
 
 
 def _next_circle(omega, profile, path, step, settings):
-    """Return (scale, u) of a circle, `step` beyond the last one on the path, and a Status.
+    """Return (scale, u) of the circle `step` beyond the last one on the path, and a Status.
 
     The step is halved while Newton's method fails.
     """
@@ -411,7 +415,7 @@ def _estimate(omega, scales, log_m, growth, delta, settings):
 
 
 def _extrapolate(scales, log_m, growth, delta, order, max_rounds):
-    """Return s_c by Richardson extrapolation, and its value one order lower; NaN if it diverges.
+    """Return s_c by Richardson extrapolation, and the result of one order lower; NaN if it fails.
 
     The extrapolation needs the scales at M, M/Λ, …; they are found by interpolating log(s_c - s).
     """
@@ -460,7 +464,8 @@ def _distance(nodes, value):
 def _scaling(tail):
     """Return Λ and δ of a tail.
 
-    If δ is not known, δ = Λ is used, because ν is 0.987 to 1.04 for the ten tails tried.
+    If δ is not known, δ = Λ is used, because ν = log Λ / log δ is close to 1: for the ten tails
+    tried it is 0.987 to 1.04.
     """
     (a, b), (c, d) = (1.0, 0.0), (0.0, 1.0)
     for quotient in tail:  # multiply by the matrix [[quotient, 1], [1, 0]]

@@ -2,10 +2,10 @@
 
     f(θ) = Σ_k f̂_k e^{2πikθ},     f(θ + ω) ↔ e^{2πikω} f̂_k,     f'(θ) ↔ 2πik f̂_k
 
-A function is an array of its values at θ = i/n, along the last axis. Solving the equations of KAM
-theory, g(θ + ω) - g(θ) = f(θ), divides f̂_k by e^{2πikω} - 1, which is small if k is the
-denominator of a convergent of ω, and is nonzero for k ≠ 0 only because ω is irrational. The phases
-kω mod 1 are therefore computed in integer arithmetic.
+A function is represented by the array of its values at θ = i/n, along the last axis. To solve an
+equation of KAM theory, g(θ + ω) - g(θ) = f(θ), each f̂_k is divided by e^{2πikω} - 1. This divisor
+is small if k is the denominator of a convergent of ω; for k ≠ 0 it is nonzero only because ω is
+irrational. The phases kω mod 1 are therefore computed in integer arithmetic.
 """
 
 from dataclasses import dataclass
@@ -29,11 +29,13 @@ class GridSettings:
     Attributes
     ----------
     mode_ratio : float
-        Ratio of modes kept to points; small enough for products to cause little aliasing.
+        Ratio of the number of modes kept to the number of points. It is small enough that products
+        cause little aliasing.
     resonance_ratio : float
-        A cut is moved below a resonant mode that exceeds this fraction of the cut.
+        The cut, the number of modes kept, is moved below a resonant mode if the number of that mode
+        exceeds this fraction of the cut.
     min_modes : int
-        Smallest number of modes for which `grid` chooses points.
+        Every grid that `grid` chooses is fine enough for this number of modes.
     size_factor : int
         Common factor of all sizes that `grid` chooses; it avoids lengths like 3⁵·5⁵, whose
         transforms take a fifth longer.
@@ -56,7 +58,7 @@ DEFAULT_GRID_SETTINGS = GridSettings()
 
 @lru_cache(maxsize=16)
 def turns(omega: OmegaLike, n_modes: int) -> NDArray[np.complex128]:
-    """Compute e^{2πikω} for k = 0, …, n_modes - 1, accurate to the last digits.
+    """Compute e^{2πikω} for k = 0, …, n_modes - 1, to within rounding.
 
     The phase kω mod 1 is computed exactly, with ω replaced by a convergent p/q with q ≤ 10¹², which
     differs from ω by less than 1/q².
@@ -81,7 +83,7 @@ def turns(omega: OmegaLike, n_modes: int) -> NDArray[np.complex128]:
 
 
 def grid(omega: OmegaLike, n_modes: float, settings: GridSettings = DEFAULT_GRID_SETTINGS) -> int:
-    """Choose a grid size for which `cut` keeps n_modes or more, up to just below a resonance.
+    """Choose a grid size for which `cut` keeps n_modes or more, ending just below a resonance.
 
     Near a breakup, the modes just below a resonance are small, but those beyond it are not.
 

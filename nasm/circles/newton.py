@@ -23,8 +23,8 @@ Fourier space: O(n log n).
 With too few modes Newton's method converges to "circles" far beyond the breakup. Therefore a circle
 is certified only if the method converges again, with h' > 0, on a grid four times finer.
 
-Numba loads rocket-fft for np.fft inside kernels. Grids have up to 10⁶ points; see
-`nasm.arithmetic.memory` for programs that compute many circles.
+Inside kernels, np.fft is provided by rocket-fft, which Numba loads. Grids have up to 10⁶ points;
+see `nasm.arithmetic.memory` for programs that compute many circles.
 """
 
 from collections.abc import Sequence
@@ -122,7 +122,7 @@ class InvariantCircle(Result):
     u : ndarray, shape (P, n)
         Deviations u_j at θ = i/n; see the docstring of this module.
     error : float
-        Largest |E_j| of u on its grid or a finer one; NaN if u never converged.
+        Largest |E_j| of u on its grid or a finer one; NaN if it was not computed.
     status : Status
         OK if certified; otherwise the reason why it is not.
 
@@ -198,9 +198,9 @@ def invariant_circle(
     Notes
     -----
     An existing circle may be missed with too few modes or a bad start; `barriers.last_circle` finds
-    the circle next to a known breakup, on 10⁵ points or more. A certified circle exists as far as
-    floating-point arithmetic on 4n points can show. This is not a proof, and resonances of ω beyond
-    the modes of that grid are not detected, for example if ω is very close to a fraction.
+    the circle next to a known breakup, on 10⁵ points or more. Certification is strong evidence, in
+    floating-point arithmetic on 4n points, that a circle exists. This is not a proof: resonances of
+    ω beyond the modes of that grid are not detected, for example if ω is very close to a fraction.
 
     Examples
     --------
@@ -386,7 +386,7 @@ def newton_step(omega: OmegaLike, kappa: ArrayLike, u: ArrayLike) -> tuple[Float
 def residual(omega: OmegaLike, kappa: ArrayLike, u: ArrayLike) -> FloatArray:
     """Compute E_j on the grid of u, an array of shape (P, n); it vanishes on a circle.
 
-    Parameters are those of `newton_step`.
+    The parameters are those of `newton_step`.
 
     Examples
     --------
@@ -453,7 +453,7 @@ def extrapolate(path: Sequence[tuple[float, FloatArray]], target: float, n: int 
     target : float
         Scale of the result.
     n : int
-        Number of points of the result's grid, if larger than that of the last circle.
+        Minimum number of grid points of the result, which has at least as many as the last circle.
 
     Returns
     -------
@@ -472,7 +472,7 @@ def extrapolate(path: Sequence[tuple[float, FloatArray]], target: float, n: int 
 
 
 def lagrange(nodes: Sequence[float], at: float) -> list[float]:
-    """Return Lagrange's weights of values at distinct nodes, for interpolation at `at`."""
+    """Return Lagrange's weights for interpolating values at distinct nodes to the point `at`."""
     return [prod((at - other) / (x - other) for other in nodes if other != x) for x in nodes]
 
 

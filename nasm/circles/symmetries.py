@@ -10,9 +10,9 @@ compositions are
     P_{1/2} ∘ K:       (2κ) → (κ, 0):                       u_1(θ) = (u_0(θ) + u_0(θ + ω))/2
     S_κ0 ∘ K:          (κ_0, …) → (…, κ_0):                 u_j(θ) → u_{j+1}(θ - ω/P)
 
-The third symmetry maps the paper's circle of S_κ∘R_{-1/2} to one of (κ, -κ) with 2ω + 1. For P = 2,
-S_κ2⁻¹∘K is the circle of the last line, one step of T earlier. Each resulting circle is
-certified anew.
+The third symmetry maps the paper's circle of S_κ∘R_{-1/2} to a circle under the forcing (κ, -κ)
+with rotation number 2ω + 1. For P = 2, S_κ2⁻¹∘K is the circle of the last line, moved back by one
+step of T. Each resulting circle is certified again.
 """
 
 import numpy as np

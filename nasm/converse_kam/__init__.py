@@ -1,8 +1,8 @@
 """Converse KAM: criteria that exclude invariant circles through an orbit.
 
-`symmetry_line` takes its starts from the dominant symmetry line; `transversal` takes them from a
-curve that every circle crosses, for forcings without such a line; `aperiodic` is for aperiodic
-forcing.
+`symmetry_line` tests orbits that start on the dominant symmetry line. For forcings without such a
+line, `transversal` tests orbits that start on a curve crossed by every circle. `aperiodic` treats
+aperiodic forcing.
 """
 
 import lazy_loader

@@ -11,28 +11,28 @@ X_n = x_n - θ_n,
 so only changes in the speed of the phase matter.
 
 The sequence of kicks does not repeat, so there are no invariant circles. A barrier is a rotational
-curve and its images, one before each kick. If all N + 1 of them are graphs of Lipschitz functions
-of x, the distance between two neighbouring points, followed along their orbits, yields a solution
-ξ_n > 0 of the linearised chain (see `nasm.converse_kam.symmetry_line`). The criterion of
-`nasm.converse_kam.transversal`, applied to a start before kick `site`, then shows that no
-such family of graphs passes through the start if for some n
+curve together with its images under the kicks. If all N + 1 of these curves are graphs of Lipschitz
+functions of x, the distance between two neighbouring points, followed along their orbits, yields a
+solution ξ_n > 0 of the linearised chain (see `nasm.converse_kam.symmetry_line`). The criterion of
+`nasm.converse_kam.transversal`, applied to a start before kick `site`, then shows that no such
+family of graphs passes through the start if for some n
 
     v_{n+1} = (2 + κ_n cos 2π(x_n - θ_n)) v_n - v_{n-1} ≤ 0,   v_site = 0,  v_{site+1} = 1,
 
 or if the same inequality holds for the backward chain, or if that module's inequality for sums
-holds. Before each kick, every graph crosses the line x = a: if all starts on it are eliminated, no
-family of graphs exists. By the symmetry y → y + 1, it suffices to take y from 0 to 1.
+holds. Every graph crosses the line x = a. So if, before one kick, all starts on this line are
+eliminated, no family of graphs exists. By the symmetry y → y + 1, the interval 0 ≤ y ≤ 1 suffices.
 
 The absence of such graphs does not imply transport. For aperiodic forcing no theorem like
-Birkhoff's says that barriers are graphs: `asymptotic` computes curves that are practically circles
-from some kick on, but fold before that kick. So apply the criterion to kicks over which the forcing
+Birkhoff's states that barriers are graphs: `asymptotic` computes curves that are nearly invariant
+circles after some kick, but fold before it. So apply the criterion to kicks over which the forcing
 has settled, and search for orbits that escape: only such orbits show transport. Results for N kicks
 say nothing about later kicks.
 
 For κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), θ_n = 0, one line without survivors therefore shows, within
 the limits of sampling:
 
-- Ω = p/q: no rotational circle exists under this φ0. By the theorem for products of twist maps,
+- Ω = p/q: no rotational circle exists for this φ0. By the theorem for products of twist maps,
   each circle is a graph before every kick. Other values of φ0 yield other forcings, which may
   have circles.
 - Ω irrational: no invariant torus y = g(x, φ) exists that is Lipschitz in x. Such a torus would be
@@ -69,11 +69,11 @@ _METHOD = "converse KAM"
 HORIZON = 200
 """Largest lifetime, in kicks, that is accepted as evidence that no graph persists.
 
-If kicks grow beyond the breakup, rounding errors destroy a minimizing orbit: before the kick of
-strength κ_G in the ramp κ_G + 0.003·n, the longest lifetime found is 233 kicks, while an orbit
-segment found by Newton's method survives 279. On lines before later kicks, lifetimes agree with
-those of a search for such segments, or are up to 6% longer (29 lines in ramps from 10⁻² to
-10⁻⁷)."""
+If kicks grow beyond the breakup, rounding errors drive computed orbits away from a minimizing
+orbit: before the kick of strength κ_G in the ramp κ_G + 0.003·n, the longest lifetime found is 233
+kicks, while an orbit segment found by Newton's method survives 279. On lines before later kicks,
+the lifetimes found agree with those of a search for such segments, or are up to 6% longer
+(29 lines, in ramps in which the strength grows by 10⁻² to 10⁻⁷ per kick)."""
 
 DEFAULT_SEARCH = SearchSettings(resolution=0.0)
 
@@ -86,12 +86,12 @@ class AperiodicSettings:
     ----------
     search : SearchSettings
         The search on a line; `effort` multiplies its number of starts and its width. Its resolution
-        is 0: no orbit recurs, so starts may have different lifetimes even if they are too close for
-        the shear of a periodic map to separate.
+        is 0, because no orbit recurs: starts may have different lifetimes even if they are so close
+        that the shear of a periodic map would not separate them.
     max_lines : int
         Maximum number of lines that `last_survivor` searches.
     middle_kicks : int
-        All lines but the first precede a kick that is fewer than this many kicks from the middle.
+        Every line but the first precedes a kick that is fewer than this many kicks from the middle.
     lower_ratios : tuple of float
         `critical_scale` looks for a lower scale without survivors at these multiples of the lowest
         such scale found so far, in this order.
@@ -169,8 +169,8 @@ def elimination_time(
     Returns
     -------
     ndarray, shape of x
-        Kicks in either direction; inf for a start that survives all N kicks. A finite time shows
-        that no family of graphs passes through the start.
+        Number of kicks followed in each direction until the start is eliminated; inf if it survives
+        all N kicks. A finite time shows that no family of graphs passes through the start.
 
     Examples
     --------
@@ -213,15 +213,16 @@ def longest_lived(
     x, y : float
         The start, y in [0, 1].
     time : float
-        Kicks in either direction; inf if the start survives all N kicks. It then need not be the
-        longest-lived start.
+        Number of kicks followed in each direction until the start is eliminated; inf if it survives
+        all N kicks. The search ends at the first such start.
 
     Notes
     -----
     The beam search of `symmetry_line.longest_lived` may miss the longest lifetime: on 18 lines in
-    fields of 4096 particles, with lifetimes of 50 to 1750, an effort of 64 found lifetimes up to
-    1.7 times those of effort 1, and up to 1.3 times those of effort 8. It also found one survivor
-    of 2048 kicks where the longest lifetime found with an effort of 1 was 1963.
+    fields of 4096 particles, with lifetimes of 50 to 1750, the lifetimes found with an effort of 64
+    were up to 1.7 times as long as with an effort of 1, and up to 1.3 times as long as with an
+    effort of 8. An effort of 64 also found one survivor of 2048 kicks where the longest lifetime
+    found with an effort of 1 was 1963.
 
     Examples
     --------
@@ -330,9 +331,9 @@ def critical_scale(
     1. Bisect between a scale at which a start survives the middle quarter of the kicks and a scale
        at which no start does. Using a quarter leaves a margin: a start that a search misses may
        have a longer lifetime than the longest-lived one found, but seldom one four times as long.
-    2. Starts next to orbits that minimize the action have longer lifetimes than others, so the
-       scales with survivors do not form an interval: search up to 15% lower, and begin again from
-       the lowest scale without survivors.
+    2. Starts next to orbits that minimize the action have longer lifetimes than others, and may
+       survive even above a scale without survivors. Therefore search up to 15% lower, and begin
+       again from the lowest scale without survivors.
     3. At the end, search for survivors of all N kicks with an effort of 8.
 
     Parameters
@@ -349,9 +350,9 @@ def critical_scale(
     CriticalScale
         upper : on one of the lines of `last_survivor`, no start survives at this scale. value is
         the middle of the bracket, and error half of its width. lower is NaN and omega None, because
-        survivors do not imply barriers. The larger the number of kicks, the lower the scale. Status
-        NO_BREAKUP if a start survives kicks of strength 2, and UNDECIDED if the search at the end
-        finds a survivor.
+        survivors do not imply barriers. The larger the number of kicks, the lower the scale. The
+        status is NO_BREAKUP if a start survives kicks of strength 2, and UNDECIDED if the search at
+        the end finds a survivor.
 
     Raises
     ------
@@ -488,8 +489,8 @@ def _elimination_times(kappa, theta, site, x, y, one_is_enough):
 
 @njit(nogil=True)
 def _elimination_time(kappa, theta, site, x, y):
-    # 2 + κ cos … bounds the sum only if there are graphs before and after this one, and
-    # there is no graph before that of site 0.
+    # 2 + κ cos … bounds the sum only if there are graphs before and after this one. No graph
+    # precedes the one at site 0.
     bound = 2 + kappa[site] * cos2pi(x - theta[site]) if site > 0 else np.inf
     if bound <= 0:
         return 1.0

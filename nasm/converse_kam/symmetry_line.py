@@ -12,9 +12,9 @@ If v_n ≤ 0 for some n, no rotational invariant circle passes through that star
 
 1. A rotational circle and its images under the kicks are graphs of Lipschitz functions, by
    Birkhoff's theorem for products of twist maps. (`proofs/README.md` derives it from the
-   theorem for one twist map, if the kicks are weak enough.) On a graph the kicks preserve the order
-   of neighbouring points. As two such points approach each other, their normalised distances tend
-   to a solution ξ_n > 0 of the linearised chain, for all n from -∞ to ∞.
+   theorem for one twist map, if the kicks are weak enough.) On such a graph the kicks preserve the
+   order of neighbouring points. As two such points approach each other, their normalised distances
+   tend to a solution ξ_n > 0 of the linearised chain, for all n from -∞ to ∞.
 2. Given such a ξ > 0, the second variation of the action of every finite piece of the orbit is
    positive: Σ_k η_k (Hη)_k = Σ_k ξ_k ξ_{k+1} (η_{k+1}/ξ_{k+1} - η_k/ξ_k)² > 0 for every η ≠ 0
    that vanishes outside the piece.
@@ -27,27 +27,28 @@ no rotational circle exists. The interval 0 ≤ y ≤ 1/2 suffices, by the symme
 (x, y) → (-x, -y). The criterion is MacKay and Percival's, Commun. Math. Phys. 98 (1985) 469.
 
 The line used is the dominant one: x = 1/2 before the stronger kick, or x = 0 if that kick is
-negative. The minimax orbits are on this line, and v becomes negative soonest for starts on it. With
-three or more kicks, minimax orbits of different ω may be on different lines:
-`converse_kam.transversal` constructs a curve through them all.
+negative. The minimax orbits have a point on this line, and starts on it are eliminated sooner than
+on the other symmetry lines. With three or more kicks, minimax orbits of different ω may have their
+points on different lines: `converse_kam.transversal` constructs a curve through them all.
 
-On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the line obeys,
-beyond the breakup,
+If the last circle on a ray of forcings κ = s·profile breaks at the scale s_c, the longest lifetime
+T on the line obeys, beyond the breakup,
 
     s/s_c - 1 ≈ C/T,
 
-up to a log-periodic ripple of a few per cent; in the paper's plane C is 0.6 to 0.7 if T is in
-steps, and half of that on |κ1| = |κ2|.
+up to a log-periodic ripple of a few per cent. In the paper's plane C is 0.6 to 0.7 if T is in
+steps (periods of the forcing), and half as large on |κ1| = |κ2|.
 
-These results rest on sampled starts and floating point: strong evidence, not a proof. A search may
-miss a survivor; see `longest_lived`. For proofs, see `nasm.proofs.transport`.
+These results rely on sampled starts and floating-point arithmetic: they are strong evidence, but
+not a proof. A search may miss a survivor; see `longest_lived`. For proofs, see
+`nasm.proofs.transport`.
 
 The kernel advances 64 starts in lockstep, with the kick of `nasm.escape` and its derivative:
 
     cos 2πx = -sign(r) Σ_k (2k + 1) c_k u²ᵏ,    w' = w + κ cos 2πx · v,   v' = v + w',
 
-where w is the last difference of v. Times are exact: a block in which v ≤ 0 occurs is replayed kick
-by kick.
+where w is the last difference of v. Elimination times are exact to the kick, because a block in
+which v ≤ 0 occurs is replayed kick by kick.
 """
 
 from collections.abc import Callable
@@ -103,19 +104,19 @@ class SearchSettings:
     Attributes
     ----------
     grids : tuple of (int, float)
-        For each grid, the number of starts, and the position of a start in its cell. The grids
-        share no starts.
+        For each grid, the number of starts, and the position of a start in its cell, from 0 to 1.
+        The grids have no start in common.
     width : int
         Number of starts from which the search continues at each level. See `longest_lived` for how
         often each width misses the longest lifetime.
     final_width : int
-        Limit on `width` for cells smaller than 100·resolution/T², with T the longest lifetime.
+        Limit on `width` for cells smaller than 100·resolution/T², where T is the longest lifetime.
     children : int
         Number of new starts around each start from which the search continues.
     cell_ratio : float
-        Ratio of the cell size to that of the previous level.
+        Factor by which the cell size changes from one level to the next.
     resolution : float
-        The search ends when cells are smaller than this divided by T².
+        The search ends when cells are smaller than resolution/T².
 
     Examples
     --------
@@ -148,9 +149,9 @@ class LineSettings:
     max_scales : int
         Maximum number of scales that `critical_scale` tries; it usually needs 10.
     min_slope, max_slope : float
-        Bounds on slope/s_c in the law, in kicks; the upper one is multiplied by the period P. On
-        63 random rays of 2 to 4 kicks and 88 next to the diagonal, slope/s_c was at least 0.68,
-        and at most 1.01 P.
+        Bounds on slope/s_c in the law s - s_c = slope/T, with T in kicks; the upper bound is
+        multiplied by the period P. On 63 random rays of 2 to 4 kicks and 88 rays next to the
+        diagonal, slope/s_c was at least 0.68, and at most 1.01 P.
 
     Examples
     --------
@@ -258,13 +259,13 @@ def longest_lived(
 
     Notes
     -----
-    The beam search begins with two unrelated grids, of 2048 and 1597 starts. Each of the
-    longest-lived starts gets 8 children, 0.15 cells apart, and this is repeated until the cells are
-    so small that neighbouring starts have nearly the same lifetime. The search may miss the longest
-    lifetime, and with it a survivor. Of 992 searches, 2% to 0.002% beyond the breakup and a third
-    of them within a degree of the diagonals, none missed the longest lifetime by more than 1%. With
-    a width of 16 none did so either, but 4% did with 8, 20% with 4, and 77% with 1. Dense scans of
-    2²⁴ starts did not find longer lifetimes.
+    A beam search is run on each of two unrelated grids, of 2048 and 1597 starts. At each level,
+    each of the longest-lived starts is replaced by 8 children, 0.15 cells apart. The search ends
+    when the cells are so small that neighbouring starts have nearly the same lifetime. It may miss
+    the longest lifetime, and with it a survivor. It was tested by 992 searches at 2% to 0.002%
+    beyond the breakup, a third of them within a degree of the diagonals. With a width of 32 or 16,
+    no search missed the longest lifetime by more than 1%; with smaller widths, 4% (8), 20% (4) and
+    77% (1) of the searches did. Dense scans of 2²⁴ starts did not find longer lifetimes.
 
     Examples
     --------
@@ -285,10 +286,11 @@ def critical_scale(
 ) -> CriticalScale:
     """Compute where the last circle breaks on κ = s·profile, and a scale at which no circle exists.
 
-    1. Start at the scale at which the largest strength is 2: the first kick eliminates all starts.
-    2. Lower the scale, by the law s - s_c = slope/T fitted to the last two scales, so that the
-       longest lifetime T grows by a factor of 4.2 each time, until it is near n_max. The last
-       scale is `upper`.
+    1. Start at the scale at which the largest strength is 2; there the first kick eliminates all
+       starts.
+    2. Lower the scale step by step, so that the longest lifetime T grows by a factor of 4.2 each
+       time, until it is close to n_max. Each scale is predicted by the law s - s_c = slope/T,
+       fitted to the last two scales. The last scale is `upper`.
     3. `value` is the limit of the law for T → ∞.
 
     Parameters
@@ -297,18 +299,18 @@ def critical_scale(
         Direction of the ray, not zero; it must repeat after one or two kicks.
     n_max : int
         Steps (periods of the forcing), 100 to 10⁹. In the paper's plane upper/value - 1 is
-        0.6/n_max to 1/n_max, and half of that on the diagonals.
+        0.6/n_max to 1/n_max, and half as large on the diagonals.
     settings : LineSettings
-        The search for starts, and bounds of the law.
+        Settings of the search, and bounds on the slope of the law.
 
     Returns
     -------
     CriticalScale
         upper : no start was found to survive n_max steps at this scale. error : a third of
-        upper - value; the whole difference next to a cusp that lifetimes do not resolve. lower is
-        NaN and omega None: the method neither finds nor identifies a circle. The status is
-        NOT_CONVERGED if lifetimes contradict each other or the law because a search missed a
-        survivor.
+        upper - value, or all of it next to a cusp that lifetimes do not resolve. lower is NaN and
+        omega is None, because the method does not find circles. The status is NOT_CONVERGED if
+        `max_scales` is too small, or if lifetimes contradict each other or the law, e.g. because
+        a search missed a survivor.
 
     Raises
     ------
@@ -390,7 +392,7 @@ def _gap(lifetime, scale, time, slope, min_slope, max_slope):
 
 
 def has_dominant_line(kappa: ArrayLike) -> bool:
-    """Return True if minimax orbits of all ω are on one symmetry line.
+    """Return True if the minimax orbits of all ω have a point on the same symmetry line.
 
     This is the case if the forcing repeats after one or two kicks.
 
@@ -406,8 +408,8 @@ def has_dominant_line(kappa: ArrayLike) -> bool:
 def _line_coefficients(strengths, settings=DEFAULT_SETTINGS):
     """Return the kernel's arguments for the dominant line.
 
-    They are the coefficients of the kicks of a block, one kick per row, as in `nasm.escape`;
-    a - 1/4; and v_0 - v_{-1} = |κ_c|/2.
+    The arguments are the coefficients of the kicks of a block, as in `nasm.escape`, one kick per
+    row; the number a - 1/4; and the first difference, v_0 - v_{-1} = |κ_c|/2.
     """
     strengths = primitive(strengths)
     if strengths.size > 2:
@@ -484,7 +486,10 @@ def beam_search(
 
 @njit(forceinline=True)
 def tangent_kick(c, n, x, y, v, w):
-    """Apply kick n to lanes or floats; x is the shifted angle X of `nasm.escape`."""
+    """Apply kick n to points and tangent vectors; x is the shifted angle X of `nasm.escape`.
+
+    The arguments x, y, v, w are lanes or floats.
+    """
     r = x - rint(x)
     u = fabs(r) - 0.25
     q = u * u
@@ -535,10 +540,11 @@ def _replay(c, state, lane):
 def _elimination_times(c, x, w, y, n_max, times):
     """Write into `times`, for every start, the number of kicks until v ≤ 0; inf if above n_max.
 
-    A lane whose start is finished takes the next start.
+    A lane that has finished its start takes the next one.
     """
-    # An idle lane has v = NaN, which raises no alarm. If x and y are exact, an orbit may stay
-    # hyperbolic forever; its v then overflows to NaN, and it counts as a survivor, as it should.
+    # An idle lane has v = NaN, which raises no alarm. If x and y have no rounding errors, an orbit
+    # may stay on an unstable periodic orbit forever; v then overflows to NaN, and the start
+    # correctly counts as a survivor.
     state, before = np.full((5, LANES), np.nan), np.empty((5, LANES))
     start, age = np.full(LANES, -1), np.zeros(LANES, np.int64)
     next_start, n_active = 0, 0

@@ -19,18 +19,18 @@ Every rotational circle crosses any curve that leads from y = -∞ to y = ∞. I
 curve are eliminated, no circle exists. Orbits that minimize the action are never eliminated. So the
 curve must pass through the gaps between them, for every ω, and a *minimax* orbit of p/q is in the
 middle of such a gap: among the orbits of p/q that minimize the action for a fixed x_0, it has the
-largest action. Therefore the *transversal* is a chain of straight pieces through minimax orbits
-before the kick at one site, in order of ω. If all minimax orbits are on one symmetry line, the
-transversal is that line.
+largest action. Therefore the *transversal* is a polygonal line whose corners are points of
+minimax orbits before the kick at one site, in order of ω. If all minimax orbits are on one symmetry
+line, the transversal is that line.
 
 1. Start with the minimax orbits of ω = 0, 1, … and P/2 per period. The symmetries y → y + 1 and
    (x, y) → (-x, -y) continue this curve to all ω.
 2. The longest-lived start is on a piece between two orbits, p/q and p'/q'. Bend the piece through
-   the minimax orbit of (p + p')/(q + q'), at the point of this orbit nearest to the piece in units
-   of the gap.
-3. Repeat step 2 as long as the longest-lived start survives, and the number of steps is large
-   enough to resolve the change. This leads down the Farey tree, to minimizing orbits on the curve,
-   and to the circle that breaks last.
+   the minimax orbit of (p + p')/(q + q'), at the point of this orbit nearest to the piece, relative
+   to the width of its gap.
+3. Repeat step 2 as long as the longest-lived start survives all N steps, and N is large enough to
+   resolve the new corner: q + q' ≤ 4√N. This leads down the Farey tree, to minimizing orbits on the
+   curve, and to the circle that breaks last.
 
 On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the curve beyond the
 breakup obeys s/s_c - 1 ≈ C/T, as on a symmetry line, with C in EXCESS_BOUNDS. These results rest
@@ -89,11 +89,12 @@ class TransversalSettings:
     Attributes
     ----------
     search : SearchSettings
-        The search for the longest-lived start. Its width is multiplied by the number of kicks per
-        period, or by 2 if that is larger, and is the same for cells of all sizes.
+        The search for the longest-lived start. Its width is the same for cells of all sizes. In
+        `longest_lived` and `upper_scale` it is multiplied by the number of kicks per period, or by
+        2 if that is larger.
     first_ratio : int
-        Ratio of the width to that of the first search, which usually finds a survivor if one
-        exists.
+        A first, narrower search usually finds a survivor if one exists; its width is smaller by
+        this factor.
     block_kicks : int
         Approximate number of kicks between two tests of the starts. It affects only the computing
         time.
@@ -161,8 +162,8 @@ def longest_lived(
     n_max : int
         Steps (periods of the forcing) in either direction, 1 to 10⁶.
     until : float
-        The `time.thread_time` at which the computation stops; a start that is then reported as a
-        survivor may not be one.
+        The `time.thread_time` at which the computation stops. If it stops early, the start that it
+        reports as a survivor may not be one.
     settings : TransversalSettings
         How transversals are bent and searched.
 
@@ -240,7 +241,7 @@ def eliminated_transversals(
     until: float = math.inf,
     settings: TransversalSettings = DEFAULT_SETTINGS,
 ) -> Iterator[tuple[Transversal, float]]:
-    """Yield transversals on which all starts were found to be eliminated, short lifetimes first.
+    """Yield transversals on which the search finds no survivor, roughly in order of lifetime.
 
     Parameters
     ----------
@@ -310,7 +311,8 @@ def upper_scale(
         breakup, s ≥ 0, found in steps of 0.1 in the largest strength.
     n_sites : int, optional
         Number of sites, 1 to 8, on whose transversals survivors are sought; default 8, or P if that
-        is less. Two sites take half the time, but the scale may be a few per cent higher.
+        is less. With two sites the search takes half the time, but the scale may be a few per cent
+        higher.
     until : float
         The `time.thread_time` after which the scale is not lowered any further.
     settings : TransversalSettings
@@ -323,7 +325,7 @@ def upper_scale(
         the scale is 0 if none survives at s = 0, and inf if one survives at each of 40 scan steps.
     longest : LongestLived or None
         The longest-lived start at this scale; T is its lifetime in steps. None if scale is 0 or
-        inf, or time is up.
+        inf, or if time runs out.
 
     Raises
     ------
@@ -344,7 +346,7 @@ def upper_scale(
     sites = _by_strength(profile, count("n_sites", max_sites, 1, settings.max_sites))
     until = real("until", until)
     size = np.abs(profile).max()
-    # No circle crosses x = 0 or x = 1/2 before a kick of |κ| = 2.
+    # With a kick |κ| = 2 no circle exists: none can cross x = 1/2 (or x = 0 if κ < 0) before it.
     upper, longest, step_ratio = 2 / size, None, 0.15
 
     def longest_at(scale, n_steps):
@@ -418,7 +420,7 @@ def _transversals(kappa, sites, min_gap):
 
     The corners are placed in gaps wider than min_gap times the widest gap.
     """
-    # All transversals need the same orbits.
+    # The transversals of all sites share the orbits that are computed.
     minimizers = {}
     ordered = cache(lambda omega: ordered_orbits(kappa, *omega.as_integer_ratio(), minimizers))
     for site in sites:

@@ -1,24 +1,25 @@
 """A proof in ball arithmetic that the invariant circle of ω exists under one forcing.
 
+The chain of `nasm.circles`, written in terms of g_j(θ + jα) = h_j(θ), has the residual
+
     E_j(φ) = g_{j+1}(φ + α) - 2g_j(φ) + g_{j-1}(φ - α) - (κ_j/2π) sin 2πg_j(φ),      α = ω/P,
 
-where g_j(φ) = φ + u_j(φ), u_{j+P} = u_j. This is the residual of the chain of `nasm.circles`, with
-g_j(θ + jα) = h_j(θ). If E is small enough for some trigonometric polynomials u_j, a true circle
-exists near them; the theorem "A barrier exists" of proofs/README.md states how small E must be.
-With ‖f‖ = Σ_k |f_k| e^{2π|k|ρ}, the hypotheses of the theorem are stated in terms of the upper
-bounds
+where g_j(φ) = φ + u_j(φ), u_{j+P} = u_j. If E is small enough for some trigonometric polynomials
+u_j, a true circle exists near them; the theorem "A barrier exists" of proofs/README.md states how
+small E must be. With ‖f‖ = Σ_k |f_k| e^{2π|k|ρ}, the hypotheses of the theorem are stated in terms
+of the upper bounds
 
     n_j ≥ ‖g_j'‖,    p_j ≥ ‖1/g_j'‖,    k_j ≥ ‖e^{2πig_j}‖,    ε ≥ Σ_j n_j ‖E_j‖,    C ≥ C_R + δ.
 
-If these bounds do not suffice, the first step of the theorem's proof is computed: bounds on the
-modes of E_j, h_j' and 1/h_j' yield bounds on the step v_j = h_j'w_j, and the theorem is applied
-to h + v.
+If these bounds do not suffice, the first step of the iteration in the theorem's proof is bounded
+mode by mode: bounds on the modes of E_j, h_j' and 1/h_j' yield bounds on the step v_j = h_j'w_j,
+and the theorem is applied to h + v.
 
-A proof relies on the balls of FLINT (python-flint, the extra `proof`), and on the functions from
-`_omega_ball` to `balls`. In these functions, every number that enters a bound is a ball or an exact
-dyadic number. Floats are used only to choose ρ, ρ̂, the mode at which sums are cut off, and the
-polynomial that approximates 1/g_j'; the proof is sound for any choice. The functions that follow
-`balls` search for u, which may come from any source.
+A proof relies on FLINT's ball arithmetic (python-flint, the extra `proof`), and on the functions of
+this module from `_omega_ball` to `balls`. In these functions, every number that enters a bound is a
+ball or an exact dyadic number. Floats are used only to choose ρ, ρ̂, the mode at which sums are cut
+off, and the polynomial that approximates 1/g_j'; the proof is sound for any choice. The functions
+that follow `balls` search for u, which may come from any source.
 
 For P ≤ 2 the u_j are odd, because h_j(θ) → -h_{-j}(-θ) maps circles to circles. Their modes are
 then imaginary, so each is stored as one real number, and one transform serves two functions.
@@ -56,7 +57,7 @@ try:
 except ImportError:  # the extra `proof` is not installed
     arb = None  # type: ignore[assignment, misc]
 
-_STEP_WIDTH = 0.7  # ρ with a computed step, relative to ρ without: the best of 6 on 9 patches
+_STEP_WIDTH = 0.7  # ρ if a step is computed, relative to ρ if not: best of 6 values on 9 patches
 MODES_PER_POINT = 0.38  # modes of u per point of the grid
 _MAX_NEWTON_STEPS = 6  # in ball arithmetic, 0 to 3 are needed
 _MAX_POINTS = 2**22  # largest number of points of a grid
@@ -88,8 +89,8 @@ class BarrierProof(Result):
     kappa : tuple of P floats
         Forcing. The proof holds for exactly these floats.
     short_omega, short_kappa
-        Rotation number and forcing of the shorter map (`symmetries.shorten`), to which the proof
-        applies. Nothing is shortened if tilt is not 0.
+        Rotation number and forcing after shortening (`symmetries.shorten`); the proof applies to
+        these. Forcings of a triangle, or in a plane, are not shortened.
     tilt : tuple of float
         For a patch, one float for each strength of short_kappa; otherwise empty.
     scales : tuple of 2 floats
@@ -98,17 +99,18 @@ class BarrierProof(Result):
         Number of points of the grid.
     rho : float
         Half width ρ of the strip to which the constants refer; NaN if E was not bounded. If the
-        first step is computed, E was bounded in the strip 2ρ.
+        first step is computed, E was bounded in the strip of half width 2ρ.
     constants : dict of float
         Upper bounds on the constants of the theorem for all s and t; see proofs/README.md. If the
-        first step is computed, n, p, k and error are those before the step; the others follow from
-        the constants after it.
+        first step is computed, n, p, k and error refer to u before the step, w bounds the step,
+        and the other constants follow from the bounds after it.
     unit : int
         Binary exponent of the coefficients.
     coefficients : list
-        Entry [m][l][j] is [re, im], two lists of integers: u_j = Σ C_jml T_m(σ) T_l(t), where C_jml
-        has the modes (re[k] + i im[k])·2^unit, k ≥ 0; modes beyond the lists are 0. For one forcing
-        m = l = 0.
+        Entry [m][l][j] is [re, im], two lists of integers: C_jml has the modes
+        (re[k] + i im[k])·2^unit, k ≥ 0, and modes beyond the lists are 0. These functions are the
+        coefficients of u_j = Σ C_jml T_m(σ) T_l(t) in Chebyshev polynomials; σ is s, rescaled to
+        [-1, 1]. For one forcing m = l = 0.
     plane : Plane, optional
         For a patch of a plane; kappa and tilt are then coordinates, and s multiplies displacements
         from the plane's origin.
@@ -151,7 +153,7 @@ class BarrierProof(Result):
             "forcing": self._forcings(),
             "outcome": "a rotational invariant circle exists" if self.proved else self.reason,
             "points": f"{self.n}" if self.n else "",
-            "left side of (1), relative to the largest allowed": (
+            "left side of (1) in proofs/README.md, relative to its bound": (
                 "" if isnan(ratio) else f"{32 * ratio:.2g}"
             ),
         }
@@ -208,12 +210,13 @@ def prove(
 ) -> BarrierProof:
     """Prove that the circle of rotation number omega exists under the forcing kappa.
 
-    1. If the forcing repeats itself, take the shorter map.
+    1. Shorten the forcing if it repeats itself (`symmetries.shorten`).
     2. Compute the circle in doubles, by `circles.invariant_circle`, unless `start` is passed.
     3. Refine it by Newton's method, with linear algebra in doubles and the residual E in
        ball arithmetic.
-    4. Try to verify the theorem with each residual. If that fails, repeat with at least a third
-       more points, as long as a finer grid helps and the budget lasts.
+    4. Try to verify the hypotheses of the theorem with each residual. If they cannot be verified,
+       repeat step 3 on a grid with at least a third more points, as long as a finer grid helps and
+       the budget lasts.
 
     FLINT's precision is global to the process, so proofs in several threads wait for each other.
 
@@ -242,8 +245,8 @@ def prove(
     ImportError
         If python-flint is not installed.
     ValueError
-        If omega is not a rotation number, kappa is not finite or too large, or another argument is
-        out of range.
+        If omega is not a rotation number, if kappa is too large or not finite, or if another
+        argument is out of range.
 
     References
     ----------
@@ -284,7 +287,7 @@ def prove(
         if start.ndim != 2 or start.shape[0] not in rows or not start.size:
             raise ValueError(
                 f"start has shape {start.shape}; for the shortened forcing {short.tolist()} it "
-                f"must have {short.size} rows, one function on a grid each"
+                f"must have {short.size} rows, each with the values of one function on a grid"
             )
         start = start[: short.size]
     if not np.isfinite(start).all():
@@ -295,12 +298,12 @@ def prove(
 def proved_lower(
     omega: OmegaLike, profile: ArrayLike, value: float, budget: float
 ) -> tuple[float, BarrierProof | None]:
-    """Search for the largest scale s at which the circle of omega is proved to exist.
+    """Search for a scale s, as large as possible, at which the circle of omega is proved to exist.
 
     The forcing is s·profile. Proofs are tried closer and closer to the breakup until the budget is
-    spent; the work grows like the distance from it to the power -1.2 to -1.4. The proof holds for
-    exactly s·profile rounded to doubles. It implies nothing about smaller scales, at which the
-    circle might not exist; `patches.proved_below` covers these scales.
+    spent; the work is proportional to the distance from the breakup to the power -1.2 to -1.4. A
+    proof holds for exactly s·profile rounded to doubles. It implies nothing about smaller scales,
+    at which the circle might not exist; `patches.proved_below` covers these scales.
 
     Parameters
     ----------
@@ -393,7 +396,7 @@ def _proved(
     while True:
         seconds = _SECONDS_PER_POINT * size * kappa.size
         if not n and (size > _MAX_POINTS or seconds > until - time.thread_time()):
-            reason = f"not proved: {size} points are beyond the budget: some {seconds:.1g} seconds"
+            reason = f"not proved: {size} points, some {seconds:.1g} seconds, are beyond the budget"
             return BarrierProof(False, reason, **about, n=size)
         with working_precision(128 if size < 2**18 else 160):
             outcome = refined(Grid(omega, kappa.tolist(), size), start)
@@ -421,8 +424,8 @@ def _omega_ball(omega: RotationNumber, bits: int) -> Ball:
 def _divisors(omega: RotationNumber) -> list[tuple[int, Ball, bool]]:
     """Return (q_n, |e^{2πiq_nω} - 1|, whether n is in the last period) for n = 0, 1, …
 
-    The last period begins 40 quotients or more after the start of the tail; its terms bound those
-    of all later n.
+    The last period of quotients returned begins 40 quotients or more after the start of the tail;
+    its terms bound the terms of all later n.
     """
     length = len(omega.tail)
     last = len(omega.prefix) + (40 // length + 2) * length
@@ -439,8 +442,8 @@ def _divisors(omega: RotationNumber) -> list[tuple[int, Ball, bool]]:
 def _russmann(omega: RotationNumber, delta: Ball) -> Ball:
     """Bound C_R = sup δ'σ(δ') over 0 < δ' ≤ δ, σ(δ) = sup_k e^{-2πkδ}/|e^{2πikω} - 1|.
 
-    For any delta, the peaks of the last period bound those of all later ones, up to a factor of
-    1 + 10⁻⁶. See README.md, "Small divisors".
+    The terms of the last period are taken at their peaks, for any delta. Multiplied by 1 + 10⁻⁶,
+    they bound the terms of all later n. See README.md, "Small divisors".
     """
     worst, two_pi = arb(0), 2 * arb.pi()
     for q, divisor, ends in _divisors(omega):
@@ -470,7 +473,7 @@ class Grid:
         self.angles = [arb(2 * i) / n for i in range(half if self.odd else n)]
 
     def under(self, kappa: list[Ball]) -> Self:
-        """Return the grid for other strengths."""
+        """Return a copy of this grid with other strengths."""
         other = copy(self)
         other.kappa = kappa
         return other
@@ -586,7 +589,7 @@ def bound_of_the_inverse(
 
 
 def both_sides(half: list[Ball], odd: bool) -> Any:
-    """Return the polynomial of all modes of a real function, from those with k ≥ 0."""
+    """Return the polynomial whose coefficients are all modes of a real f, given those of k ≥ 0."""
     if odd:
         return arb_poly(half[:0:-1] + half)
     return acb_poly([acb(x).conjugate() for x in half[:0:-1]] + half)
@@ -647,13 +650,14 @@ def verified(
     Parameters
     ----------
     grids, u, E
-        Grids at the points of the patch, and the modes of u and of the residuals at these points.
+        Grids with the forcings at the interpolation points of the patch, and the modes of u and E
+        at these points.
     sizes
         For each degree (m, l), the absolute values of the modes of C_jml.
     apart
         For each degree, a bound on the difference of T_m T_l from its value at the nearest point.
     kappa
-        Bounds on |κ_j|.
+        The strengths κ_j; for a patch, bounds on |κ_j|.
     between : callable
         Maps (error, rho, norms of the C_jml, j) to a bound on ‖E_j‖ on the whole patch, where
         `error` is the bound at the points.
@@ -665,8 +669,9 @@ def verified(
     Returns
     -------
     dict
-        Fields of a `BarrierProof`, and `estimated_ratio`, the left-hand side of (1) in floats.
-        Floats are used only to choose ρ, ρ̂, the cut and the polynomials near 1/g_j'.
+        Fields of a `BarrierProof`, and `estimated_ratio`, the left-hand side of (1) in README.md,
+        estimated in floats. Otherwise, floats are used only to choose ρ, ρ̂, the cut and the
+        polynomials near 1/g_j'.
     """
     (grid, *_), two_pi = grids, 2 * arb.pi()
     bounds = [[[[x.abs_upper() for x in row] for row in t] for t in rows] for rows in (u, E)]
@@ -718,12 +723,12 @@ def _outcome(
     return {"proved": not failed, "reason": reason, "rho": float(rho), "constants": constants}
 
 
-# --- a first step that is computed ----------------------------------------------------------------
+# --- the theorem after a computed first step ------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Majorant:
-    """Functions f = f₁ + f₂ with |modes of f₁| ≤ sizes and ‖f₂‖ ≤ rest, in the norm of some strip.
+    """Bounds on f = f₁ + f₂: |modes of f₁| ≤ sizes, and ‖f₂‖ ≤ rest in the norm of some strip.
 
     Entry k of sizes bounds the modes k and -k. The strip of `rest` is not stored: the caller
     passes it to each function that depends on it. In a narrower strip the same bounds hold.
@@ -748,7 +753,10 @@ class Majorant:
         return Majorant([product[middle + k] for k in range(middle + 1)], rest)
 
     def divided(self, divisors: list[Ball], sigma: Ball) -> "Majorant":
-        """Bound Rf, without its mean, in a strip that is narrower by δ, given sigma ≥ σ(δ)."""
+        """Bound Rf in a strip that is narrower by δ, given sigma ≥ σ(δ).
+
+        R drops the mean of f and divides mode k by e^{2πikω} - 1; see README.md, "The step".
+        """
         pairs = zip(self.sizes[1:], divisors[: len(self.sizes) - 1], strict=True)
         return Majorant([arb(0), *(x / divisor for x, divisor in pairs)], self.rest * sigma)
 
@@ -761,7 +769,7 @@ def bounds_of_the_step(
     outer: Ball,
     rho: Ball,
 ) -> list[Ball]:
-    """Bound ‖w_j‖_ρ in the step v_j = g_j'w_j, given majorants of g_j', E_j, 1/g_j' in `outer`.
+    """Bound ‖w_j‖_ρ in the step v_j = g_j'w_j, from majorants of g_j', E_j, 1/g_j' in `outer`.
 
     Up to phases, which do not affect the bounds, the step is that of README.md, "The step".
     """
@@ -772,7 +780,7 @@ def bounds_of_the_step(
     divisors = _all_divisors(omega, len(sums[-1].sizes) + max(len(f.sizes) for f in over))
     turned = sums[-1].divided(divisors, sigma)
     fluxes = [turned + f for f in sums]
-    mean = reduce(arb.max, [f.norm(arb(0)) for f in fluxes])  # of all c_j∇w_j
+    mean = reduce(arb.max, [f.norm(arb(0)) for f in fluxes])  # ≥ |b| in README.md
     fluxes = [f + Majorant([mean], arb(0)) for f in fluxes]
     steps = [f.times(g, middle) for f, g in zip(fluxes, over, strict=True)]
     first = reduce(Majorant.__add__, steps).divided(divisors, sigma)
@@ -782,9 +790,9 @@ def bounds_of_the_step(
 def modes_of_the_sine(n: int, rho: Ball, rho_hat: Ball, cut: int) -> Majorant:
     """Bound the error of E_j if only modes |k| < cut, computed on n points, are used.
 
-    The error consists of the aliases of these modes, and of the other modes. The bounds are for
-    |sin 2πg_j| ≤ 1 in |Im φ| ≤ ρ̂, and |κ_j| = 2π. Modes |k| ≥ n are bounded by `rest`, in the
-    strip ρ.
+    The error consists of the aliases of these modes, and of the other modes. The bounds assume that
+    |sin 2πg_j| ≤ 1 in |Im φ| ≤ ρ̂ and |κ_j| = 2π; the caller rescales them. Modes |k| ≥ n are
+    bounded by `rest`, in the strip ρ.
     """
     if not (0 < cut <= n // 2 and 0 < rho < rho_hat):
         raise ValueError(f"cut={cut}, rho={rho}, rho_hat={rho_hat} are out of range")
@@ -852,8 +860,9 @@ def verified_by_a_step(
 ) -> dict[str, Any]:
     """Try to verify the theorem after computing a first step, for all forcings of a patch.
 
-    The arguments are those of `verified`, the absolute values of the modes of u and E at the
-    points, modes near those of 1/g_j' at the points, and the choices of `best_widths`.
+    Most arguments are those of `verified`. At the points, `bounds` contains the absolute values of
+    the modes of u and E, and `inverses` approximate modes of 1/g_j'. `chosen` is the result of
+    `best_widths`.
     """
     (grid, *_), two_pi = grids, 2 * arb.pi()
     rho, rho_hat = arb(_STEP_WIDTH * chosen["rho"]), arb(chosen["rho_hat"])
@@ -910,7 +919,7 @@ def _largest_sizes(rows: list[list[Ball]]) -> list[Ball]:
 
 
 def balls(coefficients: list[list[list[int]]], unit: int, size: int, odd: bool) -> list[list[Ball]]:
-    """Return the exact modes k < size of functions from the integers of a `BarrierProof`."""
+    """Return the exact modes k < size of functions, given the integers of a `BarrierProof`."""
     scale: Ball = arb(2) ** unit
     rows = []
     for parts in coefficients:
@@ -989,7 +998,7 @@ def refined(grid: Grid, start: FloatArray) -> dict[str, Any]:
     K, turn = int(MODES_PER_POINT * grid.n), turns(grid.omega, grid.sites, grid.n // 2 + 1)
     modes, last, unit = polished(grid.kappa, grid.n, turn, start), inf, -ctx.prec
     if not np.isfinite(modes).all():
-        return {"proved": False, "reason": "not proved: Newton's method diverges from the start"}
+        return {"proved": False, "reason": "not proved: Newton's method diverges for this start"}
     modes = as_balls(modes, grid.odd)
     for _ in range(_MAX_NEWTON_STEPS):
         coefficients = [integers(row, unit) for row in modes]
@@ -1071,7 +1080,7 @@ def polished(kappa: Sequence[Any], n: int, turn: ComplexArray, start: FloatArray
 def correction(turn: ComplexArray, modes: ComplexArray, E: ComplexArray) -> ComplexArray:
     """Return the modes of Levi and Moser's step, in doubles, for the modes E of the residual.
 
-    modes and E have the shape (P, ..., modes). See `nasm.circles`.
+    `modes` and `E` have shape (P, ..., number of modes). See `nasm.circles`.
     """
     n, sites = 2 * (turn.size - 1), np.arange(len(modes)).reshape(-1, *[1] * (modes.ndim - 1))
     turn = turn.astype(complex)

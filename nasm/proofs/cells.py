@@ -25,7 +25,7 @@ TRANSPORT = 2
 """State of a cell for which transport is proved to be global."""
 
 # Minimum relative distance from the boundary at which a proof limited to 1 s is tried; of 128
-# closer cells, only 2 were proved.
+# closer cells tried, transport was proved in only 2.
 _MIN_DISTANCE = 0.003
 _ANGLE_ERROR = 1e-9  # degrees; rays at the ends of a wedge may be outside it by this angle
 
@@ -33,7 +33,7 @@ _ANGLE_ERROR = 1e-9  # degrees; rays at the ends of a wedge may be outside it by
 def distance(
     plane: Plane, rays: Sequence[Sequence[float]], a: ArrayLike, b: ArrayLike
 ) -> FloatArray:
-    """Estimate 1 - s/s_c of the forcings at (a, b) in a plane; it is negative beyond the breakup.
+    """Estimate 1 - s/s_c for the forcings at (a, b) in a plane; it is negative beyond the breakup.
 
     The estimate is used only to choose which proof to try in a cell.
 
@@ -50,7 +50,7 @@ def distance(
     Returns
     -------
     ndarray
-        Distances, of the broadcast shape of a and b.
+        Distances, in the shape to which a and b broadcast.
 
     Examples
     --------
@@ -143,15 +143,15 @@ def proved_cells(
     failed: list[tuple[float, float]] | None = None,
     curve: Curve | None = None,
 ) -> tuple[NDArray[np.int8], list[CellProof | PlaneCellProof]]:
-    """Prove global transport in the 4**depth cells of a square.
+    """Try to prove that transport is global in each of the 4**depth cells of a square.
 
     1. Try a proof for the whole square, unless it is too close to the boundary.
     2. If that fails, continue with its quarters, beginning with the farthest from the boundary.
     3. Once a proof has failed, skip squares that are no smaller and no farther from the boundary.
 
-    Squares outside the plane's `wedge` are skipped, as they are images of others. In planes other
-    than that of two kicks, the proofs need a curve; the curve used for a square, whether or not
-    its proof succeeded, is tried first for its quarters.
+    Squares outside the plane's `wedge` are skipped, because they are images of squares inside it.
+    In planes other than `two_kicks` a proof needs a curve. If the proof for a square fails, its
+    curve is tried first for the quarters.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def proved_cells(
     rays : sequence of (angle, scale)
         The boundary, as for `distance`.
     seconds : float
-        CPU time for a proof in a cell at the finest level; larger squares get half of it.
+        CPU time allowed for a proof at the finest level; half of it is allowed for larger squares.
     failed : list of (size, distance), optional
         Squares for which no proof of transport was found; used in recursive calls.
     curve : (int, ndarray), optional

@@ -13,7 +13,8 @@ sequence η of finite support for which the second variation along every orbit o
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0.
 
 On a symmetry line η is even, and only half of Q is summed. On a polygon η = 1 at the site of the
-curve, and both halves are summed, each with its own part of that site. The orbits of a box are
+curve, and both halves are summed: the sites from there on, and the sites before. The orbits of a
+box are
 
     x_k = x̂_k + Σ_i σ_i ξ_ik + Σ_{i≤j} σ_iσ_j ξ_ijk + ρ_k,   |σ_i| ≤ 1,
 
@@ -22,9 +23,9 @@ their rounding errors. One parameter σ_i describes the initial condition; in a 
 more, for the strengths k + Σ_i σ_i h_i. Any sequence of floats may serve as η.
 
 *A barrier.* The claim is about one forcing or a whole patch (called a "fan" in certificates).
-Functions are Laurent polynomials in z = e^{2πiφ} with balls as coefficients, and 1/g_j' is computed
-from their sums and products. The sine is evaluated on a grid of φ, for many forcings of a patch,
-with a bound on the aliases (`Grid`).
+Functions are Laurent polynomials in z = e^{2πiφ} with balls as coefficients; with g_j = φ + u_j,
+1/g_j' is computed from their sums and products. The sine is evaluated on a grid of φ, for several
+forcings of a patch; `Grid` bounds the aliasing errors.
 
 A certificate may come from anyone. Before anything is computed, `within_limits` refuses it if the
 check would take too much time or memory.
@@ -71,7 +72,7 @@ MAX_MODES = 3 * 10**7  # modes of the longest function, times points, times kick
 _TRANSPORT = {"site", "boxes", "lives"}
 _BARRIER = {"omega", "rho", "moves"}
 _PLANE = "origin", "first", "second"
-# For each theorem: digest of its statement, and the fields besides claim, theorem and seal.
+# For each theorem: digest of its statement, and the fields besides claim, theorem and sha256.
 THEOREMS = {
     "Transport is global": (
         "262141d95693b0b62f3f795cda61e9e083a5385af394d67e85edbe1571432456",
@@ -267,7 +268,7 @@ def within_limits_of_moves(data: Certificate) -> None:
     for functions in (functions for rows in numbers for functions in rows):
         message = "not one function for each kick"
         demand(type(functions) is list and len(functions) == n_kicks(data), message)
-        message = f"a function is not two lists of integers of {MAX_UNIT} bits"
+        message = f"a function is not two lists of integers of at most {MAX_UNIT} bits"
         for parts in functions:
             demand(type(parts) is list and len(parts) == 2, message)
             for part in parts:
@@ -284,17 +285,17 @@ def is_whole(x: Any) -> bool:
 
 
 def is_row(texts: Any, max_length: int) -> bool:
-    """Return True for a list of 1 to max_length numbers, each as `float.hex` writes it."""
+    """Return True for a list of 1 to max_length numbers, each in the format of `float.hex`."""
     return type(texts) is list and 1 <= len(texts) <= max_length and all(map(is_number, texts))
 
 
 def is_number(text: Any) -> bool:
-    """Return True for a number as `float.hex` writes it; refute otherwise."""
+    """Return True for a number in the format of `float.hex`; refute otherwise."""
     return exact(text) is not None
 
 
 def claim(data: Certificate) -> str:
-    """Return the claim that the certificate may make, about the forcing before it was shortened."""
+    """Return the claim that the certificate must make; it is about the original forcing."""
     original = data.get("shortened_from", data)
     middle = decimals(original["centre" if "plane" in data else "kappa"])
     under = f"the forcing {middle}"
@@ -323,8 +324,8 @@ def shortened(data: Certificate) -> None:
     """Refute unless the forcing and ω are the original ones, unchanged or correctly shortened.
 
     Either the original κ repeats the shortened one, or only every m-th site is kicked and the
-    original repeats the shortened one up to alternating signs, because x advances by an extra 1/2
-    from each kicked site to the next.
+    original repeats the shortened one up to alternating signs. These signs are equivalent to an
+    extra advance of x by 1/2 from each kicked site to the next.
     """
     original = data["shortened_from"]
     long, short = (
@@ -381,7 +382,7 @@ def product(quotients: list[int]) -> tuple[tuple[int, int], tuple[int, int]]:
 
 
 def exact(text: Any) -> Fraction:
-    """Read a number in the form of `float.hex`; refute others, as "0.5" would be read as 5/16."""
+    """Read a number in the format of `float.hex`; refute others: "0.5" would be read as 5/16."""
     demand(type(text) is str and len(text) <= 24, "a number is not a text of at most 24 characters")
     try:
         number = float.fromhex(text)
@@ -483,7 +484,7 @@ def curve(
 def on_the_segment(
     points: list[tuple[Fraction, ...]], piece: int, s: Fraction, delta: Fraction
 ) -> tuple[tuple[Fraction, Fraction], tuple[Fraction, Fraction]]:
-    """Return x and y in the middle of a box on the line through two corners, and their changes."""
+    """Return x and y in the middle of a box between two corners, and their changes to its end."""
     (x, y), (x_end, y_end) = points[piece : piece + 2]
     dx, dy, part = x_end - x, y_end - y, 2 * s - piece
     return (x + part * dx, y + part * dy), (2 * delta * dx, 2 * delta * dy)
@@ -516,7 +517,7 @@ def both_halves(
 def hypothesis_of_plane(certificate: Certificate) -> None:
     """Refute unless the hypothesis of "Transport is global in a cell of a plane" holds.
 
-    The boxes must tile each segment of the curve times the cell.
+    For each segment of the curve, the boxes must tile the product of the segment and the cell.
     """
     matrix = ([exact(x) for x in certificate["plane"][name]] for name in _PLANE)
     plane = list(zip(*matrix, strict=True))
@@ -713,7 +714,7 @@ def orbits(
             [term for term, (a, b) in zip(quadratic, pairs, strict=True) if a == b],
             upper(k) * (2 * pi * upper(sine) * rho + 2 * pi**2 * upper(cosine) * squares)
             + upper(k) * 4 * pi**3 / 3 * largest**3
-            # The change of the strength times that of cos 2πx, beyond the term with ξ
+            # The change of the strength times the change of cos 2πx, without the term in ξ
             + width * 2 * pi * (upper(sine) * curved + pi * largest**2),
         )
         # By Cramer's rule, with the Wronskian v_n t_{n+1} - v_{n+1} t_n, the defect of the
@@ -837,12 +838,12 @@ def quotients(text: Any) -> tuple[list[int], list[int]]:
     """Parse a text like "[0;2,(1)]" into the quotients before the period, and one period."""
     most = MAX_QUOTIENTS * (MAX_DIGITS + 1)
     demand(
-        type(text) is str and len(text) <= most, f"omega is not a text of at most {most} letters"
+        type(text) is str and len(text) <= most, f"omega is not a text of at most {most} characters"
     )
     match = re.fullmatch(r"\[((?:-?\d+;)?(?:\d+,)*)\(((?:\d+,)*\d+)\)\]", text, re.ASCII)
     demand(match, f"{text[:40]!r} is not a quadratic irrational")
     parts = [re.findall(r"-?\d+", part) for part in match.groups()]  # type: ignore[union-attr]
-    message = f"omega is not of 1 to {MAX_QUOTIENTS} quotients of at most {MAX_DIGITS} digits"
+    message = f"omega does not have 1 to {MAX_QUOTIENTS} quotients of at most {MAX_DIGITS} digits"
     demand(sum(map(len, parts)) <= MAX_QUOTIENTS, message)
     demand(all(len(a.lstrip("-")) <= MAX_DIGITS for part in parts for a in part), message)
     head, tail = ([int(a) for a in part] for part in parts)
@@ -907,7 +908,7 @@ def inequalities(
     p: list[Ball],
     k: list[Ball],
 ) -> tuple[bool, dict[str, Ball]]:
-    """Return whether (1), (2) and (3) hold, their left-hand sides, and the largest |κ_j|."""
+    """Return whether inequalities (1) to (3) hold, their left-hand sides, and the largest |κ_j|."""
     P, e, two_pi, eta = len(kappa), arb(1).exp(), 2 * arb.pi(), arb("0.01")
     grown = 1 + eta
     q = [p[j] * p[(j + 1) % P] for j in range(P)]
@@ -929,7 +930,8 @@ def inequalities(
 def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
     """Return whether the theorem applies to the forcing or to the whole patch, and its constants.
 
-    u_j = Σ_ml C_jml T_m(σ) T_l(t); a polynomial of the modes k ≥ 0 represents a real function of φ.
+    u_j = Σ_ml C_jml T_m(σ) T_l(t); a real function of φ is represented by a polynomial whose
+    coefficients are its modes k ≥ 0.
     """
     rho, (omega, divisors, period) = arb(float.fromhex(data["rho"])), rotation(data["omega"])
     origin, kappa, tilt = fan(data)
@@ -939,8 +941,8 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
     demand(rho > 0 and 0 < len(kappa) == len(tilt), "rho or tilt does not match")
     numbers, unit = data["moves"]["numbers"], arb(2) ** data["moves"]["unit"]
     widest = max(map(len, numbers))
-    demand(long or len(numbers) == 1, "functions of s under one forcing")
-    demand(fanned or widest == 1, "functions of t on a ray")
+    demand(long or len(numbers) == 1, "functions depend on s, but there is one forcing")
+    demand(fanned or widest == 1, "functions depend on t, but the forcings are on a ray")
     functions_match = all(len(f) == len(kappa) for rows in numbers for f in rows)
     demand(functions_match, "not one function for each kick")
     moves = {

@@ -1,15 +1,15 @@
-"""A proof that a barrier exists under every forcing of a patch.
+"""Proofs that a barrier exists under every forcing of a patch.
 
 A patch consists of the forcings κ = s(a + tb), low ≤ s ≤ high, |t| ≤ 1. Patches with the same a
 and b, each beginning at the s where the previous one ended, fill a triangle with a corner at κ = 0,
-or, if b = 0, a segment of a ray. In a plane of origin o, κ = o + s(a + tb), and the corner is o. On
-each patch
+or, if b = 0, a segment of a ray. In a plane with origin o, κ = o + s(a + tb), and the corner is o.
+On each patch
 
     u_j(φ; s, t) = Σ_{m<Q, l<R} C_jml(φ) T_m(σ) T_l(t),    s = (low + high)/2 + σ (high - low)/2,
 
 |σ| ≤ 1, with the Chebyshev polynomials T_m. The theorem of `nasm.proofs.barrier` applies for every
-s and t if its constants hold for all σ and t. The bounds n_j and k_j are sums over m and l. The
-bound p_j allows for the difference between g_j' and its value at the nearest of Q·R Chebyshev
+s and t if its constants are valid for all σ and t. The bounds n_j and k_j are sums over m and l.
+The bound p_j allows for the difference between g_j' and its value at the nearest of Q·R Chebyshev
 points. The residual obeys
 
     ‖E_j‖ ≤ Λ_Q Λ_R max ‖E_j‖ at the points + interpolation error,    Λ_Q = 1 + (2/π) log Q.
@@ -17,10 +17,10 @@ points. The residual obeys
 If these bounds are too large for the theorem, the first step is bounded mode by mode, as described
 in README.md, "A first step that is computed". Then only the interpolation error is bounded
 without knowledge of its modes; it is small because E_j is computed at more points than there are
-degrees.
+Chebyshev polynomials.
 
-Adjacent patches from s = 0 upwards therefore show that the circle exists for all weaker kicks too:
-it does not break and reappear in between. See proofs/README.md, "A patch". A proof relies on
+Adjacent patches that begin at s = 0 show that the circle exists for all weaker kicks too: it does
+not break and reappear in between. See proofs/README.md, "A patch". A proof relies on
 `_Patch` and the functions of `nasm.proofs.barrier` and `nasm.proofs.residuals` that it calls; C may
 come from any source.
 In certificates, a patch is called a fan.
@@ -82,25 +82,27 @@ try:
 except ImportError:  # the extra `proof`
     arb = None  # type: ignore[assignment, misc]
 
-# Distance from the breakup at the end of a patch, relative to that at its beginning.
+# Distance from the breakup at the end of a patch, divided by the distance at its beginning.
 _MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
-# The ε that suffices 1% below the breakup; ε is proportional to this power of the distance.
-# Both were measured on rays, and on triangles in which the golden circle breaks last.
+# The ε that suffices 1% below the breakup, and the power of the distance from the breakup to which
+# ε is proportional. Both were measured on rays, and on triangles in which the golden circle breaks
+# last.
 _RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 1e-14, 4.6
-# If the inequalities fail, ε is multiplied by this factor, at most down to the second multiple of
-# its first value; then shorter patches are tried. Triangles of other circles need one reduction.
+# If the inequalities fail, ε is multiplied by _REDUCTION, until it reaches _MIN_REDUCTION times its
+# first value; then shorter patches are tried. Triangles in which another circle breaks last need
+# one reduction.
 _REDUCTION, _MIN_REDUCTION = 1e-2, 1e-4
 _MORE_POINTS = 2  # E is computed at this many more points than there are degrees
 _MAX_NEWTON_STEPS = 8  # 1 to 3 are needed
 _UNDERFLOW = 1e-280  # a residual that is too small to be corrected in doubles
-_NEWTON_GAIN = 1e-6  # a step made residuals smaller by a factor of 10⁵ to 10¹⁰
+_NEWTON_GAIN = 1e-6  # measured: a Newton step reduces residuals by a factor of 10⁵ to 10¹⁰
 _GRID_FACTOR = 0.75  # number of grid points, relative to that for a single forcing
 _MIN_NODES, MAX_NODES = 8, 64  # Chebyshev points in s, and in t
 _TRIAL_NODES = 24  # points in t at the far end of a patch, used to choose R
 _STRIP_RATIO = 0.1  # ρ relative to the estimated half width of the strip of analyticity
 _SLOWDOWN = 1.25  # allowance for work that grows faster than 1/distance
 _BOUND_FRACTION = 0.8
-"""A patch counts as proved if the theorem's left sides are below this fraction of its right sides.
+"""A patch counts as proved if the left side of each inequality is below this fraction of the right.
 
 The checker of certificates computes its own bounds, which may be slightly larger: for one of 988
 cells of forcings, by a factor of 1.15.
@@ -135,7 +137,7 @@ def proved_below(
     nearest : float
         Relative distance from the breakup at which to stop, from 0 to 1.
     plane : Plane, optional
-        A plane in whose coordinates profile and tilt are given; s is counted from its origin. The
+        A plane in whose coordinates profile and tilt are given; s is measured from its origin. The
         proof holds for exactly the floats of plane, profile and tilt.
 
     Returns
@@ -338,7 +340,7 @@ def _modes_of(start: FloatArray, turn: ComplexArray, K: int) -> ComplexArray:
 
 
 def _above_rounding(coefficients: list[Any], Q: int, R: int) -> list[Any]:
-    """Replace coefficients C by 0 if they are as small as the rounding errors of long doubles.
+    """Replace coefficients C by 0 if they are as small as rounding errors.
 
     C decays with the sum of its degrees: if both degrees are high, only rounding errors are left.
     """
@@ -355,7 +357,7 @@ def _above_rounding(coefficients: list[Any], Q: int, R: int) -> list[Any]:
 
 
 def _more(Q: int, R: int) -> tuple[int, int]:
-    """Return the numbers of points at which the residuals of Q·R degrees are computed."""
+    """Return the numbers of points in s and t at which residuals are computed, for Q·R degrees."""
     return Q + _MORE_POINTS, R + _MORE_POINTS if R > 1 else 1
 
 
@@ -371,7 +373,7 @@ class _Patch:
     """The forcings of a patch at Q·R Chebyshev points, in ball arithmetic.
 
     The patch consists of the forcings origin + s(profile + t·tilt), low ≤ s ≤ high, |t| ≤ 1. Lists
-    run over all points, or all pairs of degrees; the index for t varies fastest.
+    have an entry for each point, or for each pair of degrees; the index for t varies fastest.
     """
 
     def __init__(
@@ -408,7 +410,7 @@ class _Patch:
         self.sites, self.odd, self.turn = grid.sites, grid.odd, turns(omega, grid.sites, n // 2 + 1)
 
     def circles(self, starts: list[FloatArray], epsilon: float = 0.0) -> FloatArray | None:
-        """Return the modes of circles at the points, by Newton's method from values on grids.
+        """Compute the modes of the circles at all points by Newton's method from values on grids.
 
         The steps and the first residual are computed in doubles, later residuals as sums of two
         floats. The modes are such sums too, of shape (2, N, P, parts, K); see
@@ -461,7 +463,7 @@ class _Patch:
         return [to_integers(table, unit) for table in C.swapaxes(0, 1)]
 
     def verified(self, coefficients: list[Any], unit: int) -> dict[str, Any]:
-        """Try to verify the theorem for all s and t; return fields of a `BarrierProof`."""
+        """Try to verify the inequalities for all s and t; return fields of a `BarrierProof`."""
         C = from_integers(coefficients, unit, self.odd)
         modes = combined([np.array(T, object) for T in self.T], C)
         sizes = upper_sizes(C)
@@ -471,8 +473,8 @@ class _Patch:
             return {"proved": False, "reason": "not proved: the residual is not finite"}
         u, E = as_balls(modes, errors), as_balls(E, radii)
         sizes = [[[arb(x) for x in row] for row in table] for table in sizes.tolist()]
-        # Bounds on |T_m(σ) - T_m(σ_i)| for the nearest σ_i: its angle arccos σ_i and that of σ
-        # differ by at most π/2Q.
+        # Bounds on |T_m(σ) - T_m(σ_i)| for the nearest σ_i: arccos σ_i and arccos σ differ by at
+        # most π/2Q.
         steps = [[2 * (arb(m) / (4 * n)).sin_pi() for m in range(n)] for n in self.shape]
         apart = [a + b for a, b in product(*steps)]
         kappa = [self._largest(j, self.high) for j in range(len(self.profile))]

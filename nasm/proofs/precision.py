@@ -1,4 +1,4 @@
-"""The precision of FLINT's balls, in bits: all threads of a process share it."""
+"""Working precision of FLINT's ball arithmetic, in bits; all threads of a process share it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,9 +16,10 @@ _LOCK = RLock()
 
 @contextmanager
 def working_precision(bits: int) -> Iterator[None]:
-    """Compute with balls of this precision; other threads wait until that is done.
+    """Set the precision in a `with` block; other threads that set it wait until the block ends.
 
-    Bounds hold at any precision, but a thread that changed it would make those of another too wide.
+    Bounds are valid at any precision, but if one thread lowered it while another was computing, the
+    bounds of the other would become too wide.
     """
     with _LOCK, ctx.workprec(bits):
         yield

@@ -2,17 +2,18 @@
 
     E_j(φ) = u_{j+1}(φ + α) - 2u_j(φ) + u_{j-1}(φ - α) - (κ_j/2π) sin 2π(φ + u_j(φ))
 
-for many forcings, from the modes of u_j for each. A number is stored as a sum a' + a'' of two
-floats with |a''| ≤ 2⁻⁵³|a'|, about 106 bits. A fast Fourier transform converts the modes of u_j to
-values on a grid of n points, and another converts the sines to modes. Each stage of a transform is
-a multiple of an orthogonal map, so rounding errors do not grow in the mean square:
+The residuals are computed for many forcings, each from the modes of its own u_j. A number is stored
+as a sum a' + a'' of two floats with |a''| ≤ 2⁻⁵³|a'|, which amounts to about 106 bits. A fast
+Fourier transform converts the modes of u_j to values on a grid of n points, and another converts
+the sines to modes. Each stage of a transform is a multiple of an orthogonal map, so it does not
+amplify rounding errors in the mean square:
 
     error of the transform of x ≤ √n (68 + 22 log₂ n) 2⁻¹⁰⁶ ‖x‖₂.
 
 proofs/README.md, "Rounding in a patch", derives this bound, and the one on E that `residuals`
-returns. Both rely on IEEE arithmetic with rounding to nearest, gradual underflow and a fused fma,
-which `nasm.proofs.transport.check_arithmetic` tests at run time, and on FLINT's balls, against
-which the tables of sines and cosines are checked.
+returns. Both rely on IEEE arithmetic with rounding to nearest, gradual underflow and a fused
+multiply-add, which `nasm.proofs.transport.check_arithmetic` tests at run time, and on FLINT's
+balls, against which the tables of sines and cosines are checked.
 
 Arrays of numbers have a first axis of length 2, for a' and a''. Only modes with k ≥ 0 are stored,
 as all functions are real. The axis before that of k has length 2, for real and imaginary parts; for
@@ -144,7 +145,7 @@ def _transform(x, turns, first, y):
                 )
                 total = _sum(total[0], term[0]), _sum(total[1], term[1])
             _put(y, block * first + k, total)
-        bit = blocks >> 1  # the next number with its bits in reverse order
+        bit = blocks >> 1  # the next start, in bit-reversed order
         while start & bit:
             start ^= bit
             bit >>= 1
@@ -163,9 +164,9 @@ def _transform(x, turns, first, y):
 
 @njit
 def _sine(x, angles):
-    """Return sin 2πx, with an error of at most 18·2⁻¹⁰⁶; angles are e^{2πii'/128}.
+    """Return sin 2πx, with an error of at most 18·2⁻¹⁰⁶; return NaN for |x| ≥ 2²⁴ or NaN.
 
-    For |x| ≥ 2²⁴ or NaN, return NaN.
+    `angles` contains e^{2πii'/128}, 0 ≤ i < 128, where i' is the imaginary unit.
     """
     if not abs(x[0]) < 2.0**24:
         return np.nan, np.nan
@@ -245,7 +246,7 @@ def _linear(u, shifts, node, j, after, before, part, k):
     """Return a mode of u_{j+1}(φ + α) - 2u_j(φ) + u_{j-1}(φ - α)."""
     turn = _at(shifts, k)
     own = -2 * u[0, node, j, part, k], -2 * u[1, node, j, part, k]
-    if u.shape[3] == 1:  # the sines of the angle ±2πkα cancel: u_{j+1} = u_{j-1}
+    if u.shape[3] == 1:  # terms in sin 2πkα cancel, as u_{j+1} = u_{j-1}
         a = u[0, node, after, 0, k], u[1, node, after, 0, k]
         b = _product(a, turn[0])
         return _sum(_sum(b, b), own)
@@ -300,7 +301,7 @@ def residuals(
 @np.errstate(over="ignore", invalid="ignore")
 def _radii(strengths: FloatArray, u: FloatArray, errors: FloatArray, n: int) -> FloatArray:
     """Bound the errors of the residuals; strengths are |κ_j|/2π, of shape (N, P)."""
-    sizes = np.sqrt((u[0] ** 2).sum(axis=2))  # [node, j, k]; u[1] is within SLACK
+    sizes = np.sqrt((u[0] ** 2).sum(axis=2))  # [node, j, k]; SLACK covers u[1]
     largest = 2 * sizes.sum(axis=2).max(axis=1)
     square = np.sqrt(2 * (sizes**2).sum(axis=(1, 2)))  # ≥ ‖Z‖₂ of each transform
     transform = (68 + 22 * log2(n)) * SQUARED_ULP
@@ -352,7 +353,7 @@ def _grid_tables(n: int) -> tuple[FloatArray, FloatArray]:
 
 
 def combined(matrices: list[NDArray[Any]], x: FloatArray) -> FloatArray:
-    """Return Σ A_im B_kl x_ml, where the entries of A and B are real balls below 1 in size.
+    """Return Σ A_im B_kl x_ml, where the entries of A and B are real balls with |z| ≤ 1.
 
     Parameters
     ----------
@@ -362,12 +363,12 @@ def combined(matrices: list[NDArray[Any]], x: FloatArray) -> FloatArray:
     Returns
     -------
     array, shape (2, Q'·R', P, parts, K)
-        With an error of at most (18.2 + 3.02(Q + R)) 2⁻¹⁰⁶ Σ_ml |x_ml|.
+        The sums; their errors are at most (18.2 + 3.02(Q + R)) 2⁻¹⁰⁶ Σ_ml |x_ml|.
     """
     shape, (A, B) = x.shape[2:], map(_table, matrices)
     Q, R = A.shape[2], B.shape[2]
     inner = np.empty((2, B.shape[1], Q, x[0, 0].size))
-    # The axis summed over comes first: from [Q, R, ...] to [R', Q, ...] to [Q', R', ...].
+    # The axis to be summed over is moved to the front: [Q, R, ...] → [R', Q, ...] → [Q', R', ...].
     x = x.reshape(2, Q, R, -1).swapaxes(1, 2)
     _combine(B, np.ascontiguousarray(x), inner)
     result = np.empty((2, A.shape[1], B.shape[1], x.shape[-1]))

@@ -1,10 +1,10 @@
 """A computer-assisted proof that transport is global: no rotational invariant circle exists.
 
 Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. For one or two kicks the
-curve is a symmetry line x_c = a; for more kicks it is a polygon through minimax orbits (see
-`nasm.converse_kam.transversal`). Along an orbit on a circle the second variation of the action is
-positive. So if for every initial condition on the curve, up to symmetries, some η of finite support
-satisfies
+curve is the symmetry line x_c = a before kick c; for more kicks it is a polygon through minimax
+orbits (see `nasm.converse_kam.transversal`). Along an orbit on a circle the second variation of the
+action is positive. So if for every initial condition on the curve, up to symmetries, some η of
+finite support satisfies
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0,   η ≠ 0,
 
@@ -12,7 +12,7 @@ then no circle exists, and orbits lead from any y to any other. `proofs/README.m
 global", states the theorem, and shows why the computation below proves its hypothesis despite
 rounding.
 
-The curve is covered by boxes |s - ŝ| ≤ δ, whose orbits are
+A parameter s runs along the curve. Boxes |s - ŝ| ≤ δ cover the curve, and their orbits are
 
     x_n(σ) = x̂_n + σ t_n + σ² q_n + ρ_n,   |ρ_n| ≤ A_n|v_n| + B_n|t_n|,   s = ŝ + σδ,   |σ| ≤ 1.
 
@@ -20,8 +20,7 @@ All orbits of a box share one η, called V. It is the solution v of the linearis
 at each kick by a *payment*, which covers the amount by which Q may exceed its value in the middle
 of the box. V_N ≤ 0 shows that Q ≤ 0 on the whole box; N is called the lifetime of the box. A box
 that fails is bisected. On a symmetry line the sites n ≥ c are enough. On a polygon the sites before
-c are followed too, like those after c but under the kicks in reverse order, so that a box has two
-lifetimes.
+c are followed too, under the kicks in reverse order, so each box has two lifetimes.
 
 Sixteen boxes run in lockstep on `nasm.arithmetic.lanes`. After an event in one of them (V ≤ 0 or a
 violated bound), its block of kicks is repeated on floats, by the same function. The proof relies on
@@ -77,7 +76,7 @@ _S0, _S1, _S2, _S3 = map(pair, _SERIES[:4])
 _S4 = tuple(map(float, _SERIES[4:]))
 
 ULP = 2.0**-53  # relative rounding error; also a bound on the error of h = sin 2πx/2π
-ORBIT = 2.0**-66  # bounds the error of h as a sum of two floats, and that of rounding x and y
+ORBIT = 2.0**-66  # bounds the error of h as a sum of two floats, and the rounding of x and y
 COS = 2.1e-14  # bounds the error of cos 2πx; the tests prove both bounds in ball arithmetic
 UP = 1 + 1e-14  # covers 90 roundings of sums and products of positive numbers
 PAYMENT_FACTOR = 1.0001  # covers `_MAX_LIFETIME` roundings of a sum of positive numbers
@@ -96,10 +95,10 @@ _FIRST_BOXES = 16  # number of boxes on each piece before any bisection
 _MIN_DELTA = 2.0**-50  # smallest δ for which centres are exact, for s up to 8
 _KICKS_PER_BLOCK = 8  # between checks for events; rounded up to whole periods
 _STATE, _ROWS, _V = 18, 19, 6  # numbers per box that change, all numbers per box, and index of V
-_FIRST_EXCESS = 0.1  # relative excess of s over value with which `proved_upper` begins
+_FIRST_EXCESS = 0.1  # `proved_upper` begins at a scale this fraction above `value`
 _KICKS_PER_CALL = 2_000_000  # kicks per kernel call, between checks of the clock
 _MIN_CROWD = 128  # a piece of the polygon may be bent if more boxes than this wait on it
-_MAX_STEPS = 2**14  # periods within which floats must eliminate all starts on a polygon
+_MAX_STEPS = 2**14  # periods within which a polygon's starts must be eliminated in floats
 _CORNER_GRID = 2.0**26  # inverse spacing of corners, so that their sums are exact in two floats
 
 
@@ -117,8 +116,8 @@ class Outcome(Enum):
     BUDGET = "not proved: the budget is spent; allow more CPU seconds"
     PRECISION = "not proved: boxes became too small or too many; a circle may exist"
     SCOPE = (
-        "not proved: the theorem needs, after shortening, one kick per period, or two of which one "
-        f"is weaker than 2, or up to {MAX_PERIOD} that are weak enough for a twist map"
+        "not proved: the shortened forcing must have one kick, or two kicks with one weaker than "
+        f"2, or at most {MAX_PERIOD} kicks that are weak enough for a twist map"
     )
     WEAK = "not proved, and not tried: the kicks are so weak that a circle certainly exists"
 
@@ -160,7 +159,7 @@ class TransportProof(Proof):
     site : int
         Index of the kick at the curve.
     points : ndarray, shape (m, 2)
-        Corners of the curve, x and y before that kick. Both ends are their own images under
+        Corners of the curve, x and y before that kick. Each end is its own image under
         (x, y) → (-x, -y), up to whole turns.
     boxes : ndarray, shape (n, 2)
         Rows ŝ, δ: no circle passes through initial conditions with |s - ŝ| ≤ δ; s is 0 at the first
@@ -491,7 +490,7 @@ def _covered(
 
 
 def _slopes(kappa: FloatArray, points: FloatArray, starts: FloatArray) -> FloatArray:
-    """Choose γ for each box so that V, computed in floats, becomes ≤ 0 both ways, if possible."""
+    """Choose γ for each box so that V in floats becomes ≤ 0 in both directions, if possible."""
     x, y = (np.interp(2 * starts, np.arange(len(points)), axis) for axis in points.T)
     _, slopes = transversal.elimination(kappa, x, y, _MAX_STEPS * len(kappa))
     return np.clip(np.rint(slopes * 2.0**20) / 2.0**20, -3, 1 - 2.0**-20)

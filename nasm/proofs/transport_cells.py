@@ -1,8 +1,8 @@
 """A proof that transport is global for every forcing in a cell of a plane.
 
 The forcings of a plane are κ_i = o_i + αF_i + βG_i, and a cell is |α - a| ≤ h_a, |β - b| ≤ h_b. The
-method is that of `nasm.proofs.transport`, to second order in three parameters: the initial
-condition and the two coordinates of the forcing,
+method of `nasm.proofs.transport` is extended to three parameters, the initial condition and the two
+coordinates of the forcing, in which orbits are expanded to second order:
 
     κ_i = k_i + σ_α f_i + σ_β g_i,   f_i = h_α F_i,   g_i = h_β G_i,   |σ|, |σ_α|, |σ_β| ≤ 1,
     x_n = x̂_n + σ t + σ_α p + σ_β q + σ² tt + σσ_α tp + σσ_β tq + σ_α² pp + σ_ασ_β pq + σ_β² qq + ρ,
@@ -86,7 +86,7 @@ _MAX_SLOPE_KICKS = 20_000  # maximum number of kicks, in each direction, used to
 _MAX_PLANE_STRENGTH = 4  # largest |κ| for which the bounds on rounding hold on a polygon
 _MIN_DELTA, _MIN_STRENGTH_WIDTH = 2.0**-45, 2.0**-40
 _KICKS_PER_BLOCK = 8  # kicks between checks for events
-_STATE, _ROWS, _COLUMNS = 40, 41, 10  # changing and all numbers per lane; numbers per box
+_STATE, _ROWS, _COLUMNS = 40, 41, 10  # numbers per lane that change, and in all; numbers per box
 _OF_KICK = 4  # numbers that describe a kick: k, f, g, and a bound on their rounding
 _MAX_WAITING = 4096  # maximum number of boxes on the stack
 _KICKS_PER_CALL, _MAX_ELIMINATED = 200_000, 16_384  # per kernel call, between checks of the clock
@@ -216,7 +216,7 @@ def _cell(
     half_width = forcing(np.broadcast_to(floats("half_width", half_width), 2))
     budget = positive("budget", budget, "seconds of computing time")
     if centre.size != 2:
-        raise ValueError(f"{name}={centre.tolist()}: the centre of a cell has two strengths")
+        raise ValueError(f"{name}={centre.tolist()}: the centre of a cell has two coordinates")
     if not (half_width > 0).all():
         raise ValueError(f"half_width={half_width.tolist()} must be positive")
     numbers = _STRENGTH_GRID * np.concatenate([centre, half_width])
@@ -311,7 +311,7 @@ def prove_cell_of_plane(
     Parameters
     ----------
     plane : Plane
-        The plane of forcings; the proof holds for exactly its floats.
+        The plane of forcings; the floats that define it are taken to be exact.
     centre : array_like, shape (2,)
         Centre of the cell, in coordinates of the plane, a multiple of 2⁻³⁰.
     half_width : float or array_like, shape (2,)
@@ -449,11 +449,11 @@ def _cover(
     """Continue covering a curve for some kicks; return the outcome, n_waiting and n_eliminated.
 
     waiting[:n_waiting] : the boxes still to be followed, a stack of rows ŝ, δ, α, h_α, β, h_β, g_α,
-    g_β, the number of a piece, and γ; the number's integer part is the index of a segment. lanes,
-    kicks, boxes, ways, ages : for each lane, in columns, its state, a block of its kicks, its box
-    (δ = 0 if the lane is idle), whether the box is followed backwards (after it has been
-    eliminated forwards), and the numbers of kicks so far, forwards and backwards. eliminated,
-    lifetimes : arrays that receive the eliminated boxes and their lifetimes.
+    g_β, the number of a piece of the curve, and γ; the integer part of the piece's number is the
+    index of a segment. lanes, kicks, boxes, ways, ages : for each lane, in columns, its state, a
+    block of its kicks, its box (δ = 0 if the lane is idle), whether the box is followed backwards
+    (after it has been eliminated forwards), and the numbers of kicks so far, forwards and
+    backwards. eliminated, lifetimes : arrays that receive the eliminated boxes and their lifetimes.
     """
     before, events = np.empty((_ROWS, FEW)), np.empty((2, FEW))
     n_eliminated = n_kicks = 0
@@ -535,7 +535,7 @@ def _start(lanes, kicks, lane, forcings, points, is_line, box, way):
     x, t, x_error = _coordinate(points[:, 0], box)
     y, zt, y_error = _coordinate(points[:, 1], box)
     zp = zq = 0.0  # last differences of p and q at the curve, where p = q = 0
-    if is_line:  # even η: γ makes both directions the same
+    if is_line:  # η is even: with this γ both directions are the same
         weight = 0.5 if x == 0.5 else -0.5  # -cos 2πa/2
         slope = weight * kicks[0, 0, lane]
         zp, zq = box[6] * box[3], box[7] * box[5]
@@ -641,7 +641,7 @@ def _strength(forcings, n, a, b):
 
 @njit(forceinline=True, error_model="numpy")
 def _summed(k, bound, state):
-    """Move on one site; add 1/(v_n v_{n+1}) to the total, or set it to `bound` if v_{n+1} ≤ 0."""
+    """Advance one site; add 1/(v_n v_{n+1}) to the total, or set it to `bound` if v_{n+1} ≤ 0."""
     x, y, v, w, total = state
     x += y
     x -= rint(x)
@@ -684,11 +684,11 @@ def _trigonometry(x):
 
 @njit(forceinline=True, error_model="numpy")
 def _kick(k, f, g, blur, scale, state):
-    """Apply one kick to a box, for lanes or floats; the method is that of `transport`.
+    """Apply one kick to a box, for lanes or floats, by the method of `transport`.
 
-    The strength of the kick differs from k + σ_α f + σ_β g by at most blur. p is the response to
-    σ_α, q that to σ_β. zp, … are the last differences of p, …; lt, ltt, … are the sums in Q; mt,
-    mp, mq are the largest |t|, |p|, |q| so far.
+    The strength of the kick differs from k + σ_α f + σ_β g by at most blur. p and q are the
+    responses to σ_α and σ_β. zp, … are the last differences of p, …; lt, ltt, … are the sums in Q;
+    mt, mp, mq are the largest |t|, |p|, |q| so far.
     """
     x, y, v, w, V, W, t, zt, p, zp, q, zq = state[:12]
     tt, ztt, tp, ztp, tq, ztq, pp, zpp, pq, zpq, qq, zqq = state[12:24]

@@ -43,7 +43,7 @@ class LastTorusSettings:
     distances : tuple of float
         Relative distances below `upper` at which to search for candidates, in this order.
     n_starts : int
-        Number of starts on a line; averages are computed for those that survive.
+        Number of starts on a line; averages are computed for the starts that survive.
     average_kicks : int
         Number of kicks over which orbits are averaged.
     max_difference : float
@@ -52,7 +52,7 @@ class LastTorusSettings:
     min_distance : float
         Smallest distance between two candidates, in turns per kick.
     max_candidates : int
-        Maximum number of candidates whose tori are continued, which takes most of the time.
+        Maximum number of candidates whose tori are continued; continuation takes most of the time.
 
     Examples
     --------

@@ -9,24 +9,25 @@ periodic forcing are tori, two-dimensional graphs over (θ, φ):
 The unknown is u on a grid of m × n points, an array of shape (m, n) with φ along its first axis. It
 is unique up to θ → θ + constant, and ⟨u⟩ = 0 fixes the constant. One torus serves all phases φ0.
 
-Newton's step is that of `nasm.circles` with one site, and (θ, φ) in place of θ. Write the
-correction as h_θ w, and f⁺ and f⁻ for f(θ ± ω, φ ± Ω). Up to terms of order E²
+The step of Newton's method is the same as in `nasm.circles`, with one site and with (θ, φ) in place
+of θ. Write the correction as h_θ w, and f⁺ and f⁻ for f(θ ± ω, φ ± Ω). Up to terms of order E²,
 
     c (w⁺ - w) - [c (w⁺ - w)]⁻ = -h_θ E,     c = h_θ h_θ⁺.
 
-This equation is solved by two divisions in Fourier space, by e^{2πi(k₁ω + k₂Ω)} - 1, for the modes
-in an ellipse whose semi-axes are 36% of the number of points along each axis. A rotation vector is
-refused as resonant if a mode in use has a divisor below 10⁻⁶. Resonant modes near the rim of
-the ellipse are left out, by a criterion that becomes stricter towards the rim: the modes that they
-drive are missing there, so Newton's method would diverge if resonant modes were used. The estimated
-size of the modes left out counts as unresolved. The two axes are refined separately.
+This equation is solved by two divisions by e^{2πi(k₁ω + k₂Ω)} - 1 in Fourier space. The modes in
+use lie in an ellipse whose semi-axes are 36% of the number of points along each axis. A rotation
+vector is refused as resonant if a mode in use has a divisor below 10⁻⁶. Near the rim of the
+ellipse, resonant modes are left out, because the modes that they drive lie beyond the rim, and
+without these Newton's method would diverge. The largest divisor that counts as resonant increases
+towards the rim. The estimated contribution of the modes left out is added to the unresolved part of
+u. The grid is refined along each axis separately.
 
 With too few modes Newton's method converges to "tori" beyond the breakup. Therefore a torus is
 certified only if the method converges again, with h_θ > 0, on a grid twice as fine along both axes.
 
-No renormalisation theory predicts exponents for the breakup of tori, and norms grow irregularly.
-max (h⁻¹)' = 1/min h_θ grows more regularly; `critical_scale` fits the breakup and the exponent to
-it.
+No renormalisation theory predicts exponents for the breakup of tori, and norms grow irregularly as
+it is approached. The quantity max (h⁻¹)' = 1/min h_θ grows more regularly: `critical_scale` fits a
+power law to it, which yields both the breakup and the exponent.
 """
 
 from collections.abc import Sequence
@@ -76,7 +77,8 @@ class TorusSettings:
     first_grid : tuple of int
         Number of points of the first grid along φ and θ.
     max_points : int
-        Maximum number of grid points, on the way to a breakup and for the certified torus.
+        Maximum number of grid points of a torus on the way to its breakup; the certificate uses
+        four times as many.
     inner_radius : float
         Squared relative radius, in the ellipse of modes, up to which all modes are used.
     outer_radius : float
@@ -98,7 +100,7 @@ class TorusSettings:
         Ratio of the error estimate to the distance of the last torus from the breakup; the estimate
         was large enough in 172 of 177 cases.
     newton : NewtonSettings
-        Criteria for the convergence of Newton's method, and the fraction of modes used along an
+        Criteria for the convergence of Newton's method, and the ratio of modes to points along an
         axis. Its fields for the certificate and for `polish` apply to circles only.
 
     Examples
@@ -278,10 +280,10 @@ def critical_scale(
     -------
     CriticalScale
         lower : the scale of the certified torus, NaN if there is none. upper : NaN. error : twice
-        the distance of the last torus from the breakup, or the last change of the estimate if that
-        is larger, because p is unknown. omega : None, as a pair of numbers is not a RotationNumber.
-        If there is no estimate, value and error are NaN and the status gives the reason; lower is
-        reported even then.
+        the distance of the last torus from the estimated breakup, or the last change of this
+        estimate if that is larger; p is unknown and is fitted, too. omega : None,
+        because a pair of numbers is not a RotationNumber. If there is no estimate, value and error
+        are NaN and the status gives the reason; lower is reported even then.
 
     Raises
     ------
@@ -320,7 +322,7 @@ def solve(
     n_max: int,
     settings: TorusSettings = DEFAULT_SETTINGS,
 ) -> tuple[FloatArray, Status]:
-    """Solve for a torus by Newton's method from u, refining the grid as needed.
+    """Solve for a torus by Newton's method, starting from u and refining the grid as needed.
 
     Returns
     -------
@@ -399,7 +401,7 @@ def graph(torus: InvariantTorus) -> tuple[FloatArray, FloatArray]:
     Returns
     -------
     x, y : ndarrays, shape (m, n)
-        In turns, x on the lift.
+        Both in turns; x is on the lift, i.e. not reduced mod 1.
 
     Examples
     --------
@@ -442,7 +444,7 @@ def _next_torus(vector, profile, path, step, n_max, settings):
     """Return the scale, u and Status of a torus at most `step` beyond the end of the path.
 
     After every second failure the grid is also doubled along one axis, because a resonance just
-    beyond the modes of the last torus looks like the breakup.
+    beyond the modes of the last torus can be mistaken for the breakup.
     """
     for failures in range(settings.max_halvings):
         target, doublings = path[-1][0] + step, failures // 2
@@ -528,7 +530,7 @@ def _wave_numbers(m):
 
 
 def _turns(number, k):
-    """Compute e^{2πik·number} for integers k; the phases are exact, as integers modulo 2⁶⁴."""
+    """Compute e^{2πik·number} for integers k; the phases are computed exactly, modulo 2⁶⁴."""
     unit = np.uint64(int(Fraction(number) % 1 * 2**64))
     return np.exp(1j * TWO_PI * ((k.astype(np.uint64) * unit).astype(np.int64) / 2.0**64))
 
@@ -583,8 +585,8 @@ def _newton(omega, frequency, mean, amplitude, u, settings=DEFAULT_SETTINGS):
 def _iterate(mean, amplitude, turn, kind, modes, max_steps, max_update, max_tail):
     """Take Newton steps until the outcome is clear; return its index and the first error.
 
-    The index refers to _OUTCOMES. The iteration is that of `nasm.circles`, except that modes may be
-    missing along either axis.
+    The index refers to _OUTCOMES. The iteration is the same as in `nasm.circles`, except that modes
+    may be missing along either axis.
     """
     first = last_error = last_change = 1.0
     for step in range(max_steps):

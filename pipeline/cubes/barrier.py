@@ -58,7 +58,7 @@ def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barri
     >>> job.cube.template.angle.values
     array([10., 30.])
     """
-    is_short = len(plane.origin) <= 2  # if not, some rays have forcings of period 1 or 2
+    is_short = len(plane.origin) <= 2  # longer forcings have period 1 or 2 on some rays
     warm_up = partial(load_search, sum(plane.ray(30.0))) if is_short else load_searches
     seconds = 0.1 + 1.8e-5 / tol if is_short else 0.6 + 3e-4 / tol  # the latter is for P = 3
     seconds *= (min(max(len(plane.origin), 3), 16) / 3) ** 2
@@ -257,7 +257,7 @@ def _compute(coords: Coords, settings: Settings) -> Arrays:
 
 
 def circle_arrays(brackets: Sequence[CriticalScale]) -> Arrays:
-    """Return the arrays of `last_circles` for last barriers."""
+    """Return the values of the variables of `last_circles` for the given last barriers."""
     omegas = [bracket.omega for bracket in brackets]
     parts = [(omega.prefix, omega.tail) if omega else ((), ()) for omega in omegas]
     rows = [[*prefix, *tail] for prefix, tail in parts]

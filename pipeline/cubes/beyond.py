@@ -25,7 +25,7 @@ from pipeline.cubes.warm_up import load_orbits
 _TILE = {"angle": 1, "excess": 1}
 
 _Method: TypeAlias = Callable[[FloatArray, Coords, Settings], Arrays]
-"""Maps (forcings of a tile, shape (angle, excess, P); its coordinates; settings) to its arrays."""
+"""Computes a tile's arrays from its forcings (angle, excess, P), coordinates, and settings."""
 
 
 def escape_times(
@@ -158,7 +158,7 @@ def _coords(plane: Plane, scales: Mapping[float, float], excesses: Sequence[floa
     """Return the coordinates; the strengths in the plane are computed tile by tile."""
     coords = {
         "angle": cube.angles_of_rays(list(scales)),
-        "excess": cube.coordinate("excess", excesses, "scale over that of the breakup, minus 1"),
+        "excess": cube.coordinate("excess", excesses, "scale relative to the breakup, minus 1"),
         "breakup": cube.coordinate("angle", list(scales.values()), "scale of the breakup"),
     }
     return coords | {name: cube.blank(coords, label) for name, label in plane.axes.items()}
@@ -198,7 +198,7 @@ def _predict_escapes(coords: Coords, settings: Settings) -> float:
 
 
 def _flux(kappas: FloatArray, coords: Coords, settings: Settings) -> Arrays:
-    """Compute fluxes through the circles of a tile."""
+    """Compute the fluxes through the broken circles of a tile."""
     rays, q_max = zip(map(parse, coords["circle"]), kappas, strict=True), settings["q_max"]
     fluxes = [[turnstiles.flux(omega, kappa, q_max) for kappa in along] for omega, along in rays]
     return cube.field_arrays(fluxes, {"flux": "value", "error": "error", "period": "period"})

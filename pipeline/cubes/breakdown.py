@@ -1,12 +1,12 @@
 """Breakup on rays: the scale at which a circle, or the last barrier, breaks on each ray of a plane.
 
-κ = origin + s·(cos angle · first + sin angle · second), see `nasm.planes`. The dims are (row,
-angle), where a row is a circle or a frequency; a cube without rows has the dim (angle). Angles are
-in degrees. See arXiv:1606.04824, Sec. VI.
+On a ray, κ = origin + s·(cos angle · first + sin angle · second); see `nasm.planes`. The dims of a
+cube are (row, angle), where a row is a circle or a frequency; a cube without rows has the dim
+(angle). Angles are in degrees. See arXiv:1606.04824, Sec. VI.
 
 Next to cusps, and for rotation numbers with large quotients, continuation runs out of modes before
 it reaches the tolerance. In these cases, residues of long orbits may still reach it. The variable
-`method` names the method that gave the answer.
+`method` names the method that produced the result.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -47,7 +47,7 @@ _SCALES = {  # variable: field of CriticalScale, long_name
     "lower": ("lower", "scale at which the barrier was shown to exist"),
     "upper": ("upper", "scale at which the barrier was shown not to exist"),
 }
-_TILE_SECONDS = 3  # CPU time of a tile, which has one file per variable
+_TILE_SECONDS = 3  # CPU time of a tile; shorter tiles would make too many files
 _FLAG_OF = {  # CriticalScale.method: its flag in the variable `method`
     continuation.METHOD: "continuation",
     periodic.METHOD: "residue",
@@ -67,7 +67,7 @@ def continued_or_by_residue(
     Parameters
     ----------
     omega : RotationNumber or str
-        Rotation number per step.
+        Rotation number per step (one period of the forcing).
     profile : array_like, shape (P,)
         Strengths of the kicks, divided by s.
     tol : float
@@ -84,7 +84,7 @@ def continued_or_by_residue(
 
 
 _CONTINUED = f"{continuation.METHOD}, else {periodic.METHOD}"
-# For each method, its function and the settings that take the least time.
+# For each method: its function, and settings for the fastest possible run, used to compile it.
 _METHODS: dict[str, tuple[Callable[..., CriticalScale], Settings]] = {
     _CONTINUED: (continued_or_by_residue, {"tol": 0.1, "q_max": 10}),
     periodic.METHOD: (periodic.critical_scale, {"q_max": 10}),
@@ -207,7 +207,7 @@ def job_on_rays(
     title : str
         Title of the cube.
     more : mapping of str to xr.Variable, optional
-        Variables other than those of critical scales.
+        Additional variables of the cube.
     """
     known = {**rows, "angle": cube.angles_of_rays(angles)}
     variables = blank_scales(known) | dict(more or {})

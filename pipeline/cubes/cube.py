@@ -2,10 +2,10 @@
 
 A cube consists of a lazy xarray template (variables, dims, coordinates, units), the length of a
 tile along each tiled dimension, and the settings that determine its values. Two cubes with the same
-`config_hash` contain the same numbers, no matter who computes them, or in what order; see
-`nasm.arithmetic.reproducible`. Only bounds that are proved within a time limit depend on the
-machine. A cube without tiles (see `untiled`) is identified by its settings alone, which are known
-before it is computed.
+`config_hash` contain the same numbers, no matter on which machine or in what order they are
+computed; see `nasm.arithmetic.reproducible`. The only exceptions are bounds that are proved within
+a time limit, which depend on the machine. A cube without tiles (see `untiled`) is identified by its
+settings alone, which are known before it is computed.
 """
 
 import hashlib
@@ -44,7 +44,7 @@ Settings: TypeAlias = dict[str, Any]
 """Values that JSON can represent: numbers, strings, and lists and objects of these."""
 
 Arrays: TypeAlias = dict[str, Any]
-"""The array of each computed variable in one tile; `certificates`, if there are any, are bytes."""
+"""The values of each computed variable in one tile; `certificates`, if there are any, are bytes."""
 
 Labels: TypeAlias = dict[str, xr.Variable]
 """Variables by name: coordinates, or variables that are not computed yet."""
@@ -101,7 +101,7 @@ class Cube:
 
     @property
     def computed(self) -> list[str]:
-        """Names of the data variables and coordinates that have no values yet; tiles fill them."""
+        """Names of the data variables and coordinates whose values the tiles will provide."""
         return [str(name) for name, array in self.template.variables.items() if array.chunks]
 
     @property
@@ -155,7 +155,7 @@ class Job:
     warm_up : callable
         () → anything; compiles the kernels of `compute`, once in each worker.
     call : str
-        The call that made the job; "" if it was not made by a function of `pipeline.jobs`.
+        The call that created the job; "" if no function of `pipeline.jobs` created it.
     """
 
     cube: Cube
@@ -231,8 +231,9 @@ def cells_along(axes: Iterable["Axis"], long_names: Mapping[str, str]) -> dict[s
 def text(dim: str, texts: Iterable[str], long_name: str) -> xr.Variable:
     """Return a labelled variable of strings along a dimension.
 
-    "" represents a missing string. A store returns it as NaN, like any value that is missing after
-    a join of two cubes, because xarray cannot join strings of zarr's own type.
+    "" represents a missing string. When a cube is read from a store, "" becomes NaN, which also
+    marks values that are missing after two cubes are joined. This conversion is necessary because
+    xarray cannot join strings of zarr's own type.
     """
     label = {"long_name": long_name, "missing_value": ""}
     return xr.Variable(dim, np.array(list(texts), dtype=str), label)
@@ -249,14 +250,14 @@ def blank(
     fill: float | np.generic = np.nan,
     **attrs: Any,
 ) -> xr.Variable:
-    """Return a variable whose values are not computed yet, over the dimensions among `coords`.
+    """Return a variable whose values are not computed yet, with the dimensions of `coords`.
 
     Parameters
     ----------
     coords : mapping of str to xr.Variable
         Each dimension coordinate adds its dimension; other coordinates are ignored.
     long_name : str
-        What the variable is; `attrs` are additional attributes.
+        Description of the variable; `attrs` are additional attributes.
     fill : float or NumPy scalar
         Fill value, which also determines the dtype of the variable.
     """
@@ -266,7 +267,7 @@ def blank(
 
 
 NOT_COMPUTED = -128
-"""Code of values that are not computed or whose chunks are lost or missing: the smallest int8."""
+"""Code of values that are not computed, or whose chunk is missing: the smallest int8."""
 
 NO_MEAN = "not a quantity: do not interpolate or average it"
 _STATUSES = list(Status)

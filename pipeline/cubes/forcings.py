@@ -1,4 +1,4 @@
-"""Lists of named forcings of any period: last barriers, and a comparison with constant kicks.
+"""Cubes over lists of forcings of any period: last barriers, and a comparison with constant kicks.
 
 Forcings are κ = s·profile, with one profile for each entry of the dim `forcing`; see
 `nasm.barriers`. The comparison asks whether a barrier exists under any of these forcings at a
@@ -158,7 +158,7 @@ def scale_without_barrier(profile: FloatArray, golden: float) -> float:
     golden : float
         The critical strength of constant kicks.
     """
-    low, high = _MIN_SCALE * golden, 1.001 * golden  # a barrier at `high` would beat constant kicks
+    low, high = _MIN_SCALE * golden, 1.001 * golden  # a barrier at `high` outlasts constant kicks
     if not any_orbit_escapes(profile, high):
         is_excluded = any(survivors.eliminates(high * profile, n) for n in _MAX_PERIODS)
         return high if is_excluded else np.inf

@@ -48,11 +48,11 @@ def frequency_map(kappa: Sequence[float], axes: Sequence["Axis"], n_max: int, ti
     """
     coords = cells_along(axes, _PLACES)
     kicks = f"steps of {len(kappa)} kicks"
-    chaotic = f"NaN where fewer than {orbits.REGULAR_DIGITS} digits are shared"
-    shared = "by the averages over the whole orbit and over its halves; few in chaos"
+    chaotic = f"NaN where fewer than {orbits.REGULAR_DIGITS} digits are reliable"
+    shared = "by the averages over the whole orbit and over its halves; few in chaotic regions"
     variables = {
         "omega": blank(coords, "rotation number, in turns per step", comment=f"{kicks}; {chaotic}"),
-        "digits": blank(coords, "digits of omega", comment=f"those shared {shared}"),
+        "digits": blank(coords, "reliable digits of omega", comment=f"those shared {shared}"),
     }
     references = "arXiv:1606.04824, Eq. (23)"
     labels = {"title": "Rotation number over phase space", "references": references}

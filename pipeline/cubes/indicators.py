@@ -7,10 +7,10 @@ Every rotational circle, or its image under (x, y) → (-x, -y) or y → y + 1, 
 spacing, so that without kicks no start is resonant.
 
 - `escape`: the first step at which an orbit of an ensemble has left the window of `nasm.escape`;
-  inf if none does within n steps.
-- `digits`: the largest number of digits of the weighted Birkhoff average over the orbits from the
-  line whose ω is rotational, i.e. farther than 10 times its error from every fraction with a small
-  denominator.
+  inf if no orbit leaves it within n steps.
+- `digits`: the largest number of digits of ω, by weighted Birkhoff averages, on a rotational orbit
+  from the line. An orbit counts as rotational if its ω differs from every fraction with a small
+  denominator by more than 10 times the error of ω.
 - `exponent` and `fli`: the smallest finite-time Lyapunov exponent, and the smallest fast Lyapunov
   indicator, on a rotational orbit from the line. A chain of q islands has points 1/q apart, so an
   orbit in it obeys |q(x_n - x_0) - np| < 1; an orbit that obeys this for some q ≤ √n/2 does not
@@ -78,7 +78,7 @@ def indicators(
 ) -> Job:
     """Return the Job of a cube of indicators; dims (indicator, forcing, n).
 
-    Each tile contains a single indicator, so the records of tiles show its CPU time.
+    Each tile contains one indicator, so the record of a tile states the CPU time of that indicator.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def line(n_starts: int) -> tuple[FloatArray, FloatArray]:
 
 
 def kicks_of(indicator: str, value: ArrayLike, n: ArrayLike, settings: Settings) -> FloatArray:
-    """Count the kicks of an indicator's orbits; those for `escape` end at the first escape.
+    """Count the kicks of an indicator's orbits; orbits for `escape` stop at the first escape.
 
     Examples
     --------

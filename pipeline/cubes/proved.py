@@ -1,9 +1,9 @@
 """Proved statements about forcings, and the certificates of the proofs, one file per tile.
 
-The cube `proved_barrier` contains proved bounds on rays. `proved_map` contains a quadtree of cells
-of a plane in which transport is global. `proved_triangles` contains one triangle per tile, with a
-corner at the plane's origin, in which a barrier exists. `proved_forcings` makes cubes of what is
-proved for single forcings. See nasm/proofs/README.md.
+The cube `proved_barrier` contains proved bounds on rays. `proved_map` marks the cells of a plane in
+which transport is proved to be global. `proved_triangles` contains one triangle per tile, with a
+corner at the plane's origin, in which a barrier is proved to exist. The function `proved_forcings`
+makes cubes of what is proved for single forcings. See nasm/proofs/README.md.
 """
 
 import json
@@ -142,15 +142,16 @@ def uncertified_rays(tile: xr.Dataset, certificates: Iterable[Certificate]) -> s
 def proved_map(plane: Plane, rays: Sequence[Sequence[float]], cells: int, seconds: float) -> Job:
     """Return the Job of the cube `proved_map`: cells of forcings with global transport.
 
-    Tiles outside the plane's `wedge` (for two kicks, those with κ2 > κ1) are not computed, because
-    they are images of the others (arXiv:1606.04824, Sec. III). `everywhere` adds the images.
+    Tiles outside the plane's fundamental domain, `wedge` (for two kicks, the tiles with κ2 > κ1),
+    are not computed, because they are images of the others (arXiv:1606.04824, Sec. III).
+    `everywhere` adds the images.
 
     Parameters
     ----------
     plane : Plane
         The plane of forcings.
     rays : sequence of (angle, scale)
-        Angles in degrees, in the plane's wedge, and the scale of the last breakup at each angle;
+        Angles in degrees, in the plane's `wedge`, and the scale of the last breakup at each angle;
         proofs are tried near these points, and the map extends somewhat beyond them.
     cells : int
         Number of cells per unit of strength at the finest level, a power of two; 8 or more.
@@ -249,7 +250,7 @@ def everywhere(cube: xr.Dataset, barrier: xr.Dataset) -> xr.Dataset:
     cube : xr.Dataset
         The cube `proved_map`.
     barrier : xr.Dataset
-        CB_gt in the plane's wedge, as returned by `barrier.unfolded`.
+        CB_gt in the plane's `wedge`, as returned by `barrier.unfolded`.
 
     Returns
     -------
@@ -326,8 +327,8 @@ def outside_theorem(
 def _predict_cells(coords: Coords, settings: Settings) -> float:
     """Predict CPU seconds: a twentieth of the limit per cell of the finest level near CB_gt.
 
-    In planes other than that of two kicks, a cell takes about ten times as long, as its proof needs
-    a curve.
+    In planes other than `two_kicks()`, a cell takes about ten times as long, because a curve of
+    starts has to be found first.
     """
     plane, size = plane_of(settings), 1 / settings["cells"]
     a, b = np.meshgrid(*(coords[name] for name in plane.axes))
@@ -359,7 +360,7 @@ def proved_triangles(
     long_name = "fraction of the way to the far side up to which a barrier is proved to exist"
     variables = {"proved_below": blank(axes, long_name, references="nasm/proofs/README.md")}
     for name in corner_names(plane):
-        variables[name] = blank(axes, f"{name} of the triangle's corners")
+        variables[name] = blank(axes, f"{name}, coordinate of a far corner of the triangle")
     title = (
         "Triangles of forcings, the first corner being the plane's origin, in which a barrier is "
         "proved to exist"
@@ -411,7 +412,7 @@ def _compute_triangle(coords: Coords, settings: Settings) -> Arrays:
         if least > value:
             circle, value = omega, least
     if value > 0:
-        distance = 0.68 * nearest  # the last proof may stop at a distance a tenth larger
+        distance = 0.68 * nearest  # the last proof may stop up to a tenth further away
         budget = 4 * _seconds(plane, nearest)  # a busy machine may take twice as long
         within = None if plane == two_kicks() else plane
         scale, proved = proofs.proved_below(circle, middle, value, budget, tilt, distance, within)

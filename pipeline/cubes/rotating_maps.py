@@ -59,7 +59,7 @@ def last_barriers(
         Rational frequencies Ω = p/q.
     n_phases : int
         Number of phases φ0 for each Ω, at least 2. They span [0, 1/(2q)]; phases outside this
-        interval are images of phases inside it.
+        interval are symmetric to phases inside it.
     irrational : sequence of float
         Irrational frequencies.
     angles : sequence of float
@@ -215,7 +215,7 @@ def residues(vectors: Sequence[str], angles: Sequence[float]) -> Job:
 
 
 def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr.Dataset:
-    """Compute h - θ of certified tori on a ray, as a Dataset with dims (scale, phi, theta).
+    """Compute h(θ, φ) - θ of certified tori on a ray; the Dataset has dims (scale, phi, theta).
 
     Parameters
     ----------
@@ -229,8 +229,8 @@ def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr
     Returns
     -------
     xr.Dataset
-        `deviation`, h - θ in turns, and `least_slope`, the smallest ∂h/∂θ; both are NaN where no
-        torus is certified.
+        `deviation`, h - θ in turns, where h is the position x on the torus, and `least_slope`, the
+        smallest ∂h/∂θ. Both are NaN where no torus is certified.
     """
     m, n = _PICTURE_SHAPE
     coords = {
@@ -248,7 +248,7 @@ def pictures(vector: RotationVector, angle: float, sizes: Sequence[float]) -> xr
             u = tori.newton.resample(torus.u, rows, columns)
             deviations[i] = u[:: rows // m, :: columns // n]
             slopes[i] = tori.newton.least_slope(torus.u)
-    h = blank(coords, "h - θ: position of the orbit minus that of the rotation")
+    h = blank(coords, "h - θ: position of the orbit minus position of the rotation")
     slope = blank({"scale": coords["scale"]}, "minimum slope of h along θ")
     variables = {"deviation": h.copy(data=deviations), "least_slope": slope.copy(data=slopes)}
     labels = {"vector": _name_of(vector), "angle": angle}
@@ -328,7 +328,7 @@ def _predict_ripples(coords: Coords, settings: Settings) -> float:
 
 
 def _load_ripples(is_long: bool) -> None:
-    """Compile the kernels of last barriers and, if `is_long`, of `upper` for more than 64 kicks."""
+    """Compile the kernels of last barriers; if `is_long`, also those for more than 64 kicks."""
     load_searches()
     if is_long:
         profile = np.ones(MAX_PERIOD)

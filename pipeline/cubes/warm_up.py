@@ -11,7 +11,7 @@ from nasm.action import ordered_orbits
 
 def load_orbits() -> None:
     """Compile the kernels of ordered orbits and their residues."""
-    ordered_orbits((2.0, -2.5, 1.0), 1, 1)  # an orbit that only the last method finds
+    ordered_orbits((2.0, -2.5, 1.0), 1, 1)  # an orbit that is found only by descent
     periodic.critical_scale("gamma", (0.3, 0.1), 10)
 
 

@@ -27,7 +27,7 @@ _CONSTANTS = bool, int, float, complex, str, bytes, type(None)
 
 
 class ByValue:
-    """A function that is sent to workers as code, with the user's own modules that it uses.
+    """A function sent to workers as code, together with the user's own modules that it uses.
 
     Workers need not be able to import these modules.
 

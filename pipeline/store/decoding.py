@@ -27,7 +27,7 @@ MAX_METADATA = 2**24
 """Maximum size of a cube's zarr.json, in bytes."""
 
 MAX_TILE = 2**26
-"""Maximum size of a tile in memory, in bytes: one chunk of each array, together."""
+"""Maximum size in memory, in bytes, of a tile: one chunk of each array."""
 
 MAX_CHUNKS = 10**7
 """Maximum number of chunks per array, of tiles per cube, and of labels along all dims together."""
@@ -36,7 +36,7 @@ MAX_TEXTS = 10**5
 """Maximum number of strings in all arrays together."""
 
 MAX_TEXT = 2**17
-"""Maximum size of a string, in bytes: a rotation number of 1000 quotients of 100 digits fits."""
+"""Maximum size of a string, in bytes: enough for 1000 partial quotients of 100 digits each."""
 
 _MAX_ARRAYS = 1000
 _MAX_FILL = 100  # characters of a fill value
@@ -136,8 +136,8 @@ class Files(ObjectStore):
     """A zarr store that refuses to read a file of more than MAX_FILE bytes.
 
     Files are read and written in Python threads, which end before the interpreter. With obstore's
-    coroutines, a thread of its own could still be returning a result when the interpreter ends,
-    and would abort the process.
+    coroutines, one of its own threads could still be returning a result when the interpreter ends,
+    which would abort the process.
     """
 
     async def get(

@@ -1,4 +1,4 @@
-"""Metadata of cubes: they follow from the cube and its code, and are written before any tile.
+"""Metadata of cubes, which the cube and its code determine; they are written before any tile.
 
 The first driver to write the group's zarr.json creates the cube; the settings of any other driver
 must agree with it. A second file, NAME.zarr/digests.json, contains the same attributes, and a
@@ -110,7 +110,7 @@ def replace(place: Place, cube: "Cube", computed_by: str, call: str = "") -> Non
 
     Nothing is written if that state is identical and was computed by the same code. The group's
     zarr.json is deleted first and written last: in between, and after a crash, the cube does not
-    exist. The parameters, and the error for other settings, are as for `create`.
+    exist. The parameters are the same as for `create`, and so is the error if the settings differ.
     """
     template, by = cube.template.compute(), _provenance(computed_by, call)
     # If the template was made from another cube, drop the provenance of that cube.

@@ -81,7 +81,7 @@ class Place:
         return f"{self.root}/{name}.zarr"
 
     def objects(self, name: str | None = None) -> "ObjectStore":
-        """Return the obstore store of all files, or of the files of one cube.
+        """Return the obstore store that contains all files, or only the files of one cube.
 
         Raises
         ------
@@ -149,7 +149,7 @@ def place_of(out: str | os.PathLike[str]) -> Place:
     if "://" not in out:
         return Place(os.path.abspath(os.path.expanduser(out)))
     if not _URL.fullmatch(out.rstrip("/")):
-        # The URL is not repeated: it may contain a password.
+        # The message does not repeat the URL, which may contain a password.
         raise Refused(
             "the URL of the store must be s3://BUCKET/PREFIX (or gs://, az://), made of letters, "
             "digits and ._=+-, without user, password or '?'; credentials go into the environment, "
@@ -184,8 +184,8 @@ def _opened(path: str) -> "ObjectStore":
 def driver_lock(place: Place) -> Iterator[None]:
     """Lock a directory, creating it if necessary, so that no second driver writes to it.
 
-    Object stores, and directories on file systems without locks, are not locked; there,
-    two drivers would duplicate each other's work.
+    Object stores and directories on file systems without locks are not locked. Two drivers that
+    write to the same one duplicate each other's work.
 
     Raises
     ------
@@ -218,7 +218,7 @@ def driver_lock(place: Place) -> Iterator[None]:
 
 @contextmanager
 def store_errors(place: Place) -> Iterator[None]:
-    """Convert errors of obstore and zarr that mean a failure of the store into StoreFailed."""
+    """Convert errors of obstore and zarr that indicate a failure of the store to StoreFailed."""
     try:
         yield
     except BaseException as error:

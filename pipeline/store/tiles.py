@@ -164,8 +164,8 @@ def commit_times(place: Place, arrays: dict[str, Array]) -> tuple[BoolArray, Flo
     chunked = {key: array for key, (array, _) in blocks(arrays, (0,) * len(counts)).items()}
     records = chunked.pop(COMMIT)
     times = np.full(records.cdata_shape, np.nan)
-    # The records are listed first: data are written before their record, so that a tile that is
-    # committed during the listing does not appear to lack data.
+    # The records are listed first. As data are written before their record, a tile committed during
+    # the listing does not appear to lack data.
     done = _listed(place, records, times)
     for array in chunked.values():
         done &= _listed(place, array).reshape(done.shape)
@@ -331,7 +331,7 @@ def damage(place: Place, arrays: dict[str, Array], index: Sequence[int]) -> str:
     except ValueError as error:
         return str(error)
     checksum = values.pop(COMMIT).flat[1]
-    # The checksum covers no certificates if the tile has none, or an earlier version wrote it.
+    # The checksum covers no certificates if the tile has none, or is from an earlier version.
     if checksum == _checksum(arrays, index, values):
         return ""
     name = arrays[COMMIT].path.split("/")[0].removesuffix(".zarr")
@@ -389,8 +389,8 @@ def read(place: Place, name: str) -> xr.Dataset:
     Warns
     -----
     UserWarning
-        When a chunk is read that was written but has been lost: its values look like those of a
-        tile that is not yet computed.
+        When a chunk that was written has been lost: it is read as if its tile had not yet been
+        computed.
 
     Examples
     --------
@@ -427,7 +427,7 @@ def read(place: Place, name: str) -> xr.Dataset:
 
 
 class _Watched(Files):
-    """A zarr store of one cube that warns of chunks that were written but have been lost."""
+    """A zarr store of one cube; it warns of chunks that were written but have been lost."""
 
     def __init__(self, place: Place, name: str) -> None:
         super().__init__(place.objects(name), read_only=True)
@@ -443,8 +443,8 @@ class _Watched(Files):
         variable, _, block = key.partition("/c")
         if data is None and variable in self.tile_axes and await self._was_written(variable, block):
             warnings.warn(
-                f"{self.cube}: chunks of {variable} are lost and read as not computed; run "
-                "again the command that computed it",
+                f"{self.cube}: chunks of {variable} are lost and read as if not yet computed; "
+                "rerun the command that computed the cube",
                 stacklevel=2,
             )
         return data

@@ -112,8 +112,9 @@ def verify(place: Place, name: str, repair: bool = False) -> Iterator[tuple[tupl
     name : str
         Name of the cube.
     repair : bool
-        If True, damaged tiles become missing, provided that digests show that the metadata are
-        unchanged: with wrong metadata, intact tiles would look damaged. See `has_digests`.
+        If True, delete damaged tiles, which then count as missing. This is done only if digests
+        show that the metadata are unchanged (see `has_digests`), because intact tiles would look
+        damaged if the metadata were wrong.
     """
     tiles.forget()
     try:

@@ -39,7 +39,7 @@ _QUIET = {
     "distributed.admin.system-monitor.interval": "10s",
 }
 _LOCAL = {
-    # By default, dask gives up on a worker that takes 15 s to restart, as happens at load 20.
+    # By default, dask gives up on a worker that takes 15 s to restart, as happens at a load of 20.
     "distributed.deploy.lost-worker-timeout": "300s",
     # Nothing is served to browsers, because any web page or user on this machine could read it.
     "distributed.scheduler.http.routes": [],
@@ -131,8 +131,9 @@ def _local(n_workers: int) -> Iterator[Client]:
             # Tiles need so little memory that monitoring it is not worth the cost.
             memory_limit=0,
             host="127.0.0.1",
-            # Dask executes what it is sent, and any user of this machine can send to loopback. A
-            # temporary certificate ensures that only the cluster's own processes can connect.
+            # Dask executes any code that it is sent, and any user of this machine can send to
+            # loopback. A temporary certificate ensures that only the cluster's own processes can
+            # connect.
             security=Security.temporary(),
             dashboard_address="127.0.0.1:0",
             scheduler_kwargs={"dashboard": False},
@@ -148,7 +149,7 @@ def _local(n_workers: int) -> Iterator[Client]:
         yield client
     finally:
         for opened in client, cluster:
-            with suppress(TimeoutError):  # on a busy machine; both end with this process
+            with suppress(TimeoutError):  # occurs on busy machines; both end with this process
                 opened.close()
 
 
@@ -203,7 +204,7 @@ def write_credentials(client: Client, folder: str | Path) -> list[str]:
 
 
 def are_on_this_machine(client: Client) -> bool:
-    """Return True if the client's workers are those of a LocalCluster of this process.
+    """Return True if the client's workers belong to a LocalCluster of this process.
 
     Workers of any other cluster start when that cluster's queue allows it.
     """

@@ -1,7 +1,7 @@
 """Fill a cube: compute its missing tiles, and return it as a Dataset.
 
-`fill` is for scripts, notebooks and programs; commands share `compute_missing` with it. Whatever
-happens, committed tiles are kept, and the same call resumes the sweep.
+`fill` is for scripts, notebooks and programs. Like the commands, it calls `compute_missing`.
+Whatever happens, committed tiles are kept, and the same call resumes the sweep.
 """
 
 import sys
@@ -20,7 +20,7 @@ from pipeline.sweep.cluster import ClusterError, connect
 from pipeline.sweep.progress import Progress, plural
 from pipeline.sweep.sweep import sweep
 
-_MAX_REASONS = 3  # maximum number of failed tiles whose reasons a message gives
+_MAX_REASONS = 3  # maximum number of failures that a message lists
 
 
 class TilesFailed(RuntimeError):
@@ -154,7 +154,7 @@ def compute_missing(
 ) -> xr.Dataset:
     """Compute the missing tiles of the job's cube, or only those in `wanted`; return the cube.
 
-    The parameters and the other errors are those of `sweep`.
+    See `sweep` for the parameters and the other errors.
 
     Raises
     ------
@@ -180,7 +180,7 @@ def connected(connection: Callable[[], Client], line: Progress, is_local: bool) 
 
 
 def _using(client: Client, workers: int | None) -> nullcontext[Callable[[], Client]]:
-    """Return a context like that of `connect`, for the user's own client, which stays open."""
+    """Return a context like that of `connect`, but for the user's client; it is not closed."""
     if workers is not None:
         raise ClusterError(f"the client has its own workers; leave workers={workers} out")
     if client.asynchronous:

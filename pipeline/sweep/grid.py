@@ -1,9 +1,9 @@
 """Planes of cells, and tiles that cover them exactly once.
 
-A tile is the unit of work and of storage: one task, one file for each variable, and one for its
-commit record. An axis LO:HI:N consists of N cells of equal width, each represented by its
-centre. Cutting each cell of an axis in half preserves the edges, so that levels of
-refinement nest.
+A tile is the unit of work and of storage: it is computed by one task, and stored in one file for
+each variable and one for the commit record. An axis LO:HI:N consists of N cells of equal width,
+each represented by its centre. Cutting each cell of an axis in half preserves the edges, so that
+levels of refinement nest.
 """
 
 from collections.abc import Iterable, Iterator, Mapping

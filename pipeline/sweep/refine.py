@@ -41,7 +41,7 @@ def refine(
         (level, set of tiles or None for all) → field of that level, NaN where not computed. If
         called again for a level with more tiles, it returns the field on all of them.
     ask : callable
-        field → bool array, shape (questions, rows, columns).
+        field → answers to the yes-or-no questions, bool array, shape (questions, rows, columns).
     levels : int
         Number of levels, at least 1.
     tile : int

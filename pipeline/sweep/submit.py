@@ -54,7 +54,7 @@ def as_completed(
     ConnectionError
         If the scheduler has disappeared, or this machine has had no worker for half a minute (for
         five minutes while workers are starting). For workers of a scheduler on another machine
-        there is no limit, because their queue decides when they start.
+        there is no limit, because they may have to wait in a batch queue.
     """
     in_flight: dict[Future, Any] = {}
     done: SimpleQueue[Future] = SimpleQueue()
@@ -90,7 +90,7 @@ def as_completed(
             try:
                 result = future.result(timeout=_FETCHING)
             except TimeoutError:
-                # Its worker died before the result was fetched: dask repeats the call.
+                # The worker died before its result was fetched, so dask repeats the call.
                 future.add_done_callback(done.put)
                 continue
             except (CancelledError, CommClosedError):

@@ -5,10 +5,10 @@
 2. Pack cheap tiles into batches, which are longer if there are more workers. Submit the most
    expensive batches first, never more than a few at a time for each worker.
 3. A worker whose versions differ from the driver's, or that cannot see the cube, reports this
-   instead of computing. It is retired, and its batch goes to another worker.
+   instead of computing. It is retired, and its batch is given to another worker.
 4. Tiles whose worker died are suspects: they are rerun alone at the end. A tile whose worker dies
-   twice more, or that raises an error, has failed: it stays missing, the store keeps the reason,
-   and the sweep continues with the others.
+   twice more, or that raises an error, has failed: it stays missing, the store records the reason,
+   and the sweep continues with the other tiles.
 5. At the end, list the missing tiles once more, to find tiles that were lost, e.g. because a file
    system was unmounted.
 6. On Ctrl-C, submit no more batches, wait for the tiles in flight, and report what remains. If the
@@ -52,7 +52,7 @@ _MIN_BATCH_SECONDS = 0.5  # predicted CPU time of a batch: long compared with 2 
 _BATCH_SECONDS_PER_WORKER = 0.005  # so that the driver spends less than half its time scheduling
 _MAX_PREDICTED = 10_000  # tiles; each prediction takes a millisecond, during which workers wait
 _SIGHT = 2  # seconds that a file system shared by several machines may take to show a file
-_ATTEMPTS_ALONE = 2  # a tile fails if its worker dies in each; one death may have another cause
+_ATTEMPTS_ALONE = 2  # a tile fails if its worker dies in both; one death may be a coincidence
 
 
 @dataclass(frozen=True)
@@ -237,7 +237,8 @@ class _Run:
         if self.client.nthreads().keys() <= self.unfit:
             raise ClusterError(
                 f"no worker is fit to compute: {message}. Give all machines the same versions, and "
-                "an --out that they share, or an object store and its environment"
+                "an --out that they share, or an object store with its credentials in their "
+                "environment"
             )
         self.client.retire_workers([address])
 
@@ -270,8 +271,8 @@ def _compute_batch(
                 arrays = compute(coords, settings)
                 store.commit(place, name, index, arrays, time.thread_time() - start)
         except (store.StoreFailed, store.Refused, KeyboardInterrupt, SystemExit):
-            raise  # it is not the tile's fault
-        except BaseException as exception:  # dask would hang if it were not an Exception
+            raise  # the tile did not cause it
+        except BaseException as exception:  # dask hangs if it is not an Exception
             reason = "".join(format_exception_only(exception))
             errors[index] = store.record_failure(place, name, index, reason)
     return _Report(errors, time.thread_time() - used, time.monotonic() - began)

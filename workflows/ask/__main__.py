@@ -5,12 +5,12 @@ evidence: the invariant circle, or an escaping orbit. An aperiodic forcing (--on
 circles; converse KAM then tests whether a family of invariant graphs may persist.
 
 KAPPA ... is one period of the forcing, first kick first: 0.3 0.2 0.25, or a text file of such
-strengths. They are dimensionless, -1e6 to 1e6, and may be negative: -0.69 0.525. For a file with
-one forcing per line the answers form a table. With more than 64 kicks only transport is tested.
-Within a relative distance of a few times 10⁻⁵ of the boundary the answer is UNDECIDED; the exit
-code is 0 for all three answers. One or two kicks take about two CPU seconds; the first run
-on a machine also compiles the kernels, which takes half a minute more. The portrait, or the table,
-is written to OUT.
+strengths. They are dimensionless, from -1e6 to 1e6: -0.69 0.525. A file with one forcing per line
+yields a table of answers. With more than 64 kicks only transport is tested. The answer is BARRIER,
+TRANSPORT or, within a relative distance of a few times 10⁻⁵ of the boundary, UNDECIDED; the exit
+code is 0 for all three. One or two kicks take about two CPU seconds; the first run on a machine
+also compiles the kernels, which takes half a minute more. The portrait, or the table, is written to
+OUT.
 """
 
 import json

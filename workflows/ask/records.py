@@ -1,4 +1,4 @@
-"""Verdicts as records, for the --json output and the tables of many forcings of `workflows.ask`."""
+"""Verdicts as records, from which `workflows.ask` writes JSON, and tables of many forcings."""
 
 import csv
 from io import StringIO
@@ -13,8 +13,8 @@ _COLUMNS += ("error", "lower", "upper", "status", "steps")
 def answered(strengths, prove):
     """Return the verdict on one period of kicks as a dict of texts and numbers.
 
-    value, error, lower and upper are multiples of the strengths; steps is a number of periods.
-    Unknown numbers are None.
+    value, error, lower and upper are factors that multiply the strengths; steps is a number of
+    periods. Unknown numbers are None.
     """
     result = verdict(strengths, prove)
     boundary, omega = result.boundary, result.boundary.omega

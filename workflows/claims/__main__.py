@@ -1,10 +1,10 @@
 """Does each claim of the paper hold? A page and tables to read alongside the paper.
 
-The page lists, for every claim of arXiv:1606.04824, our value with its error, the verdict that a
-rule derives from it (`claims.rules`), and the command that shows it. It also lists the errata and
-the envelope of all CB_ω.
+For every claim of arXiv:1606.04824, the page lists our value with its error, the verdict that a
+rule in `workflows.claims.rules` derives from it, and the command that reproduces it. It also lists
+the errata and the envelope of all CB_ω.
 
-Writes a page, three tables and eight cubes to OUT, in about four CPU minutes, or one with
+Writes a page, three tables and eight cubes to OUT, in about four CPU minutes, or in one with
 --n-rays 19 --n-cusp-rays 8 --tol 1e-3 --n-max 20000 --n-orbits 64.
 """
 
@@ -14,9 +14,9 @@ from workflows.shared.cli import command, real, sweeps, whole
 @command()
 @whole("--n-rays", 91, 3, 10**5, "Rays from 0 to 45 degrees.")
 @whole("--n-cusp-rays", 24, 0, 1000, "Extra rays, 5 to 0.01 degrees below the cusp at 45.")
-@whole("--n-image-rays", 6, 1, 1000, "Rays per 45 degrees up to 180, for images and for tori.")
+@whole("--n-image-rays", 6, 1, 1000, "Rays per 45 degrees, from 0 to 180, for images and for tori.")
 @real("--tol", 1e-4, 1e-5, 0.01, "Target width of the bracket of CB_gt, relative to the scale.")
-@whole("--n-max", 1_000_000, 10_000, 10**8, "Steps of direct iteration.")
+@whole("--n-max", 1_000_000, 10_000, 10**8, "Steps (periods of the forcing) of direct iteration.")
 @whole("--n-orbits", 1000, 10, 10**5, "Orbits of direct iteration.")
 @sweeps
 def main(run, **size):

@@ -45,7 +45,7 @@ def boundary_claims(bias, n_max, n_orbits):
 
 def _reductions():
     def single(i, shear):
-        """Compare a step that has only kick i with the standard map in x + shear·y and 2y."""
+        """Compare a step in which only kick i acts with the standard map in x + shear·y and 2y."""
 
         def stepped(kappa, x, y):
             x, y = step(kappa * np.eye(2)[i], x, y)
@@ -125,7 +125,7 @@ def _exponents(bias):
 
 
 def _insets(n_orbits):
-    """Judge whether points are as "close" to CB_gt as the figure's loosest boundary, N = 10⁵."""
+    """Judge whether points are "close" to CB_gt: within the error of direct iteration, N = 10⁵."""
     n_max, claims = 100_000, {}
     for number, point in enumerate(INSETS, 1):
         answer = verdict(point)

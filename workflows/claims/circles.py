@@ -25,12 +25,12 @@ _POINTS = 512
 
 
 def golden_circle(kappa):
-    """Compute the circle of γ by Newton's method, to rounding accuracy, with its certificate."""
+    """Compute the circle of γ by Newton's method, to rounding accuracy, and certify it."""
     gamma, u = parse("gamma"), np.zeros((len(kappa), _POINTS))
     for _ in range(10):
         u, _ = parameterization.newton_step(gamma, kappa, u)
-    certificate = circles.newton.certify(gamma, kappa, u)
-    return circles.InvariantCircle(gamma, np.array(kappa), u, *certificate)
+    error_and_status = circles.newton.certify(gamma, kappa, u)
+    return circles.InvariantCircle(gamma, np.array(kappa), u, *error_and_status)
 
 
 def circle_claims():
@@ -149,16 +149,18 @@ def _carried(*cases):
     )
     errors = [invariance(circle.omega, circle.kappa, circle.u)[2] for circle, *_ in cases]
     off = max(np.abs(error).max() for error in errors)
-    label = "certified; largest |T∘K(θ) - K(θ + ω)|" if right else "not certified as such;"
-    return identity(float(off) if right else np.inf, 1e-12, label)
+    if not right:
+        return identity(np.inf, 1e-12, "not certified with the expected ω and κ; deviation")
+    return identity(float(off), 1e-12, "certified; largest |T∘K(θ) - K(θ + ω)|")
 
 
 def largest_amplitude():
     """Find the largest max y - min y over circles, before the first and the second kick.
 
-    The circles on each of six rays are the last circle, at 0.999 of its breakup or as close to the
-    breakup as it can be certified, and the circles of seven fixed ω at smaller scales at which they
-    are certified. A circle and its translate by y = 1 confine an orbit to |Δy| ≤ 1 + amplitude.
+    On each of six rays the circles are the last circle, at 0.999 of its breakup or as close to the
+    breakup as it can be certified, and the circles of seven fixed ω at several smaller scales, as
+    far as they can be certified there. A circle and its translate by y = 1 confine an orbit to
+    |Δy| ≤ 1 + amplitude.
     """
     others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]
     heights = []

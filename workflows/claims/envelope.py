@@ -1,8 +1,9 @@
-"""CB_gt as the envelope of the CB_ω: the last circle at each angle, and how early the others break.
+"""CB_gt as the envelope of the CB_ω: the last circle at each angle, and how far others fall short.
 
-The rays are those of the fundamental domain 0° ≤ φ ≤ 45°; all others are their images. CB_gt has a
-cusp at 45°, towards which the last circle changes ever more often; rays near it are spaced
-logarithmically, down to a fraction of a degree from it. ω in [0, 1] represents ±ω and all ω + 2n.
+The rays cover the fundamental domain 0° ≤ φ ≤ 45°; all other rays are their images. CB_gt has a
+cusp at 45°, towards which the last circle changes ever more often. Near the cusp the rays are
+spaced logarithmically, down to a fraction of a degree from it. ω in [0, 1] represents ±ω and all
+ω + 2n.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Claims about the map (Sec. II) and its symmetries (Sec. III).
 
-The equations are tested in the form of the paper, for period two, on random forcings and points
+The equations are tested as the paper states them, for period two, on random forcings and points
 with |κ_i| ≤ 2 and |x|, |y| ≤ 1. Such tests are not a proof.
 """
 
@@ -25,7 +25,7 @@ def largest(difference, n_points=100):
 
 
 def apart(left, right, n_points=100):
-    """Find the largest difference between two functions of (kappa, x, y), as `largest` does."""
+    """Find the largest difference of two functions of (kappa, x, y) on the points of `largest`."""
     return largest(lambda *z: np.subtract(left(*z), right(*z)), n_points)
 
 
@@ -47,7 +47,7 @@ def iterated(kappa, x, y):
 
 
 def map_claims():
-    """Judge the claims of Sec. II; return {name: (value, verdict)}, as all `…_claims` do."""
+    """Judge the claims of Sec. II; return {name: (value, verdict)}, like every `…_claims`."""
     composition = apart(
         lambda kappa, x, y: np.array([x + 2 * y, y]) + closed_form(kappa, x, y), both_kicks
     )
@@ -104,7 +104,8 @@ def generating_function(kappa, x, y):
     return change
 
 
-# The image of (κ, x, y), and the orbit of the image after n steps, from the orbit of (κ, x, y).
+# For each symmetry: the image of (κ, x, y), and the point that the image reaches after n steps, as
+# a function of n and of the point (x, y) that the original orbit reaches after n steps.
 _SYMMETRIES = {
     "refl": (lambda kappa, x, y: (kappa, -x, -y), lambda n, x, y: (-x, -y)),
     "trans": (lambda kappa, x, y: (kappa, x + 2, y - 1), lambda n, x, y: (x + 2 - 2 * n, y - 1)),
@@ -116,14 +117,14 @@ _SYMMETRIES = {
         lambda n, x, y: (x + 0.5 + n, y + 0.5),
     ),
 }
-# The name of the symmetry, and the ω of the image as a function of ω.
+# For each claim: the name of its symmetry, and ω of the image as a function of ω.
 _ROTATIONS = {
     "ome1": ("shift3", lambda omega: omega),
     "ome2": ("shift2", lambda omega: omega + 1),
     "ome3": ("shift1", lambda omega: omega + 1),
     "ome4": ("int", lambda omega: 2 - omega),
 }
-# The sign of F_i at the image relative to that of F_i at (κ, x, y); and the image.
+# For each claim: the factor, 1 or -1, between F_i at the image and F_i at (κ, x, y); and the image.
 _F_SYMMETRIES = {
     "sym_1": (-1, _SYMMETRIES["refl"][0]),
     "sym_2": (1, lambda kappa, x, y: (kappa, x + 2, y - 3)),
@@ -167,7 +168,7 @@ def _deviation(function, image, expected):
 
 
 def ome5_deviations():
-    """Find how much ω at S_κ2(z₀) and S_κ2⁻¹(z₀), with the kicks swapped, differs from ω at z₀."""
+    """Return by how much ω at S_κ2(z₀) and S_κ2⁻¹(z₀) under swapped kicks differs from ω at z₀."""
     kappa, x, y = ROBUST
     moved = [omega(kappa[::-1], *image(kappa[1], x, y)) for image in (kick, unkick)]
     return [float(np.abs(after - omega(*ROBUST)).max()) for after in moved]

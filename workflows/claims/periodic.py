@@ -65,7 +65,7 @@ def _period(kappa, x, y, p, q):
 
 
 def _six_orbits():
-    """Count sign changes of y' - y, where 2y = m - (κ1/2π) sin 2πx gives x' = x + m."""
+    """Count sign changes of y' - y on the curves 2y = m - (κ1/2π) sin 2πx, where x' = x + m."""
     first, second = np.random.default_rng(3).uniform(-1, 1, (2, 200, 1, 1))
     x, m = (np.arange(4000) + 0.5) / 4000, np.array([[-1], [0], [1]])
     y = (m - first / TWO_PI * np.sin(TWO_PI * x)) / 2
@@ -103,7 +103,7 @@ def _secondary_orbits():
 
 
 def cubic_estimates(epsilon):
-    """Return z² by Eq. (38b) and its printed and corrected estimates, at κ1 = κ2 = 4 + epsilon."""
+    """Return z² from Eq. (38b), its printed and corrected estimates, for κ1 = κ2 = 4 + epsilon."""
     kappa = 4 + epsilon
     exact = float(fixed_points.secondary(kappa, kappa)[0][0]) ** 2
     denominator = kappa - kappa**2 / 2 + kappa * (1 - kappa / 2) ** 3

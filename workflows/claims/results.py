@@ -2,8 +2,8 @@
 
 circles : the cube `breakdown_residue` of the paper's six ω. barrier : CB_gt on the same rays.
 tori : the cube `rotating_tori`. three : the cubes of three kicks, joined along `phase`. tori and
-three contain `ratio`, the ratio of their scales to those of two kicks. three also contains
-`ratio_lower`, the ratio of its lower bounds to the upper bounds of two kicks.
+three contain `ratio`, the ratio of their scales to the scales for two kicks. three also contains
+`ratio_lower`, the ratio of its lower bounds to the upper bounds for two kicks.
 """
 
 import numpy as np

@@ -1,11 +1,11 @@
-"""A claim, an erratum, and the rules by which a measured value becomes a verdict.
+"""Claims, errata, and the rules that derive a verdict from a measured value.
 
 claims.toml and errata.toml list the statements of the paper, in its order. A verdict is never
 written by hand. Each rule returns the value, as text or numbers, and the Verdict:
 
-    identity   the two sides of an equation differ by no more than rounding
-    agrees     a value and a printed number differ by no more than the errors of both
-    grade      the claim holds, or holds only in the weaker sense of the note, or does not hold
+    identity   the two sides of an equation differ by no more than rounding errors
+    agrees     a value and a printed number differ by no more than the sum of their errors
+    grade      the claim holds, or holds only in the weaker sense that its note states, or fails
 
 `agrees` and `grade` are defined in `workflows.shared.judgement`. The verdict on NaN is UNDECIDED.
 """
@@ -78,7 +78,10 @@ def claims_of(results):
 
 
 def rounding(kicks):
-    """Bound the rounding error of kicks with |κ| ≤ 2: each adds 4·10⁻¹⁵, and ‖DS‖ ≤ 4."""
+    """Bound the rounding error after several kicks with |κ| ≤ 2.
+
+    Each kick adds 4·10⁻¹⁵, and multiplies earlier errors by at most 4, because ‖DS‖ ≤ 4.
+    """
     return 4e-15 * 4.0**kicks
 
 

@@ -60,7 +60,7 @@ def examine(cubes, rays, n_max, n_orbits):
     # With κ1, κ2 = κ̄ ± Δκ a ray at ψ in (κ̄, Δκ) becomes a ray at 45° - ψ, √2 times as long.
     two = unfolded(cubes["barrier"], 45 - angles)
     scale, upper = two.critical_scale.values / np.sqrt(2), two.upper.values / np.sqrt(2)
-    tori, three = (with_ratio(cube, scale, "that of two kicks") for cube in (tori, three))
+    tori, three = (with_ratio(cube, scale, "the scale for two kicks") for cube in (tori, three))
     three["ratio_lower"] = three.lower / upper
     bias = direct_iteration.direct_bias(cubes["escapes"], direct_iteration.steps_up_to(n_max))
     results = {

@@ -1,12 +1,16 @@
 """How fast does direct iteration converge, on any ray of forcings? The paper's Fig. 7.
 
-The boundary {n* ≤ N} approaches the breakup like N^(-1/η) (arXiv:1606.04824, Sec. V.B); its
-dependence on the number M of orbits is shown too. `work_precision` compares the other methods.
+Direct iteration with N steps finds transport only beyond the boundary {n* ≤ N}, where n* is the
+first escape time of an ensemble of M orbits. The boundary approaches the breakup like N^(-1/η)
+(arXiv:1606.04824, Sec. V.B). The figure also shows how it depends on M. The command
+`work_precision` compares the other methods.
 
 For a ray κ = s·profile of any period, write a plane FILE.json whose "first" is the profile, and use
---plane FILE.json --angle 0. Writes a cube, a table and a figure to OUT, and for two kicks at 45
-degrees a second cube and figure, in about three CPU minutes. Ten times the steps or orbits take ten
-times as long.
+--plane FILE.json --angle 0.
+
+Writes a cube, a table and a figure to OUT, and for two kicks at 45 degrees a second cube and a
+second figure. The defaults take about three CPU minutes; the time is proportional to the number of
+steps and to the number of orbits.
 """
 
 from workflows.shared.cli import command, increasing, plane_option, preset, real, sweeps, whole
@@ -16,9 +20,9 @@ ANGLES = (0.0, 20.0, 40.0, 45.0)
 
 @command()
 @plane_option
-@real("--angle", ANGLES, 0, 360, "A ray of the plane, in degrees; may be repeated.", multiple=True)
+@real("--angle", ANGLES, 0, 360, "Angle of a ray in degrees; may be repeated.", multiple=True)
 @whole("--n-max", 1_000_000, 1000, 10**9, "Steps (periods of the forcing) of direct iteration.")
-@increasing("--n-orbits", "10,30,100,300,1000", 10**8, "Orbits of the nested ensembles.")
+@increasing("--n-orbits", "10,30,100,300,1000", 10**8, "Numbers of orbits in the nested ensembles.")
 @preset("--quick", "A preview", n_max=10_000)
 @sweeps
 def main(run, plane, angle, n_max, n_orbits):

@@ -37,7 +37,7 @@ export NUMBA_CACHE_DIR=$here
     --preload "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()"
 """
 
-# %% Start a scheduler, then the jobs. TLS is required because clients can execute any code.
+# %% Start a scheduler, then the jobs. TLS is required because clients can execute arbitrary code.
 if len(sys.argv) < 2:
     sys.exit(__doc__)
 workflow, *options = sys.argv[1:]

@@ -18,7 +18,7 @@ from workflows.shared.cli import cluster_options, command, directory, flag, plan
 
 @command(default_map={"out": "out/critical_boundary"})
 @plane_option
-@whole("--port", 5006, 0, 65535, "Port of the page on this machine; 0 means any free one.")
+@whole("--port", 5006, 0, 65535, "Port of the page on this machine; 0 means any free port.")
 @flag("--no-browser", "Print the address of the page without opening a browser.")
 @cluster_options
 @directory("Directory of a run whose cubes are shown, if it exists.")

@@ -1,10 +1,10 @@
 """First escape times at the resolution of a view; unknown ones are computed from coarse to fine.
 
-A view is computed in blocks that are 27, 9, 3 and finally 1 pixel wide. Whether orbits escape in a
-block is partly a matter of chance. Far outside the boundary they escape quickly; a block without an
-escape costs all N steps, so it is not subdivided if its neighbours have no escape either. Single
-pixels are computed along the boundary; elsewhere, only the pixels with the earliest escapes are
-computed, up to a cost of 0.3 s.
+A view is computed in blocks that are 27, 9, 3 and finally 1 pixel wide. A block in which orbits
+escape is subdivided. A block without an escape costs all N steps, so it is subdivided only if a
+neighbour has an escape: near the boundary, whether an orbit escapes is partly a matter of chance.
+Single pixels are computed along the boundary; elsewhere, only the pixels with the earliest escapes
+are computed, up to 0.3 s of CPU time.
 """
 
 from collections import deque
@@ -56,7 +56,7 @@ class Field:
     steps: int
     cells: int = 1  # cells that share a value, along each side
     stays: float = 1.1  # cells up to this size, in pixels of a view, are not recomputed
-    apart: int = 1  # like `cells`, but away from the boundary of {n* ≤ steps}
+    apart: int = 1  # like `cells`, but away from the boundary between escape and no escape
 
     def on(self, view, steps):
         """Return known times up to `steps` at the pixels of a view, and the cell size in pixels.

@@ -1,4 +1,4 @@
-"""The panels' data as files that the browser saves, while the server writes nothing."""
+"""The panels' data as files, which the browser saves; the server writes nothing."""
 
 import base64
 import io

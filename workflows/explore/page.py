@@ -23,8 +23,8 @@ _TEMPLATE = Template((Path(__file__).parent / "page.html").read_text("utf-8"))
 
 @without_property_validation  # the validation would take a fifth of the time
 def fill(document, shared):
-    """Make a page, which computes nothing until its browser has connected."""
-    document.title = f"{shared.plane.name}: the explorer of the nonautonomous standard map"
+    """Make a page that computes nothing until the browser has connected."""
+    document.title = f"{shared.plane.name}: explorer of the nonautonomous standard map"
     document.template, document.theme = _TEMPLATE, THEME
     document.js_on_event(DocumentReady, CustomJS(code="dress()"))
     work = Work(document, shared.client, shared.loaded)
@@ -83,7 +83,7 @@ def _controls(state, problem):
                 model.value = _rounded(shown[i])
 
     counts = [str(n) for n in sorted({*STEPS, state.steps})]
-    title = "N, steps within which an escape counts"
+    title = "N, steps allowed for an escape"
     slider = CategoricalSlider(title=title, categories=counts, value=str(state.steps), width=240)
     leap = Button(label="to the boundary on this ray", disabled=True)
     leap.on_click(lambda: state.boundary and state.move(*state.boundary))
@@ -110,7 +110,7 @@ def _rounded(value):
 
 
 def _show_status(line, document, work, shared):
-    """Keep a line up to date that shows what is being prepared or computed, and what failed."""
+    """Keep the status line up to date: what is being prepared or computed, and what failed."""
 
     def show():
         busy = sorted(work.busy.items())

@@ -50,8 +50,8 @@ _CIRCLE |= {"placeholder": "gamma or [0;2,(1)]", "completions": [*NAMES], "min_c
 class PlanePanel:
     """The plane of forcings on the left of the page, with its legend.
 
-    picture : the plane, and a description of the point or the forcing under the pointer. lines :
-    the legend, and controls for the lines to draw.
+    picture : the plane, and a description of the chosen forcing, or of the one under the pointer.
+    lines : the legend, and controls for the lines to draw.
     """
 
     def __init__(self, state, work, shared):
@@ -197,7 +197,7 @@ class PlanePanel:
         if shown is None:
             return None
         label = "first step at which an orbit of the ensemble is outside the window; away from the "
-        label += "boundary of n* <= n_max cells may share a value"
+        label += "boundary of n* <= n_max, neighbouring cells may share a value"
         settings = {"n_max": shown.steps, "precision": precision_of(shown.steps), **plane.record}
         axes = zip(plane.axes.items(), (shown.a, shown.b), strict=True)
         coords = {name: (centres, meaning) for (name, meaning), centres in axes}
@@ -298,7 +298,7 @@ def _fields(place, plane):
         axes = [times[name].values for name in plane.axes]
         steps = int(cubes["escape"].attrs["n_max"])
         level = cubes["escape"].get("level", xr.zeros_like(times))
-        # Escape is a matter of chance in each cell, so coarse cells are only a preview.
+        # Escape times vary irregularly from cell to cell, so coarse cells are only a preview.
         own = times.where((level == level.max()) | np.isinf(times))
         fields.append(Field(*axes, own, steps, stays=_MAX_CELL_PIXELS))
         fields.append(Field(*axes, times, steps, 2 ** int(level.max())))

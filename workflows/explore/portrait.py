@@ -26,7 +26,7 @@ _MAX_STEPS = 5000  # maximum number of steps of the longest-lived start's orbit
 _DOT_SPACING = 8  # pixels between dots of that orbit, on average, so that they do not form a line
 _MAX_POINTS = 5000  # maximum number of points drawn of a curve in the box
 _FINE_POINTS = 2**15  # minimum number of points of a whole circle
-_PROFILE_STARTS = 200  # number of starts on the vertical line
+_PROFILE_STARTS = 200  # on the vertical midline of the view, for the profile of ω
 _MAX_Q = 34  # largest denominator of the convergents whose orbits are shown
 _BESIDE, _NARROW = 110, "@media (max-width: 600px) { :host { display: none } }"
 _BAR = "ω, rotation number per step; grey: chaotic"
@@ -55,7 +55,7 @@ _NOTHING = _CYCLES | dict.fromkeys(("circle", "longest_lived", "ensemble"))
 
 
 class PortraitPanel:
-    """The phase portrait on the right, its message and its boxes, as `children` of a column."""
+    """The right panel: the portrait, a message and input fields; `children` are its rows."""
 
     def __init__(self, state, work):
         self.state, self.work, self.portrait = state, work, None
@@ -214,7 +214,7 @@ def _profile(plot, source):
     options["y_axis_label"] = "y (mod 1)"
     options |= {"sizing_mode": "stretch_height", "name": "rotation numbers"}
     beside = figure(y_range=plot.y_range, stylesheets=[_NARROW], **options)
-    beside.toolbar.styles = {"min-width": "60px"}  # for its only tool
+    beside.toolbar.styles = {"min-width": "60px"}  # wide enough for its only tool
     beside.xaxis[0].ticker.desired_num_ticks = 2
     beside.yaxis.major_label_text_font_size = "0px"  # the portrait beside it has the same axis
     beside.grid.visible = False

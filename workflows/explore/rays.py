@@ -1,4 +1,4 @@
-"""Breakups of the last circle on rays: the known breakups, and the rays that a view needs.
+"""Breakups of the last circle on rays: those known, and the rays still to compute for a view.
 
 Breakups are computed as in arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`. The result
 for a ray also applies to its images under the symmetries of the plane.
@@ -63,7 +63,7 @@ class Rays:
 
         The boundary consists of columns a, b and colour, with one piece of the line per ray; it is
         None if the breakup is known on fewer than two rays. The legend is {text of ω: colour} for
-        circles that are last on more than 1% of the view.
+        circles that break last over more than 1% of the angle in view.
         """
         angles, points, circles = self._points()
         if angles.size < 2:

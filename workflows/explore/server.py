@@ -1,11 +1,12 @@
-"""The server of the page: a Bokeh server on loopback, for browsers on this machine only.
+"""The server of the page: a Bokeh server on localhost, for browsers on this machine only.
 
 One process serves all tabs and runs short computations in threads; dask workers run the long ones.
 A page from another site may be open in the same browser. It can neither read this page nor connect
 to it, even if its host name is made to point at this machine: a request must name this machine
 (with any port, because ssh may forward one) and must not come from a page with another host or
-port. Any site may link to this page. Opening an address starts no computation until the page is
-connected: until then the values in the address are only parsed, within the limits of `nasm.texts`.
+port. Any site may link to this page. Opening such a link starts no computation before the page has
+connected to the server: until then the values in the address are only parsed, within the limits of
+`nasm.texts`.
 """
 
 import logging
@@ -44,10 +45,10 @@ _HOST = "127.0.0.1"
 _NAMES = "localhost", _HOST, "[::1]"
 _OF_THE_TERMINAL = "browsh", "carbonyl", "elinks", "links", "links2", "lynx", "w3m", "www-browser"
 _LIFETIME = 10_000  # ms for which an unconnected page is kept; creating one takes a few ms
-_SLOWEST = 20  # seconds within which a request, or the next one of a connection, must be complete
-_BODY = 1000  # maximum bytes of a request after its headers; the page needs none
+_SLOWEST = 20  # seconds allowed for a request, and until the next one on the same connection
+_BODY = 1000  # maximum bytes of a request after its headers; the page sends none
 _GRACE, _CLOSING = 10, 60  # seconds for the event loop to stop, and for the workers to end
-_POLICY = (  # Bokeh turns texts into functions; both its page and ours contain scripts and styles
+_POLICY = (  # Bokeh evaluates strings as code; its page and ours have inline scripts and styles
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; object-src 'none'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -69,7 +70,7 @@ class Shared:
     fields : {(View, N): Field}, the complete fields, the newest last.
     client : function that waits for the connection and returns the dask Client.
     connected : Event, set when the workers have started, or failed to start.
-    loaded : {"portrait", "verdict": Event, set when its kernels have loaded or failed to load}.
+    loaded : for "portrait" and "verdict", an Event, set when the kernels have loaded or failed to.
     preparing : what the page must wait for, as text; "" when all is ready.
     """
 
@@ -168,10 +169,10 @@ def serve(plane, place, port, opens, cluster):
 def _stop_at_signals(loop):
     """Stop the event loop at SIGINT or SIGTERM; if it is blocked, end the process.
 
-    A blocked process ends `_GRACE` seconds later. If Python code blocks the loop, its thread still
-    runs the handler of the signal. A compiled kernel that blocks the loop has released Python's
-    lock; then Python writes the signal to a pipe that another thread reads. Both the handler and
-    that thread set an alarm, at which the system ends the process.
+    A blocked process ends `_GRACE` seconds later. If Python code blocks the loop, the main thread
+    still runs the handler of the signal. If a compiled kernel blocks the loop, the handler has to
+    wait; but the kernel has released Python's lock, so another thread can read the signal from a
+    pipe. Both the handler and that thread set an alarm, at which the system ends the process.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
@@ -248,8 +249,8 @@ class _Refusal(RequestHandler):
         self.set_status(403)
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(
-            f"The explorer answers on localhost only; this request is for {self.request.host}, "
-            f"from a page of {self.request.headers.get('Origin', 'another site, or none')}.\n"
+            f"The explorer answers on localhost only; this request is for {self.request.host}, and "
+            f"came from {self.request.headers.get('Origin', 'another site, or from no page')}.\n"
             f"Open http://localhost:{self.port}/ on the machine where the explorer runs. From "
             f"another machine:\n\n    ssh -L {self.port}:localhost:{self.port} MACHINE\n\n"
             f"and open http://localhost:{self.port}/ there.\n"

@@ -29,9 +29,11 @@ _MAX_Q = 1000  # limit on q, and on |p/q|, of periodic orbits
 class State:
     """The state of one tab.
 
-    plane : nasm.planes.Plane. point : (a, b), its coordinates. steps : int, N of {n* ≤ N}.
+    plane : nasm.planes.Plane. point : (a, b), the coordinates of the forcing in this plane.
+    steps : int, N, the limit on n*, the time of the first escape, in steps (periods).
     a, b : (low, high), the displayed ranges of the plane. x, y : the same for phase space.
-    omega : text of the ω whose circle is followed, or "". orbits : added starts ((x, y), …).
+    omega : text of the ω whose circle is followed, or "".
+    orbits : starts ((x, y), …) added by the user.
     fraction : text of the p/q whose periodic orbits are shown, or "".
     show : frozenset of the names in LINES and ORBITS that are shown.
     verdict : nasm.Verdict of the point, None until it is known.
@@ -116,7 +118,7 @@ class State:
         name = query.get("plane", two_kicks().name)
         if query and name != self.plane.name:
             raise ValueError(
-                f"this page shows {self.plane.name}; start one with --plane {abbreviate(name)}"
+                f"this page shows {self.plane.name}; start another with --plane {abbreviate(name)}"
             )
         requested = State(self.plane)
         for name, (part, read, _) in _PARTS.items():

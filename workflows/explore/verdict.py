@@ -15,7 +15,7 @@ _START_DELAY = 0.05  # seconds to wait for a newer point while the point is drag
 
 def describe(message, state, work):
     """Describe the verdict on the state's point in a message, and keep the message up to date."""
-    message.min_height = 103  # the height of the longest verdict in two columns
+    message.min_height = 103  # pixels, enough for the longest verdict in two columns
     lane = work.latest("verdict")
 
     def compute():
@@ -45,7 +45,7 @@ def copy_button(state):
 
 
 def _verdict_and_seconds(client, kappa):
-    """Wait, as workers cannot be interrupted; then return the verdict and its computing time."""
+    """Return the verdict and its computing time; wait first, as workers cannot be interrupted."""
     time.sleep(_START_DELAY)
     results = spread(client(), deque([(None, _timed, kappa)]), priority=1)
     return next(result[1] for result in results if result)

@@ -31,9 +31,9 @@ def alert(text):
 def field(model, take):
     """Return a text field with a message below it.
 
-    take : function that is called with the text whenever the text changes. The message is that of
-    a ValueError raised by `take`, or the text that `take` returns, if any. The field keeps what was
-    typed.
+    take : function that is called with the text whenever the text changes. The message is the text
+    of a ValueError that `take` raises, or the text that it returns, if any. The field keeps what
+    was typed.
     """
     message = models.Div(width=model.width, margin=(0, 5))
 

@@ -72,7 +72,7 @@ class Work:
 
 
 class Latest:
-    """Computations of one kind, of which only the last one counts."""
+    """Computations of one kind; only the result of the latest one is used."""
 
     def __init__(self, work, name, loaded):
         self.work, self.name, self._loaded = work, name, loaded

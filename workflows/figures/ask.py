@@ -103,11 +103,11 @@ def _mark(axes, forcing, breakup, size):
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), **_PLAIN | {"fontsize": "x-small"})
 
 
-def draw_once(kappa, survivor, y, lives):
+def draw_once(kappa, survivor, y, lifetimes):
     """Draw the kicks, shading those that eliminate the longest-lived start; also draw lifetimes.
 
-    survivor : `converse_kam.symmetry_line.LongestLived`. y, lives : y and lifetimes of the starts
-    on the line of `survivor`; the lifetime of a start that survives is inf.
+    survivor : `converse_kam.symmetry_line.LongestLived`. y, lifetimes : values for all starts on
+    the line of `survivor`; the lifetime of a start that survives is inf.
     """
     figure, (kicks, line) = style.panels(1, 2, 11, 4)
     kicks.plot(np.arange(1, kappa.size + 1), kappa, ".-", color="0.6", ms=3, lw=0.5)
@@ -118,8 +118,8 @@ def draw_once(kappa, survivor, y, lives):
         xlabel="kick", ylabel=r"$\kappa_n$", title="shaded: the kicks that eliminate all starts"
     )
     style.legend_below(kicks)
-    alive = np.isinf(lives)
-    line.plot(y[~alive], lives[~alive], ".", color=_BREAKUP, ms=3)
+    alive = np.isinf(lifetimes)
+    line.plot(y[~alive], lifetimes[~alive], ".", color=_BREAKUP, ms=3)
     top = np.full(alive.sum(), 1.5 * kappa.size)
     if alive.any():
         line.plot(y[alive], top, "^", color=_ESCAPING, ms=4, label="survives all kicks")

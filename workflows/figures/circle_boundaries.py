@@ -33,10 +33,9 @@ def circle_boundaries_caption(breakdown, residues, barrier):
         for text, of in zip(residues.circle.values, ratio, strict=True)
     )
     return (
-        f"{describe_circles(breakdown)} Grey: the region without global transport. Distance of "
-        "CB_ω "
-        f"from the origin relative to that of the last barrier: {shares}. Points that lie beyond "
-        f"the last barrier by more than the errors: {int(beyond.sum())} of {beyond.size}."
+        f"{describe_circles(breakdown)} Grey: the region without global transport. Distance from "
+        f"the origin to CB_ω, relative to the distance to CB_gt: {shares}. Points of CB_ω that lie "
+        f"beyond CB_gt by more than the errors: {int(beyond.sum())} of {beyond.size}."
     )
 
 

@@ -45,8 +45,8 @@ def convergence_caption(bias, fits):
         f"{count[-1]} orbits escapes within N steps (periods of the forcing), N ≤ {int(n[-1])}. It "
         f"falls like N^(-1/η), with η = {etas} (statistical errors of the fit; the grid of "
         "excesses "
-        "and differences between rays contribute more). Grey: the paper's η, and 3.012 from "
-        "renormalisation. (b) Bias of smaller ensembles relative to the largest."
+        "and differences between rays contribute more). Grey lines: the paper's η, and 3.012 "
+        "from renormalisation. (b) Bias of smaller ensembles relative to the largest."
     )
 
 

@@ -9,7 +9,7 @@ _UNRESOLVED = "0.6"
 
 
 def draw_diffusion(law):
-    """Draw D over the plane; draw D and the flux of the last cantorus along up to seven rays."""
+    """Draw D over the plane, and D and ΔW/m of the last cantorus along up to seven rays."""
     figure, (plane, along) = panels(1, 2, 13, 5.8)
     _draw_plane(plane, law)
     for i, angle in enumerate(law.angle.values[:: max(1, law.angle.size // 4)]):
@@ -32,8 +32,9 @@ def diffusion_caption(law, findings):
         "Diffusion coefficient D = <(y_n - y_0)²>/2n of the momentum under two kicks, in y² per "
         "step (one period, two kicks); the other quadrants are mirror images. "
         f"{law.attrs['n_orbits']} orbits per forcing; the median error is {100 * error:.0f}%. D is "
-        f"known for {int(known.sum())} of {known.size} forcings; the others, grey in (a), are too "
-        f"slow for {law.attrs['n_max']} steps, or have accelerator modes and therefore no D. "
+        f"known for {int(known.sum())} of {known.size} forcings. For the others, grey in (a), "
+        f"diffusion is too slow to be resolved in {law.attrs['n_max']} steps, or D does not exist "
+        "because of accelerator modes. "
         "Inside CB_gt a barrier exists and D = 0; D is not computed there. Other planes and "
         f"numbers of kicks were not tried.\n{findings}"
     )

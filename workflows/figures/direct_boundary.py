@@ -1,4 +1,4 @@
-"""The boundary by direct iteration beside the true one, Figs. 5 and 6, and their captions."""
+"""Figs. 5 and 6, with captions: the boundary by direct iteration beside the true boundary."""
 
 import numpy as np
 from matplotlib.colors import LogNorm
@@ -8,7 +8,7 @@ from workflows.figures.planes import in_plane, label_plane
 
 # Offsets, in points, of the letters from the panels' forcings; they keep letters off the line.
 _PLACES = {"b": (-5, -3), "c": (5, 3), "d": (5, -11), "e": (-5, 3)}
-# The paper's green triangles, red circles and blue squares, in colours that anyone can tell apart.
+# The paper's green triangles, red circles and blue squares, in colours safe for colour blindness.
 _MARKS = [*zip("^osDv", np.take([*style.COLOURS, style.VERMILION], [2, 7, 0, 4, 5]), strict=True)]
 
 
@@ -26,15 +26,14 @@ def draw_rays(boundary, barrier, last=90):
 def rays_caption(boundary):
     n = ", ".join(map(str, boundary.n.values))
     medians = boundary.bias.median("angle").values
-    biases = ", ".join(f"{100 * b:.2g}%" if np.isfinite(b) else "more" for b in medians)
+    biases = ", ".join(f"{100 * b:.2g}%" if np.isfinite(b) else "unknown" for b in medians)
     return (
         "The boundary of global transport by direct iteration: on each of "
-        f"{boundary.sizes['angle']} rays the smallest scale above which at least one of "
-        f"{boundary.n_orbits} orbits that start in [0, 1] × [0, 0.3] leaves -2 ≤ y ≤ 2.3 within "
+        f"{boundary.sizes['angle']} rays, the smallest scale above which at least one of "
+        f"{boundary.n_orbits} orbits started in [0, 1] × [0, 0.3] leaves -2 ≤ y ≤ 2.3 within "
         f"N = {n} steps (periods of the forcing). Line: the true boundary, bracketed by certified "
-        "circles and converse KAM. Direct iteration puts it too far out by "
-        f"{biases} (medians over the rays; resolved to {100 * boundary.spacing:.0f}% of this "
-        "excess)."
+        "circles and converse KAM. Excess of the former over the latter, median over the rays: "
+        f"{biases} (resolution: {100 * boundary.spacing:.0f}% of the excess)."
     )
 
 
@@ -69,10 +68,11 @@ def half_plane_caption(insets):
         for row in insets.drop_dims(["x", "y"]).to_dataframe().itertuples()
     )
     return (
-        "The same in the upper half plane; (b) to (e), at the forcings marked by stars: how often "
-        "the "
+        "(a) The boundary of global transport by direct iteration in the upper half plane. (b) to "
+        "(e) How often, at the forcings marked by stars, the "
         f"orbit of ({insets.start[0]:g}, {insets.start[1]:g}) visits each pixel of the unit cell "
-        f"in {insets.steps} steps (white: never). Its range of y, not reduced mod 1, at {ranges}."
+        f"in {insets.steps} steps (white: never). Range of y on this orbit, not reduced mod 1, at "
+        f"{ranges}."
     )
 
 
@@ -86,7 +86,7 @@ def _draw_boundaries(axes, boundary, barrier):
             label += f", no answer on {silent} of {here.angle.size} rays"
         axes.plot(*in_plane(here), marker, label=label, **look)
     label_plane(axes, barrier)
-    axes.set_title(f"Onset of global transport of ${style.power(boundary.n_orbits)}$ orbits")
+    axes.set_title(f"Onset of global transport: ${style.power(boundary.n_orbits)}$ orbits")
 
 
 def _draw_cell(axes, inset, norm):

@@ -11,7 +11,7 @@ from workflows.figures.planes import in_plane, label_plane, of_two_kicks
 
 _CELLS = 7
 _MEDIAN = rf"median over ${_CELLS} \times {_CELLS}$ cells"
-_BOUNDARY_COLOURS = ["black", style.COLOURS[2], style.COLOURS[3]]  # not used in the field
+_BOUNDARY_COLOURS = ["black", style.COLOURS[2], style.COLOURS[3]]  # colours absent from the field
 
 
 def draw_escape_plane(plane, steps):

@@ -9,7 +9,7 @@ BESIDE = ".part"  # suffix of the name of a file that is being written
 
 
 def write(path, content):
-    """Write text or bytes to a temporary file beside the file, and rename it.
+    """Write text or bytes to a temporary file in the same folder, then rename it to `path`.
 
     If the process is killed or the disk is full, the file of an earlier run remains complete.
     """

@@ -44,21 +44,21 @@ def flux_caption(fluxes, fits):
     laws = ", ".join(
         f"η = {row.exponent:.6f} ± {row.exponent_error:.0e} at {angle:g}° ({row.circle_and_tie})"
         if np.isfinite(row.exponent)
-        else f"no fit at {angle:g}°, for lack of distances"
+        else f"no fit at {angle:g}°, because there are too few distances"
         for angle, row in fits.to_dataframe().iterrows()
     )
     ratio, silent = np.nan, int(fluxes.flux.isnull().sum())
     if {0.0, 45.0} <= set(fluxes.angle.values.tolist()):
         ratio = float(fits.amplitude.sel(angle=45) / fits.amplitude.sel(angle=0))
     alike = (
-        f" C at 45° is {ratio:.3f} times that at 0°. Both are standard maps: at 45° a step is two "
-        "steps of the standard map (twice the area), at 0° it is one step, with 2y as its momentum "
-        "(half the area)."
+        f" C at 45° is {ratio:.3f} times C at 0°. Both reduce to the standard map: at 45° a step "
+        "is two steps of the standard map (twice the area), at 0° it is one step, with 2y as its "
+        "momentum (half the area)."
     )
     return (
         "Flux through the cantorus of the last circle: the area that crosses it per step (one "
-        "period), which is the difference in action of minimax and minimizing orbits of periods up "
-        f"to {fluxes.attrs['q_max']}, against the distance beyond the breakup. Fits of "
+        "period), which is the difference in action between minimax and minimizing orbits of "
+        f"periods up to {fluxes.attrs['q_max']}, against the distance beyond the breakup. Fits of "
         f"ΔW = C·x^η·exp(bx + cx²) up to x = 3%: {laws} (statistical errors of the fit). "
         f"Renormalisation predicts η = {fits.attrs['predicted_exponent']} for noble circles."
         f"{alike if np.isfinite(ratio) else ''} No answer at {silent} of {fluxes.flux.size} points."

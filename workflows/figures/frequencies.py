@@ -1,4 +1,4 @@
-"""The last barrier of rotating maps against the frequency, rational or irrational."""
+"""Figure of the last barrier of rotating maps against their frequency, rational or irrational."""
 
 from fractions import Fraction
 
@@ -63,8 +63,9 @@ def frequencies_caption(cube):
         "Breakup of the last barrier of rotating maps on the ray (κ̄, Δκ) = s·(cos θ, sin θ), "
         f"θ = {float(cube.angle):g}°: the last circle for {len(fractions)} fractions Ω with "
         f"{fractions.phases.max()} phases each, and the last torus for {len(limits)} irrational Ω. "
-        "Brackets reach from the last certified circle or torus to converse KAM. Their median "
-        f"width is {medians}; {int((cube.lower + cube.upper).isnull().sum())} are missing. "
+        "Brackets extend from the last certified circle or torus to the scale at which converse "
+        f"KAM excludes all of them. The median width of the brackets is {medians}; "
+        f"{int((cube.lower + cube.upper).isnull().sum())} are missing. "
         f"{_comparison(limits, fractions)}"
     )
 
@@ -108,7 +109,7 @@ def _comparison(limits, fractions):
     apart = inside + outside
     longest = f"; the largest q without overlap is {max(apart)}" if apart else ""
     return (
-        f"Of {len(overlap + apart)} convergents, at the phase with the smallest scale, "
-        f"{len(overlap)} have brackets that overlap the bracket of their limit, {len(inside)} lie "
-        f"below it, and {len(outside)} above{longest}."
+        "Each convergent Ω is compared with its limit at the phase with the smallest scale: of "
+        f"{len(overlap + apart)} brackets, {len(overlap)} overlap the bracket of the limit, "
+        f"{len(inside)} lie below it, and {len(outside)} above{longest}."
     )

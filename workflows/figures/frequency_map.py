@@ -36,7 +36,7 @@ def frequency_map_caption(cube):
     return (
         f"Frequency map of the forcing ({shown}): rotation number of {cube.omega.size} orbits of "
         f"{n_max} steps, by weighted Birkhoff averages. {100 * regular:.1f}% are regular: the "
-        f"averages over the whole orbit and over its halves share {least} digits or more "
-        "(the white line beside the right panel). Regular orbits are those on invariant circles, "
-        "in islands, and some that stay close to these for all steps."
+        f"averages over the whole orbit and over its halves share at least {least} "
+        "digits (white line on the right colour bar). Regular orbits lie on invariant circles or "
+        "in islands, or stay close to them for all steps."
     )

@@ -16,7 +16,7 @@ _OFFSET = 0.13  # distance between the bars of two indicators, in classes
 
 
 def draw_labels(scores, seconds):
-    """Draw the fraction of false answers in each margin class, and overall against CPU time.
+    """Draw the fractions of false answers by distance from CB_gt, and overall against CPU time.
 
     scores : the cube `labels_scores`. seconds : CPU seconds per forcing, dims (indicator, n).
     """
@@ -67,13 +67,13 @@ def labels_caption(labels, scores, findings):
     barriers = int(style.has_flag(labels.label, "barrier").sum())
     worst = float((abs(labels.margin_error / labels.margin)).max())
     return (
-        f"Of {n_drawn} forcings drawn, {labels.sizes['forcing']} have a proved answer: "
+        f"Of {n_drawn} random forcings, {labels.sizes['forcing']} have a proved answer: "
         f"{barriers} BARRIER, {labels.sizes['forcing'] - barriers} TRANSPORT. (a) Fraction of "
         f"false answers among the {int(scores.attrs['n_test'])} test forcings after N = "
         f"{int(scores.n[-1])} steps, with 95% intervals (Wilson), by relative distance from CB_gt "
-        f"along the ray, which is known to a relative error of {worst:.0e}. An "
-        f"indicator of orbits answers BARRIER if one of {labels.attrs['n_starts']} starts on "
-        "x = 0 looks regular and "
-        f"rotational; the threshold is fitted on the other {int(scores.attrs['n_train'])} "
+        f"along the ray. The distance is known to a relative error of {worst:.0e}. An "
+        f"indicator of orbits answers BARRIER if one of {labels.attrs['n_starts']} orbits started "
+        "on x = 0 looks regular and "
+        f"rotational; its threshold is fitted on the other {int(scores.attrs['n_train'])} "
         f"forcings. (b) The fraction in all classes against CPU time.\n{findings}"
     )

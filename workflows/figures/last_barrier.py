@@ -1,4 +1,4 @@
-"""CB_gt coloured by its last circles: one colour for each class under the symmetry.
+"""CB_gt coloured by the circle that breaks last; symmetric images of a circle share its colour.
 
 The caption is in `workflows.shared.boundary_captions`.
 """

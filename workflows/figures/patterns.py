@@ -1,4 +1,4 @@
-"""Draw thresholds of kick pairs against their spacing, and those of sign patterns and bursts."""
+"""Draw the thresholds of kick pairs against their spacing, and of sign patterns and bursts."""
 
 from fractions import Fraction
 

@@ -25,7 +25,7 @@ def symbols(axes, plain=False):
 
 
 def of_two_kicks(dataset):
-    """Return True if the plane is that of two kicks, which some parts of figures require."""
+    """Return True for the plane of two kicks, which some parts of figures require."""
     return plane_of(dataset.attrs) == two_kicks()
 
 

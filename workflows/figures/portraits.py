@@ -65,7 +65,7 @@ def kicks_caption(portraits):
 
 
 def draw_symmetry(portraits):
-    """Draw four forcings related by symmetries, with the images of three orbits in colour."""
+    """Draw four portraits related by symmetries, with three orbits and their images in colour."""
     figure, drawn = panels(2, 2, 9, 9.3, stack=False, sharex=True, sharey=True)
     forcings = [portraits.isel(forcing=i) for i in range(4)]
     for axes, here in zip(drawn, forcings, strict=True):
@@ -76,7 +76,7 @@ def draw_symmetry(portraits):
     first = portraits.isel(forcing=0, step=0)
     for i, (x, y) in enumerate(zip(first.marked_x.values, first.marked_y.values, strict=True)):
         drawn[0].plot([], [], label=f"orbit of $({x:g}, {y:g})$ in (a)", **dots(colour_of(i), 9))
-    figure.suptitle("One portrait under the symmetries; coloured orbits are images of each other")
+    figure.suptitle("Four portraits related by symmetry; each colour marks an orbit and its images")
     outer_legend(figure, 3, 2)
     return figure
 
@@ -88,8 +88,8 @@ def symmetry_caption(portraits):
         f"Phase portraits of T at (κ1, κ2) = {', '.join(map(_forcing, forcings))} (a-d), "
         f"{portraits.orbit.size} orbits of {portraits.step.size - 1} steps. Panels (b), (c) and "
         "(d) are panel (a) shifted by (1/2, 0), (1/2, 1/2) and (0, 1/2). In colour: the orbits of "
-        f"{', '.join(f'({x:g}, {y:g})' for x, y in marked)} in (a), and those of their images in "
-        "the other panels, iterated independently; they agree with the symmetries to "
+        f"{', '.join(f'({x:g}, {y:g})' for x, y in marked)} in (a), and the orbits of their "
+        "images in the other panels, iterated independently; they agree with the symmetries to "
         f"{float(portraits.difference.max()):.0e}."
     )
 

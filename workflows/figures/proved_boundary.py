@@ -43,11 +43,11 @@ def proved_boundary_caption(barrier):
     below = float((barrier.proved_below / barrier.critical_scale).median())
     return (
         f"On {proved.sum()} of {width.size} rays around the plane a barrier is proved to exist at "
-        "one forcing, and transport is proved to be global at another; their relative distance is "
-        f"{100 * np.nanmedian(width):.2g}% in the median and at most "
-        f"{100 * np.nanmax(width):.2g}%. Between the two nothing is proved. A proof at one forcing "
-        "says nothing about weaker kicks, because a circle might break and reappear; but up "
-        f"to {np.ceil(1e4 * (1 - below)) / 100:g}% below the breakup (median of the rays on which "
-        "such a proof succeeds) a barrier is proved to exist all along the ray. The proofs rely on "
-        "IEEE-754 arithmetic and FLINT."
+        "one forcing, and transport is proved to be global at another. The relative distance "
+        f"between the two has a median of {100 * np.nanmedian(width):.2g}% and a maximum of "
+        f"{100 * np.nanmax(width):.2g}%; between them nothing is proved. A proof at one forcing "
+        "says nothing about weaker kicks, because a circle might break and reappear. Other proofs "
+        f"cover the ray from the origin to {np.ceil(1e4 * (1 - below)) / 100:g}% below the breakup "
+        "(median of the rays on which they succeed): there a barrier is proved to exist at every "
+        "forcing. The proofs rely on IEEE-754 arithmetic and FLINT."
     )

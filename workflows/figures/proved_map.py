@@ -41,7 +41,7 @@ def draw_proved_map(whole, triangles, barrier):
 
 
 def _image(points, mirrored, turn):
-    """Return the image of points (n, 2) under a symmetry, as `Plane.symmetries` lists it."""
+    """Return the image of points, shape (n, 2), under a symmetry listed in `Plane.symmetries`."""
     angle = np.deg2rad(turn)
     cos, sin = round(np.cos(angle)), round(np.sin(angle))
     a, b = points[:, 0], -points[:, 1] if mirrored else points[:, 1]
@@ -71,13 +71,13 @@ def proved_map_caption(whole, triangles, barrier):
         half, most, last = np.quantile(open_, [0.5, 0.95, 1])
         within = (
             f"Half of the open cells there are within {half:.3g}% of the boundary, 95% within "
-            f"{most:.3g}%, all within {last:.3g}%."
+            f"{most:.3g}%, and all within {last:.3g}%."
         )
     if len(plane.origin) > 2 and open_.size:
         beyond = 100 * whole.outside_theorem.values[there & ~proved].mean()
         if beyond >= 0.5:
             within += (
-                f" To {beyond:.0f}% of them the theorem does not apply, because strong kicks "
+                f" The theorem does not apply to {beyond:.0f}% of them, because strong kicks "
                 "follow each other."
             )
     share = 100 * proved[there].mean()
@@ -91,7 +91,8 @@ def proved_map_caption(whole, triangles, barrier):
     place = "" if plane == two_kicks() else f"Plane of forcings: {plane.name}. "
     return (
         f"{place}Transport is proved to be global for every forcing in {share:.1f}% of the area "
-        f"shown outside CB_gt (line, by residues), in cells down to 1/{whole.attrs['cells']}. "
+        "shown outside CB_gt (line, by residues); the smallest cells measure "
+        f"1/{whole.attrs['cells']}. "
         f"{within} A "
         f"barrier is proved to exist in {triangles.sizes['triangle']} triangles with a corner at 0 "
         f"and their images: they reach to within {half:.3g}% of CB_gt on half of its rays, "

@@ -32,13 +32,15 @@ def draw_ramp(ramp, irregular):
 
 def ramp_caption(irregular, findings):
     return (
-        "(a) Ramp κ_n = κ_G + r·n: kicks after κ_G until converse KAM excludes every family of "
+        "(a) Ramp κ_n = κ_G + r·n: number n of kicks until converse KAM excludes every family of "
         "invariant graphs (on the line of starts where this happens first), and until one of 64 "
-        "orbits has crossed all circles. (b) The same for κ_n = 0.3·(1 + ripple·f_n): filled, "
-        f"graphs, within {irregular.attrs['kicks'] // 2} kicks; hollow, orbits, within "
-        f"{20 * irregular.attrs['kicks']}. Triangles are lower bounds: graphs not excluded, or no "
-        "orbit has crossed, by the end of the run. The exclusion relies on a search, and does not "
-        f"cover curves that fold; an orbit that crosses excludes both.\n{findings}"
+        "orbits has crossed all circles. (b) The same for κ_n = 0.3·(1 + ripple·f_n). Filled "
+        f"symbols: graphs are excluded; runs end after {irregular.attrs['kicks'] // 2} kicks. "
+        "Hollow symbols: an orbit crosses; runs end after "
+        f"{20 * irregular.attrs['kicks']} kicks. Triangles are lower bounds: by the end of the "
+        "run, graphs were not excluded, or no orbit had crossed. The exclusion relies on a search "
+        "and does not cover curves that fold; an orbit that crosses excludes both graphs and "
+        f"folded curves.\n{findings}"
     )
 
 

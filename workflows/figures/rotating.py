@@ -32,7 +32,7 @@ def draw_rotating_tori(tori, two, direct):
     """Draw the breakup of tori, by residues of long orbits, together with CB_gt of T, Fig. 11."""
     title = "Tori of rotating standard maps, and the last circle of $T$"
     figure, parts = _plane(title, two, direct, tori.critical_scale, 0.4)
-    x, y = outline(tori.assign_attrs(two.attrs))  # in the plane of T, although frequencies differ
+    x, y = outline(tori.assign_attrs(two.attrs))  # in the plane of T, although their Ω differs
     for part in parts:
         for i, vector in enumerate(tori.vector.values):
             look = {"color": colour_of(i), "ls": ("-", "--", "-.")[i % 3], "lw": 1.1}
@@ -51,8 +51,8 @@ def rotating_tori_caption(tori, two, direct):
         )
     )
     return (
-        "Breakup of two-dimensional tori of the rotating standard map, estimated by |R| = 1/4 of "
-        "one long orbit for each rotation vector, against CB_gt of T and the onset of its "
+        "Breakup of two-dimensional tori of the rotating standard map, estimated from |R| = 1/4 on "
+        "one long orbit for each rotation vector, compared with CB_gt of T and the onset of its "
         "transport "
         f"by direct iteration ({_effort(direct)}, {_outside(two, direct)} outside CB_gt), on rays "
         f"(κ̄, Δκ) = s·(cos θ, sin θ). {outside} |R| = 1 is reached {wide:.2g}% further out "
@@ -82,7 +82,7 @@ def _plane(title, two, direct, scale, inner):
     if angles.size:
         silent = two.sel(angle=np.unique(angles), method="nearest")
         look = {"ls": "", "marker": "x", "color": "0.3", "ms": 5, "zorder": 4}
-        axes.plot(*outline(silent), label="a method without an answer on this ray", **look)
+        axes.plot(*outline(silent), label="no answer from one of the methods", **look)
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal", title=title)
     return figure, parts
 
@@ -100,7 +100,7 @@ def _outside(two, direct):
 
 
 def where_above(angle, ratio):
-    """Return as text the angles at which the ratio exceeds 1, or else its maximum.
+    """Return, as text, the angles at which the ratio exceeds 1; if there are none, its maximum.
 
     An example is "12°-14.5° (by 3.1% at 13°)". A ray without a ratio (NaN) ends a range of angles.
     """

@@ -76,7 +76,7 @@ def _strongest(verdicts):
 
 
 def _lifetime(row, asked):
-    return f"all {asked}" if np.isinf(row.kicks) else f"{float(row.kicks):.0f}"
+    return f"≥ {asked}" if np.isinf(row.kicks) else f"{float(row.kicks):.0f}"
 
 
 def self_consistent_caption(fields, verdicts, settling):
@@ -103,15 +103,17 @@ def self_consistent_caption(fields, verdicts, settling):
         "(d) Particles in the frame of the wave, and the orbit of the longest-lived start "
         f"(lifetime {_lifetime(row, asked)} kicks, {float(row.omega):.3f} turns per kick). (e) "
         f"Converse KAM over {asked} kicks in either direction from the middle of the second half. "
-        f"It excludes every family of graphs in the recorded field {recorded}, and under "
-        "κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), fitted to it with the same mean and variance and Ω = p/q, "
-        f"{fitted}. Lifetimes beyond {horizon} kicks in the field count as undecided, because the "
-        f"search may miss longer ones. At least one of {fields.particle.size} particles "
+        f"It excludes every family of graphs in the recorded field {recorded}. Under the fitted "
+        "forcing κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ), with Ω = p/q and the mean and variance of the "
+        f"recorded κ_n, it does so {fitted}. Lifetimes beyond {horizon} kicks in the recorded "
+        "field count as undecided, because the search may miss longer ones. "
+        f"At least one of {fields.particle.size} particles "
         f"moves by more than 2 in y {escaped}. (f) Under κ_n = "
         f"{settling.limit} + {settling.excess} e^(-n/{settling.time}) the coloured curve "
         f"converges to the golden circle of κ = {settling.limit} and bounds the same area, to "
-        f"{abs(first - circle):.0e}: it is a barrier. It folds before the first kick, and "
-        f"converse KAM excludes {float(settling.excluded.mean()):.0%} of it; applied before kick "
-        f"{settling.attrs['asked']}, it excludes all graphs after {float(settling.kicks):.0f} "
-        "kicks. So the absence of graphs alone does not show transport; orbits that cross do."
+        f"{abs(first - circle):.0e}: it is a barrier. Before the first kick this curve is "
+        f"folded, and converse KAM excludes {float(settling.excluded.mean()):.0%} of its points. "
+        f"Applied before kick {settling.attrs['asked']}, converse KAM excludes all graphs after "
+        f"{float(settling.kicks):.0f} kicks. So the absence of graphs alone does not show "
+        "transport; orbits that cross from one side to the other do."
     )

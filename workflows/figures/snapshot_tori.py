@@ -1,4 +1,4 @@
-"""Mean distances and exponents on snapshot tori in ramps, and when graphs are excluded."""
+"""Snapshot tori in ramps of κ: mean distances, exponents, and when graphs are excluded."""
 
 import numpy as np
 
@@ -26,16 +26,16 @@ def draw_snapshot_tori(cube):
 
 def snapshot_tori_caption(cube, findings):
     return (
-        f"Snapshot tori in ramps that begin at κ = {float(cube.strength[0]):g}. (a) EAPD "
-        "(ensemble-averaged pairwise distance, as a logarithm) of each torus for "
+        f"Snapshot tori in ramps that begin at κ = {float(cube.strength[0]):g} and grow by r per "
+        "kick. (a) EAPD (ensemble-averaged pairwise distance, as a logarithm) of each torus for "
         f"r = {cube.attrs['kept_rate']:g}, and its bound for graphs; vertical line: "
         "converse KAM excludes all graphs. (b) Finite-time exponents on two of these tori: median, "
-        "and range of 80% of the orbits. (c) κ at which all graphs through a point of a torus of "
-        "(a) are excluded, its EAPD exceeds the bound, mean distances exceed it for good by a "
-        f"factor of {cube.attrs['factor']:g}, and half of its orbits are stretched by more than "
-        "n²; horizontal line: all graphs are excluded. (d) Kicks from the first of these "
-        "events to the second, for all tori that wind around the "
-        "cylinder; red: the golden circle."
+        "and range of 80% of the orbits. (c) κ at which four events occur on each torus of (a): "
+        "all graphs through one of its points are excluded; its EAPD exceeds the bound; mean "
+        f"distances exceed the bound for good by a factor of {cube.attrs['factor']:g}; and half of "
+        "its orbits are stretched by more than n². Horizontal line: all graphs are excluded. "
+        "(d) Kicks from the first of these events to the second, for all tori that wind around "
+        "the cylinder; red: the golden circle."
         f"\n{findings}"
     )
 

@@ -48,7 +48,7 @@ def _near_cusp(study):
             f"{name} down to {_nearest(part, part.status == _OK):.0e}° (error up to "
             f"{float(part.off.max()):.0e}, at most {over:.2g} times the claimed error)"
         )
-    return f"Near the cusp at 45° these methods have answers: {'; '.join(parts)}."
+    return f"Near the cusp at 45° these methods give answers: {'; '.join(parts)}."
 
 
 def _nearest(study, holds):
@@ -102,14 +102,14 @@ def _past_boundary(study):
         for times in (beyond.escape_time, beyond.escape_time_single)
     )
     return (
-        f"Past the breakup {int((beyond.certified == 1).sum())} circles are certified. Converse "
-        f"KAM eliminates all starts from {_percent(eliminated)} beyond the breakup, and wrongly in "
-        f"{int(np.isfinite(within.elimination_time).sum())} cases below it; a weighted Birkhoff "
-        f"average classifies an orbit as regular (5 digits) up to {_percent(regular)} beyond; at "
-        "least one of 100 orbits escapes "
-        + (f"from {_percent(escaped)} beyond" if np.isfinite(escaped) else "nowhere")
-        + (f" (in single precision from {_percent(single)})" if np.isfinite(single) else "")
-        + f"; in single precision {int(np.isfinite(within.escape_time_single).sum())} ensembles "
+        f"Past the breakup, {int((beyond.certified == 1).sum())} circles are certified. Converse "
+        f"KAM eliminates all starts from {_percent(eliminated)} beyond the breakup on; it does "
+        f"so wrongly in {int(np.isfinite(within.elimination_time).sum())} cases below the breakup. "
+        "A weighted Birkhoff average still classifies an orbit as regular (5 digits) at "
+        f"{_percent(regular)} beyond. The first escape of one of 100 orbits is seen "
+        + (f"at {_percent(escaped)} beyond" if np.isfinite(escaped) else "nowhere")
+        + (f" (in single precision, at {_percent(single)})" if np.isfinite(single) else "")
+        + f"; in single precision, {int(np.isfinite(within.escape_time_single).sum())} ensembles "
         "escape through an existing circle."
     )
 
@@ -144,8 +144,8 @@ def _fractions(study):
     return (
         f"Irrational numbers close to fractions, [0;1,…,1,a,(1)] with a = {large}, "
         f"{study.q.size} for each a: residues give no answer in {', '.join(map(str, silent[0]))} "
-        f"cases and continuation in {', '.join(map(str, silent[1]))}. Compared with longer orbits, "
-        f"the error of continuation exceeds its claim in {wrong} cases."
+        f"cases and continuation in {', '.join(map(str, silent[1]))}. Judged by longer orbits, "
+        f"the true error of continuation exceeds the claimed error in {wrong} cases."
     )
 
 
@@ -174,7 +174,7 @@ def _twist(study):
         "Beyond a scale of 1.5, up to and past the loss of twist, converse KAM eliminates all "
         f"starts in {np.isfinite(lifetimes).sum()} of {lifetimes.size} cases, within "
         f"{np.max(lifetimes):g} steps; {int((beyond.circle == _OK).sum())} circles are certified, "
-        f"although Birkhoff averages have up to {float(beyond.digits.max()):.0f} digits for other "
+        f"although Birkhoff averages reach up to {float(beyond.digits.max()):.0f} digits on other "
         "regular orbits."
     )
 
@@ -184,7 +184,7 @@ def _draw_missed(axes, study):
         study.kept,
         100 * study.missed,
         "o-",
-        label="searches over 1% short",
+        label="searches more than 1% short",
     )
     axes.plot(study.kept, 100 * study.worst, "s--", mfc="none", label="largest shortfall")
     axes.set_xscale("log", base=2)
@@ -195,9 +195,10 @@ def _draw_missed(axes, study):
 def _missed(study):
     pairs = zip(study.kept.values.tolist(), study.missed.values, strict=True)
     return (
-        "The beam search of converse KAM underestimates the longest lifetime by more than 1% in "
-        f"this fraction of {study.attrs['searches']} searches, by the number of starts kept (32 by "
-        f"default): {', '.join(f'{_percent(part)} with {number}' for number, part in pairs)}."
+        f"Of {study.attrs['searches']} beam searches of converse KAM, these fractions "
+        "underestimate the longest lifetime by more than 1%, depending on the number of starts "
+        "kept (32 by default): "
+        f"{', '.join(f'{_percent(part)} with {number}' for number, part in pairs)}."
     )
 
 
@@ -224,16 +225,16 @@ def _draw_disorder(axes, study):
 def _disorder(study):
     trials, worst = study.attrs["trials"], study.refused.max("noise")
     return (
-        "From bad starts Newton's method converges to an orbit of another order in up to "
-        f"{_percent(worst.max())} of trials, at scales from "
-        f"{float(study.scale.where(worst > 0).min()):.2g}; in all {trials * study.refused.size} "
-        f"trials the order check accepts {round(float(study.accepted.sum()) * trials)} wrong "
-        "orbits."
+        "From bad starts, Newton's method converges to a disordered orbit in up to "
+        f"{_percent(worst.max())} of trials, at scales of "
+        f"{float(study.scale.where(worst > 0).min()):.2g} or more. Of the orbits found in all "
+        f"{trials * study.refused.size} trials, the test of the order accepts "
+        f"{round(float(study.accepted.sum()) * trials)} wrong ones."
     )
 
 
 def _draw_tori(axes, study):
-    """Draw brackets against the distance from a resonance, and crosses if no torus is certified."""
+    """Draw brackets against the distance from a resonance, and crosses where none is certified."""
     for i, name in enumerate(study.pair.values):
         part, colour, place = study.isel(pair=i), COLOURS[i], study.delta * 1.15**i
         style = {"color": colour, "ms": 5}
@@ -257,12 +258,12 @@ def _tori(study):
     for i, name in enumerate(study.pair.values):
         part = study.isel(pair=i)
         shown, known = _nearest(part, part.lower.notnull()), _nearest(part, part.status == _OK)
-        parts.append(f"{name} down to {shown:.0e} (with a value, {known:.0e})")
+        parts.append(f"{name} down to δ = {shown:.0e} (with a value, down to {known:.0e})")
     return (
-        f"Near a resonance tori are certified for {'; '.join(parts)}; closer to it the status "
-        f"gives the reason. Of these tori {int((study.lower >= study.upper).sum())} lie beyond the "
-        f"converse KAM bound for their Ω. Past that bound {int((study.past == _OK).sum())} of "
-        f"{study.past.size} attempts certify a torus, on any grid."
+        f"Near a resonance, tori are certified for {'; '.join(parts)}; at smaller δ the status "
+        f"states the reason. Of these tori, {int((study.lower >= study.upper).sum())} lie beyond "
+        f"the converse KAM bound for their Ω. Past that bound, {int((study.past == _OK).sum())} of "
+        f"{study.past.size} attempts, on grids of several sizes, certify a torus."
     )
 
 

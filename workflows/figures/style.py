@@ -15,8 +15,8 @@ from pandas import Series
 from nasm.numbers import NAMES, moebius, parse
 from workflows.figures.files import write
 
-# Blue, orange, green, sky, red, violet, indigo: at least 17 apart in CIE Lab, as seen with
-# deuteranopia or protanopia. Black, white and the greys below are at least as far from each.
+# Blue, orange, green, sky, red, violet, indigo. With deuteranopia or protanopia, any two appear at
+# least 17 apart in CIE Lab, and so does each from black, from white and from the greys below.
 COLOURS = ["#0072B2", "#E69F00", "#358600", "#56B4E9", "#8B0000", "#8A2BE2", "#332288"]
 VERMILION = "#D55E00"  # for elements that must stand out, but never for a circle
 
@@ -47,10 +47,11 @@ def circle_style(text, whole=0):
     text : ω as text; "" if it is not known. whole : as in `circle_class`. All circles of a
     class share a style.
 
-    The index of the colour is the sum of a - 1 over the quotients of [·; a, …], minus the same sum
-    over the repeating quotients. It is 0, blue, for the golden circle, and increases by one for
-    each step away from it among the noble circles. ω + 1 has the colour of ω, and the colours recur
-    after seven; circles of one colour differ in marker and dash.
+    The index of the colour is the sum of a - 1 over the quotients a between the first one and the
+    repeating ones, minus the same sum over the repeating quotients. It is 0, blue, for the golden
+    circle; for noble circles it increases by one with each unit added to a quotient. ω + 1 has the
+    colour of ω, and the colours recur after seven; circles of one colour usually differ in marker
+    and dash.
     """
     if not text:
         return {"color": "black", "marker": "x", "ls": "-"}
@@ -94,7 +95,7 @@ def _omega(text):
 
 COLUMN = 3.4  # inches, the width of a column of a journal
 _SMALLEST = 6.5  # points, minimum size of text in a column
-_TALLEST = 0.65  # maximum height of a panel, relative to its width, if a column has several
+_TALLEST = 0.65  # maximum height of a panel, relative to its width, if a column contains several
 _MARGIN = 0.04  # inches around a figure
 
 
@@ -109,7 +110,7 @@ _IN_COLUMN = {
 
 @contextmanager
 def sheet(column=False):
-    """Draw and save figures in this context with matplotlib's defaults, ignoring any matplotlibrc.
+    """Use matplotlib's defaults for figures drawn in this context, ignoring any matplotlibrc.
 
     column : True for figures that fit a column of a journal, with 8 pt text and no titles.
     """
@@ -161,7 +162,7 @@ def key(axes, marks, hollow=""):
 
 
 def name_circles(axes, styles, **more):
-    """Add the circles of `circle_styles` to the legend, by their markers."""
+    """Add the circles of `circle_styles` to the legend, with their markers but without lines."""
     for text, style in styles.items():
         label = rf"$\omega = {text}$" if text else r"$\omega$ not known"
         axes.plot([], [], label=label, **style | {"ls": "", "mew": 0.5} | more)
@@ -197,8 +198,8 @@ def _make_room(legend):
 def save(figure, out, name, caption="", kinds=("png", "pdf")):
     """Write the figure as NAME.png and NAME.pdf, and its caption, if it has one, as NAME.txt.
 
-    Figures for a column are named NAME_column.png and so on. If there are several panels, they are
-    lettered. Returns the paths of the pictures, whose metadata contain the caption too.
+    Figures for a column are named NAME_column.png and so on. Several panels are labelled
+    (a), (b), …. Returns the paths of the pictures; their metadata also contain the caption.
     """
     box = finish(figure)
     name += "_column" * in_column()
@@ -232,9 +233,9 @@ def drawn(draw, out, name, caption="", column=False):
 
 
 def finish(figure):
-    """Letter a figure and lay it out once; otherwise savefig would lay it out for each picture.
+    """Label the panels, and lay the figure out once; savefig would do so for each picture.
 
-    Returns the part of it to be saved, a Bbox in inches.
+    Returns the part of the figure to be saved, a Bbox in inches.
     """
     letter(figure)
     if in_column():  # the caption replaces titles, and no text is too small to read
@@ -317,9 +318,9 @@ def omega_label(text):
 
 
 def known(breakdown):
-    """Drop the points whose claimed error exceeds 2% of the scale: the curves have gaps there.
+    """Drop the points whose estimated error exceeds 2% of the scale: the curves have gaps there.
 
-    The coordinates that give their places in the plane are dropped too.
+    Their coordinates in the plane are dropped too.
     """
     sharp = breakdown.error < 0.02 * breakdown.critical_scale
     places = {
@@ -341,12 +342,12 @@ def circle_class(text, whole=1):
 
 
 def longest_arcs(angle, classes):
-    """Return the classes of last circles that cover over 1% of the angle, the longest arc first."""
+    """Return the classes of last circles that cover over 1% of all angles, longest arc first."""
     return [str(name) for name, share in arcs(angle, classes).items() if name and share > 0.01]
 
 
 def arcs(angle, names):
-    """Return the fraction of the angle covered by each name, as a Series, the largest first."""
+    """Return the fraction of all angles that each name covers, as a Series, the largest first."""
     width = np.diff(np.r_[angle[0], (angle[1:] + angle[:-1]) / 2, angle[-1]]) / np.ptp(angle)
     shares = Series(width).groupby(np.asarray(names), sort=False).sum()
     return shares.sort_values(ascending=False, kind="stable")
@@ -390,7 +391,7 @@ def dots(colour, size):
 
 
 def cell(y):
-    """Return y mod 1 in [-1/4, 3/4), which does not cut the circles of 0 ≤ ω/P ≤ 1/2."""
+    """Return y mod 1 in [-1/4, 3/4), a range that does not cut circles with 0 ≤ ω/P ≤ 1/2."""
     return (y + 0.25) % 1 - 0.25
 
 

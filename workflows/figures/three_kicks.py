@@ -1,4 +1,4 @@
-"""Bracketed boundaries of rotating standard maps for several phases, and the boundary of T."""
+"""Boundaries of rotating standard maps for several phases, relative to the map T (Ω = 1/2)."""
 
 import numpy as np
 
@@ -7,9 +7,9 @@ from workflows.figures.rotating import where_above
 
 
 def draw_three_kicks(three, two):
-    """Draw the boundaries in the (κ̄, Δκ) plane, and their brackets relative to T by angle.
+    """Draw the boundaries in the (κ̄, Δκ) plane, and their brackets relative to the boundary of T.
 
-    Colours show the last circles.
+    The brackets are drawn against the angle of the ray. Colours show the last circles.
     """
     exact = three.phase.values
     heights = [1.4, 0.3 + 0.4 * len(exact)]  # heights of the plane and of the strips in a column
@@ -50,7 +50,7 @@ def draw_three_kicks(three, two):
     style.outer_legend(figure, 5, 2, handles=handles, labels=labels)
     strips[-1].set(xlabel=r"angle $\theta$ of the ray in the plane (degrees)", xlim=(0, 180))
     strips[-1].set_xticks(range(0, 181, 30))
-    strips[0].set_title("Bracket relative to $T$; above 1 the barrier outlasts that of $T$")
+    strips[0].set_title("Bracket relative to $T$ (above 1: breaks later than in $T$)")
     return figure
 
 
@@ -61,13 +61,13 @@ def three_kicks_caption(three):
         for phase, ratio in zip(three.phase.values, three.ratio_lower, strict=True)
     ]
     return (
-        "Boundary of global transport of rotating standard maps for several phases φ0, against "
-        "that of T (Ω = 1/2, black): in the plane of the mean strength κ̄ and the amplitude Δκ, and "
-        "as the ratio of the scales along rays (κ̄, Δκ) = s·(cos θ, sin θ), bracketed by a "
-        "certified circle (below) and converse KAM (above). Colours show the last circle; "
-        "triangles, rays where only converse KAM has an answer. Of "
-        f"{known.size} rays {int(known.sum())} have a value; the relative width of the bracket is "
-        f"{float(width.median()):.1e} in the median and at most {float(width.max()):.1e}. Barriers "
-        "of three kicks outlast those of T (certified circle above the converse KAM bound of T): "
-        f"{' '.join(where)}"
+        "Boundaries of global transport of rotating standard maps for several phases φ0, and the "
+        "boundary of T (Ω = 1/2, black): in the plane of the mean strength κ̄ and the amplitude "
+        "Δκ, and, along rays (κ̄, Δκ) = s·(cos θ, sin θ), as ratios to the scale of T. The ratios "
+        "are bracketed by a certified circle (below) and converse KAM (above). Colours show the "
+        "last circle; triangles mark rays where only converse KAM yields a bound. Of "
+        f"{known.size} rays, {int(known.sum())} have a value; the relative width of the bracket is "
+        f"{float(width.median()):.1e} (median) and at most {float(width.max()):.1e}. Angles at "
+        "which the barrier outlasts the barrier of T (certified circle above the converse KAM "
+        f"bound of T): {' '.join(where)}"
     )

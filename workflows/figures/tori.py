@@ -35,9 +35,7 @@ def breakups_caption(breakups):
     error = f"median estimated error {wide:.2g}%" if np.isfinite(wide) else "none found"
     n_certified = f"{int(np.isfinite(breakups.lower).sum())} of {breakups.lower.size}"
     silent = int(breakups.critical_scale.isnull().sum())
-    gaps = (
-        f"; no estimate on {silent} of {breakups.lower.size}" if np.isfinite(wide) * silent else ""
-    )
+    gaps = f"; {silent} of {breakups.lower.size} not found" if np.isfinite(wide) * silent else ""
     return (
         "Breakup of invariant tori of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) on rays (κ̄, Δκ) = s·(cos θ, "
         f"sin θ), by continuation (lines, or squares on few rays; {error}{gaps}), and the last "

@@ -14,8 +14,8 @@ _MARKERS = {1.0: ("o", "K"), 0.5: ("^", "K/2"), -1.0: ("s", "-K")}  # K_α/K: ma
 def draw_thresholds(table):
     """Draw K_c against τ and against the weakest resonance.
 
-    Fractions τ with small q are labelled above the axes. Bars are brackets; if only one end of a
-    bracket is known, an arrow points away from it.
+    Fractions τ = a/q with small q are labelled above the axes. Bars are brackets; if only one end
+    of a bracket is known, an arrow points away from that end.
     """
     figure, against_delay, against_strength = _canvas()
     for i, (ratio, (marker, name)) in enumerate(_MARKERS.items()):
@@ -107,14 +107,15 @@ def planes_caption(curves):
         width = 100 * ((curve.upper - curve.lower) / curve.critical_scale).dropna("angle")
         wide = f", brackets at most {float(width.max()):.2g}% wide" if width.size else ""
         circles = style.longest_arcs(curve.angle.values, _classes(curve))[:2]
-        last = f"; most often last: {', '.join(circles)}" if circles else ""
+        last = f"; most frequent last circles: {', '.join(circles)}" if circles else ""
         rays = f"{int(known.sum())} of {known.size} rays have a value"
         parts.append(f"τ = {_delay(curve)}: {rays}{wide}{last}.")
     return (
-        "CB_gt in the plane of K, the strength of the kicks at integer times, and K_α, that of "
-        "the kicks a time τ later, in units of the period; inside (grey) there are barriers. It is "
-        "symmetric under (K, K_α) → (-K, -K_α). Colours show the ω per period of the last circle, "
-        "which is its mean p; if q is even, the larger of ω and q/2 - ω. "
+        "CB_gt in the plane of K and K_α, the strengths of the kicks at integer times and of the "
+        "kicks a time τ later, in units of the period. Inside CB_gt (grey) barriers exist. CB_gt "
+        "is symmetric under (K, K_α) → (-K, -K_α). Colours show the rotation number ω per period "
+        "of the last circle, which equals its mean p; if the denominator q of τ is even, they show "
+        "the larger of ω and q/2 - ω. "
         f"{_on_axes(curves)}{' '.join(parts)}"
     )
 

@@ -5,8 +5,7 @@ from matplotlib.ticker import NullFormatter
 
 from workflows.figures.style import in_column, outer_legend, panels
 
-# Colour of each method, keyed by the start of its name. Markers of better answers are filled; all
-# others are hollow.
+# Colour of each method, keyed by the start of its name.
 _METHOD_COLOURS = {
     "direct, 100 orbits, near": "#E69F00",
     "direct, 100 orbits, single": "#8B0000",
@@ -21,6 +20,8 @@ _METHOD_COLOURS = {
     "transport proved": "#E34234",
     "barrier proved": "#4B0082",
 }
+# Names of improved results, e.g. extrapolated ones, contain one of these words. Their markers are
+# filled; the markers of plain results are hollow.
 _BETTER = ("extrapolated", "value", "blow-up", "Aitken", "proved")
 
 
@@ -31,8 +32,8 @@ _LEAST_RANGE = 12
 def draw_work_precision(data):
     """Draw error against CPU time, with one panel for each ray.
 
-    A one-column figure shows only the better answers, on the first two rays. Errors below that of
-    the reference are shaded grey.
+    A one-column figure shows only the improved results (see `_BETTER`), on the first two rays. The
+    range of errors too small to be resolved by the reference is shaded grey.
     """
     data = data.isel(ray=slice(2)) if in_column() else data
     columns = min(3, data.ray.size)

@@ -74,18 +74,18 @@ def section_of(exhibit, out, quick):
 _NAMES = [exhibit.name for exhibit in EXHIBITS]
 _RELEASE = (
     "Instead, write the data set for a DOI to DIR: boundaries, reference values, a proved map with "
-    "certificates, a licence, checksums, and metadata for Zenodo; about half an hour. With --full, "
-    "write only the proved map, in full; two CPU hours."
+    "certificates, a licence, checksums, and metadata for Zenodo. This takes about half an hour. "
+    "With --full, write only the proved map, in full, which takes two CPU hours."
 )
 
 
 @command()
-@flag("--full", "The sizes of the paper, about four CPU hours; needs --yes or --scheduler.")
+@flag("--full", "Use the sizes of the paper; about four CPU hours; needs --yes or --scheduler.")
 @flag("--yes", "Run --full although it takes hours.")
 @choice("--exhibit", _NAMES, (), "Command to run; may be repeated.  [default: all]", multiple=True)
 @click.option("--release", metavar="DIR", type=DIRECTORY, help=_RELEASE)
 @flag("--quick", "A preview of the release, with a few rays and cells.")
-@directory("Directory of the page and of the folders of the commands; each command is resumed.")
+@directory("Directory of the page, with a folder for each command; earlier runs are resumed.")
 @quiet_option
 @cluster_options
 def main(out, full, yes, exhibit, release, quick, quiet, workers, scheduler, tls):

@@ -50,14 +50,14 @@ def _license():
 def _zenodo(exhibits):
     """Return the metadata of the deposit.
 
-    Before publication, the owner should list people as creators.
+    Before publication, the owner should enter the names of people as creators.
     """
     about = metadata.metadata("nasm-transport")
     contents = "".join(f"<li>{exhibit.title}</li>" for exhibit in exhibits)
     description = (
         "<p>Results of a program for the nonautonomous standard map, y' = y + κ_n/(2π) sin(2πx), "
         f"x' = x + y' mod 1, κ_n periodic in n.</p><ul>{contents}</ul>"
-        "<p>README.md contains the commands that computed them.</p>"
+        "<p>README.md contains the commands that computed these results.</p>"
     )
     paper = {"identifier": "arXiv:1606.04824", "relation": "references", "scheme": "arxiv"}
     return {
@@ -91,7 +91,7 @@ NAME.zarr, is opened by `xarray.open_zarr(path)`; its attributes describe its nu
 were computed. The tables (CSV) contain the same numbers. LICENSE applies to all files.
 
 {parts}`sha256sum -c {SUMS}` checks all files. With nasm installed, `python -m workflows.verify
---out .` checks all cubes, and `--proofs` the certificates as well. Without it,
+--out .` checks all cubes; with `--proofs`, it also checks the certificates. Without nasm,
 `python {CHECKER.name} proved_map/certificates/proved_map/TILE.json.xz` checks the certificates of a
-tile; it needs only python-flint.
+tile; this program needs only python-flint.
 """

@@ -1,4 +1,4 @@
-"""What proves an answer: a cell or a patch of the proved map, or a proof for that forcing alone."""
+"""Certificates of the answers: for a cell or a patch of the proved map, or for one forcing."""
 
 from fractions import Fraction
 from functools import cache
@@ -13,14 +13,15 @@ from workflows.labels.study import BARRIER, TRANSPORT
 
 
 def in_map(place, cells, triangles, forcings):
-    """Find the certificates of the proved map whose region contains a forcing.
+    """Find, for each forcing, a certificate of the proved map whose region contains the forcing.
 
     All comparisons are exact, so that the certificate proves the answer for these floats.
 
     Returns
     -------
     dict of int to (label, certificate, file)
-        For the number of each forcing: the answer, the certificate's SHA-256, and its file.
+        For each forcing inside such a region, under its number: the answer, the certificate's
+        SHA-256, and its file.
     """
     found, (width, _) = {}, arrays_of(place, "proved_map")["proved"].chunks  # cells of a tile
     patches = _patches(place, triangles.sizes["triangle"])
@@ -51,7 +52,7 @@ def _rows(forcings):
 
 
 def square_of(certificate):
-    """Return the name of a cell's certificate, and a function that tests if a forcing is in it."""
+    """Return the name of a cell's certificate, and a test whether a forcing is in the cell."""
     centre, half = (proved.floats_of(certificate, name) for name in ("kappa", "half_width"))
     ends = [
         (Fraction(middle) - Fraction(width), Fraction(middle) + Fraction(width))
@@ -75,7 +76,7 @@ def _patches(place, n):
 
 
 def patch_of(certificate):
-    """Return a function that tests if κ = s(a + tb), |t| ≤ 1, s between the patch's scales."""
+    """Return a test whether κ = s(a + tb) with |t| ≤ 1 and with s between the patch's scales."""
     names = "kappa", "tilt", "scales"
     a, b, (low, high) = (
         [Fraction(number) for number in proved.floats_of(certificate, name)] for name in names
@@ -92,7 +93,10 @@ def patch_of(certificate):
 
 
 def by_own_proofs(place, job, sources):
-    """Return the sources of forcings with proofs of their own, in the format of `in_map`."""
+    """Find the certificates of forcings with proofs of their own, in the format of `in_map`.
+
+    job : the job of all forcings that are not in `sources`, the result of `in_map`.
+    """
     cube, found = store.read(place, job.cube.name).load(), {}
     total = cube.sizes["forcing"] + len(sources)
     numbers = [i for i in range(total) if i not in sources]

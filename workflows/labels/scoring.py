@@ -1,4 +1,4 @@
-"""The score of indicators against proved answers: thresholds, false answers, and findings."""
+"""Scores of indicators, judged by proved answers: thresholds, false answers, and findings."""
 
 import numpy as np
 import xarray as xr
@@ -16,8 +16,9 @@ _LARGER_IS_BARRIER = {"escape": True, "digits": True, "exponent": False, "fli": 
 def threshold(values, is_barrier, larger_is_barrier):
     """Return the threshold: the value at and beyond which the answer is BARRIER.
 
-    The threshold minimizes the fraction of false BARRIER plus that of false TRANSPORT; of equally
-    good values it is the middle one. It is NaN unless there are forcings of both kinds.
+    The threshold minimizes the sum of two fractions: of barriers that are answered TRANSPORT, and
+    of forcings with transport that are answered BARRIER. Among equally good values, the middle one
+    is taken. The threshold is NaN unless there are forcings of both kinds.
 
     Parameters
     ----------
@@ -61,8 +62,8 @@ def share_of(counts):
 def scores(labels, margins):
     """Count false answers on the split `test`, by indicator, number of steps and class of margins.
 
-    Dims (indicator, n, side, margin_class). A false answer is TRANSPORT below CB_gt and
-    BARRIER beyond it.
+    The margin is the relative distance from CB_gt along the ray. A false answer is TRANSPORT below
+    CB_gt, or BARRIER beyond it. The dims are (indicator, n, side, margin_class).
     """
     is_barrier = labels.label.values == BARRIER
     train, test = (labels.split.values == part for part in (TRAIN, TEST))
@@ -137,7 +138,7 @@ def _unlabelled(labels):
 
 
 _DECIDED = 0.05
-"""An indicator errs (is right) if the 95% interval of its false answers is above (below) this."""
+"""An indicator errs (is right) if the 95% interval of its error rate lies above (below) this."""
 
 _ERRS = {
     "escape": {"beyond"},
@@ -151,10 +152,10 @@ _ERRS = {
 def findings(scores, seconds):
     """Judge two claims about the indicators, and state the limits; return lines of text."""
     limits = (
-        f"Limits: {scores.attrs['unlabelled']} forcings drawn without a proved answer are left "
-        f"out, and so is everything closer to CB_gt than {100 * float(scores.margin_low[0]):g}%; "
+        f"Limits: {scores.attrs['unlabelled']} forcings without a proved answer are left out, and "
+        f"no forcing is closer to CB_gt than {100 * float(scores.margin_low[0]):g}%; "
         "thresholds depend on the distribution of the margins, and the indicators of orbits "
-        "depend on the line of starts and their number."
+        "depend on the line of starts and on the number of starts."
     )
     return "\n".join([_where_they_err(scores.isel(n=-1)), _next_to_it(scores, seconds), limits])
 
@@ -178,19 +179,19 @@ def _where_they_err(last):
         parts.append(f"{name} {', '.join(sides)}")
     known = bool((wilson(0, sums.n_test)[1] < _DECIDED).all())
     text = (
-        f"after {int(last.n)} steps the fractions of false answers on either side of CB_gt, and "
-        f"the margins without any, are: {'; '.join(parts)}"
+        f"after {int(last.n)} steps, the fractions of false answers on either side of CB_gt are "
+        f"(in brackets, the margins at which there are none): {'; '.join(parts)}"
     )
     claim = (
-        "an escape errs beyond CB_gt only, the Birkhoff average below it only, and Lyapunov "
-        "indicators on both sides"
+        "the escape time errs only beyond CB_gt, the Birkhoff average only below it, and the "
+        "Lyapunov indicators err on both sides"
     )
     every = bool(errs.any("side").all())
     return finding(claim, text, all(holds), every and holds[0], known)
 
 
 def _reach(one):
-    """Return, as text, the margin from which on no answer is false."""
+    """Return, as text, the margin at and above which no answer is false."""
     right = (one.n_false.values == 0)[::-1].cumprod()[::-1].astype(bool)
     if not right.any():
         return "nowhere"
@@ -209,12 +210,12 @@ def _next_to_it(scores, seconds):
     )
     low, high = (100 * end[i, j] for end in ends)
     text = (
-        f"next to CB_gt {int(errs.sum())} of {errs.size} do, each on at least one side; over all "
+        f"next to CB_gt, {int(errs.sum())} of {errs.size} err on at least one side; over all "
         f"classes {scores.indicator.values[i]} after {int(scores.n[j])} steps has the fewest false "
         f"answers, {100 * share[i, j]:.0f}% ({low:.0f} to {high:.0f}%), in "
         f"{float(seconds[i, j]):.2g} CPU seconds per forcing, and {100 * share[i, -1]:.0f}% after "
-        f"{int(scores.n[-1])} steps, in {float(seconds[i, -1]):.2g} s; always answering BARRIER "
-        f"is wrong in {100 * _of_one_answer(scores):.0f}%"
+        f"{int(scores.n[-1])} steps, in {float(seconds[i, -1]):.2g} s; the answer BARRIER for all "
+        f"forcings would be false for {100 * _of_one_answer(scores):.0f}% of them"
     )
     margin = 100 * float(scores.margin_high[0])
     claim = f"within {margin:g}% of CB_gt every indicator errs, whatever the number of steps"

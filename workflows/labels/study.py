@@ -1,4 +1,4 @@
-"""Forcings with proved answers: how they are drawn, their splits, and the data set."""
+"""Forcings with proved answers: random choice, split for training and testing, and data set."""
 
 import hashlib
 from itertools import pairwise
@@ -35,8 +35,8 @@ def angles(n_rays, seed):
 def drawn(rays, margins, seed):
     """Draw forcings κ = (1 + margin)·κ_c on rays: one for each class of margins on either side.
 
-    Margins are log-uniform within a class. kappa1 ≥ kappa2 ≥ 0; `image` numbers the symmetry of the
-    plane that takes the forcing to the one whose indicators are computed.
+    Margins are log-uniform within a class. kappa1 ≥ kappa2 ≥ 0; `image` is the index of the
+    symmetry that maps the forcing to the image whose indicators are computed.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def labelled(forcings, sources, values):
         "label": (on, np.array(answers, np.int8), described("proved answer", **_LABELS)),
         "kappa1": (on, strengths[0], "strength of the first kick"),
         "kappa2": (on, strengths[1], "strength of the second kick"),
-        "margin": (on, rows.margin.values, "κ over the forcing at the last breakup, minus 1"),
+        "margin": (on, rows.margin.values, "κ/κ_c - 1; the last circle breaks at κ_c"),
         "margin_error": (on, rows.margin_error.values, "error of margin"),
         "split": (on, np.array(splits, np.int8), described("part of the data", **_SPLITS)),
         "certificate": text(on, names, "SHA-256 in the certificate of the proof"),

@@ -1,15 +1,16 @@
-"""When does transport begin under the kicks of laboratory experiments? Signs, pairs and bursts.
+"""At which strength does transport begin in experiments? Sign patterns, pairs, bursts of kicks.
 
 κ_n = s·profile_n for profiles of 1, -1 and 0, as in experiments with cold atoms: signs that flip
 after every M kicks (arXiv:2202.02820) or for one kick in P; pairs of kicks a fraction ε of the
 period apart, the 2δ-kicked rotor (arXiv:physics/0408088, physics/0703105); bursts of kicks.
 
-Pairs, in units of their period: p' = p + K sin 2πx/2π, then x' = x + εp', and both again with 1 - ε
-in place of ε. To first order in K they drive resonances at all integers p = k, as strong as those
-of a standard map of strength 2K|cos πkε|, whose orbits of period one have R = K|cos πkε|/2. The
-resonances near p = 1/(2ε), where the two kicks cancel, are the weakest. There the second-order term
-in K, as ε → 0, is a kick of -K²ε/(4π) sin 4πx: a standard map in 2x and 2p of strength K²ε. So
-circles there should break at √(κ_G/ε).
+In units of the period, a pair of kicks is the map p' = p + K sin 2πx/2π, x' = x + εp', followed by
+the same map with 1 - ε in place of ε. To first order in K, pairs drive resonances at all integers
+p = k. These are as strong as in a standard map of strength 2K|cos πkε|, so their orbits of period
+one have the residue R = K|cos πkε|/2. The resonances near p = 1/(2ε), where the two kicks cancel,
+are the weakest. As ε → 0, the second-order term in K is there a kick of -K²ε/(4π) sin 4πx, which
+yields a standard map in 2x and 2p of strength K²ε. Circles there should therefore break at
+K = √(κ_G/ε).
 
 Writes a cube, a table and a figure to OUT. The defaults take about ten CPU minutes; --quick takes
 one.

@@ -38,18 +38,17 @@ def findings(cube):
     third_upper, others = upper.values[third], lower.values[~third]
     width = (2 * (cube.upper - cube.lower) / (cube.upper + cube.lower)).dropna("forcing")
     return " ".join([
-        f"Of {cube.family.size} forcings {int(cube.critical_scale.notnull().sum())} have a value, "
-        f"and {width.size} a bracket, at most {100 * float(width.max()):.2g}% wide, whose middle "
-        "is "
-        "drawn. K is in units of the period, κ in units of the time between kicks; for cold atoms "
-        "K is 8ω_r times the period times the phase depth of a pulse (ω_r: recoil frequency).",
+        f"Of {cube.family.size} forcings, {int(cube.critical_scale.notnull().sum())} have a value "
+        f"and {width.size} a bracket, at most {100 * float(width.max()):.2g}% wide. The middle of "
+        "each bracket is drawn. The unit of time is the period for K, and the time between kicks "
+        "for κ; for cold atoms K is 8ω_r times the period times the phase depth of a pulse (ω_r: "
+        "recoil frequency).",
         finding(
-            "pairs a third of the period apart lose their last barrier first",
+            "as K grows, pairs a third of the period apart lose their last barrier first",
             f"their last barrier breaks below K = {third_upper.item():.4g}; for the {others.size} "
-            f"other spacings circles are certified up to {others.min():.4g} or more. To first "
-            "order "
-            "the resonances of the spacing 1/3 are all at least as strong as K, while for even P "
-            "the one at p = P/2 is absent",
+            f"other spacings, circles are certified up to K = {others.min():.4g} or more. To first "
+            "order, all resonances of the spacing 1/3 have a strength of at least K, whereas for "
+            "even P the resonance at momentum P/2 is absent",
             bool((third_upper < others).all()),
             known=bool(np.isfinite([*third_upper, *others]).all()),
         ),

@@ -1,8 +1,8 @@
 """What do the orbits look like? Phase portraits of T_{κ1κ2}, Figs. 1 and 2.
 
-Fig. 1: T_{κ1κ2} and T_{κ2κ1} beside the nonautonomous map itself (arXiv:1606.04824, Eq. (1)). Its
-points after an even number of kicks form orbits of the first map; those after an odd number form
-orbits of the second. Fig. 2: four forcings related by the symmetries of Sec. III, each iterated
+Fig. 1: T_{κ1κ2}, T_{κ2κ1} and the nonautonomous map itself (arXiv:1606.04824, Eq. (1)). An orbit of
+the nonautonomous map is an orbit of T_{κ1κ2} after even numbers of kicks, and an orbit of T_{κ2κ1}
+after odd numbers. Fig. 2: four forcings related by the symmetries of Sec. III, each iterated
 independently.
 
 Writes two cubes and two figures to OUT in a few CPU seconds.
@@ -12,8 +12,8 @@ from workflows.shared.cli import command, whole, writes
 
 
 @command()
-@whole("--n-orbits", 48, 2, 1000, "Orbits of each portrait, from the lines x = 0 and x = 1/2.")
-@whole("--n-max", 1000, 1, 100_000, "Steps of each orbit, and kicks of the nonautonomous map.")
+@whole("--n-orbits", 48, 2, 1000, "Orbits per portrait; they start on x = 0 and on x = 1/2.")
+@whole("--n-max", 1000, 1, 100_000, "Number of steps of T, and of kicks of the nonautonomous map.")
 @writes
 def main(run, n_orbits, n_max):
     from pipeline.cubes.cube import untiled

@@ -10,7 +10,7 @@ _SECTIONS = "arXiv:1606.04824, Sec."
 FORCING = (0.35, 0.5)
 ISLAND = (0.0, 0.55)  # Fig. 1(d): a start in the island of (0, 1/2)
 SYMMETRIC_FORCING = (0.5, 0.7)
-# Fig. 2: starts in the island of (1/2, 0), the chain of ω = 2/3, and the island of (0, 1/2).
+# Fig. 2: starts in the island of (1/2, 0), the island chain of ω = 2/3, and the island of (0, 1/2).
 MARKED = ((0.5, 0.12), (0.5, 0.36), (0.0, 0.44))
 
 
@@ -53,8 +53,8 @@ def symmetric_dataset(n_orbits, n_max):
     """Iterate T under four forcings related by symmetry.
 
     The Dataset contains x, y with dims (forcing, step, orbit); marked_x, marked_y (forcing, step,
-    marked); and `difference`, for each forcing the largest distance between its marked orbits and
-    the images of the marked orbits under the first forcing.
+    marked); and `difference`. For each forcing this is the largest distance between its marked
+    orbits and the images, under a symmetry, of the marked orbits of the first forcing.
     """
 
     def iterated(x, y):
@@ -66,7 +66,7 @@ def symmetric_dataset(n_orbits, n_max):
     ideal = images(SYMMETRIC_FORCING, *marked[:, 0])
     apart = marked - np.stack([points for _, *points in ideal], axis=1)
     apart = np.abs(apart - np.rint(apart)).max(axis=(0, 2, 3))
-    words = "largest distance, mod 1, of marked orbits from images of those of the first forcing"
+    words = "largest distance, mod 1, from the images of the marked orbits of the first forcing"
     coords = {
         "forcing": (range(4), "forcing"),
         "step": (range(n_max + 1), "steps of two kicks"),

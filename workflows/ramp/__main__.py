@@ -5,9 +5,9 @@ KAM for aperiodic forcing (`nasm.converse_kam.aperiodic`) excludes them: in a ra
 through the breakup, and under forcings of decreasing smoothness, down to random ones. Converse KAM
 does not exclude curves that fold; an orbit that crosses all circles excludes these, too. In a ramp,
 graphs are predicted to be excluded after ~ r^-0.497 kicks. In slow ramps the exponent is below
-0.497, since the area under the golden circle decreases by 0.0073 per unit of κ; with phases that
-follow the circle, graphs were excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates from 10⁻² to
-10⁻⁷).
+0.497, because each kick preserves the area under a graph, whereas the area under the golden
+circle decreases by 0.0073 per unit of κ. With phases of the kicks that follow this area, graphs
+were excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates from 10⁻² to 10⁻⁷).
 
 Writes two cubes and a figure to OUT. The defaults take about a CPU minute; --quick takes ten
 seconds.

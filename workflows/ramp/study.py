@@ -1,4 +1,4 @@
-"""Lifetimes of invariant graphs and escape times, in ramps and as a function of smoothness."""
+"""Lifetimes of invariant graphs and escape times, on ramps and against the forcing's smoothness."""
 
 import numpy as np
 

@@ -5,9 +5,9 @@ of its orbit is the tridiagonal matrix with
 
     a_k = 2 + κ_k cos 2πx_k on the diagonal,    and -1 next to the diagonal.
 
-If it is not positive definite, the start is on no graph that remains invariant for n kicks on
-either side. `nasm.converse_kam.aperiodic` tests this with a tangent vector that starts at the site.
-Here Gaussian elimination proceeds from both ends of the matrix to the middle,
+If it is not positive definite, no graph that persists for n kicks before and after the site passes
+through the start. `nasm.converse_kam.aperiodic` tests this with a tangent vector that starts at the
+site. Here Gaussian elimination proceeds from both ends of the matrix to the middle,
 
     d_k = a_k - 1/d_{k+1},    d_{-k} = a_{-k} - 1/d_{-k-1},    a_0 - 1/d_1 - 1/d_{-1} > 0,
 

@@ -1,4 +1,4 @@
-"""Independent methods for diffusion and escape, which do not measure how ensembles spread.
+"""Reference methods for diffusion rates and escape times, independent of the methods in `nasm`.
 
 The Green-Kubo formula derives D from the correlations of the changes d_t = y_{t+1} - y_t, averaged
 over the unit cell with uniform density,
@@ -9,11 +9,12 @@ The weights decrease smoothly, because correlations in islands do not decay; wit
 for the forcing (3, 2) would be up to 24% too large. `nasm.diffusion` computes D from the mean
 squares of long displacements.
 
-Escape by transport: the window is divided into cells. Entry (i, j) of Ulam's matrix is the fraction
-of cell j that T maps into cell i. Applied n times to the density of the starts, this matrix yields
-the fraction of orbits still inside after n steps; the sum of these fractions is the mean escape
-time. Once the density has reached its final shape, the fraction is multiplied at each step by a
-constant factor, the leading eigenvalue of the matrix. `nasm.escape` follows orbits instead.
+Escape times are computed from the transport of a density. The window is divided into cells; entry
+(i, j) of Ulam's matrix is the fraction of cell j that T maps into cell i. If the matrix is applied
+n times to the density of the starts, the total of the result is the fraction of orbits still inside
+after n steps. The sum of these fractions over n is the mean escape time. Once the density has
+reached its final shape, each step multiplies the fraction by a constant factor, the leading
+eigenvalue of the matrix. `nasm.escape` follows orbits instead.
 """
 
 import numpy as np
@@ -48,9 +49,9 @@ def green_kubo(kappa, n_starts, n_steps, n_lags):
 
 
 def escapes(kappa, window, height, cells_per_turn):
-    """Return the mean escape time and the survival factor per step, by transport between cells.
+    """Return the mean escape time and the survival factor per step, from Ulam's matrix.
 
-    The starts fill 0 ≤ y ≤ height.
+    The starts fill 0 ≤ y ≤ height uniformly.
     """
     lower, upper = window
     n_x, n_y = cells_per_turn, round((upper - lower) * cells_per_turn)

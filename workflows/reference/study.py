@@ -39,7 +39,7 @@ class Case:
     texts : dict
         Additional entries for the templates of the kind.
     has_check : bool
-        True if the kind's lines of plain Python apply to this case.
+        True if the lines of plain Python that check values of this kind work for this case.
     """
 
     kind: str
@@ -80,7 +80,7 @@ def cases(quick):
 
 _PROFILES = [(1.0, 0.5), (1.0, 0.2), (1.0, 0.9), (1.0, 1.0, 0.0), (1.0, 0.5, 0.5), (1.0, 0.5, 0.3)]
 _LONG = [(3, 8), (5, 13), (8, 21)]
-_PERIODIC = [  # forcings that are the same forwards and backwards, each with its p/q
+_PERIODIC = [  # forcings that are the same forwards and backwards in time, and values of (p, q)
     ((0.9,), [(0, 1), (1, 2), (1, 3), (1, 4), (2, 5), *_LONG, (13, 34), (21, 55)]),
     ((0.5, 0.3), [(0, 1), (1, 1), (1, 2), (1, 3), (2, 3), (3, 5), *_LONG, (13, 21)]),
     (
@@ -167,7 +167,7 @@ def _flux(p, q):
 
     conditions = {"kappa": list(kappa), "p": p, "q": q}
     again = partial(symmetric.gap_flux, kappa, p, q)
-    # The lines of plain Python do not find the minimizing orbit of 144/233.
+    # The check in plain Python does not find the minimizing orbit of 144/233.
     return Case("flux", conditions, measure, again, {"strength": kappa[0]}, has_check=q < 100)
 
 

@@ -6,12 +6,13 @@ kick. This orbit closes after q periods (N = Pq kicks) and p turns if it also sa
 
     x_h + x_{N-h} = 2x_0 + p,    h = ⌊N/2⌋.
 
-This is one equation for y. Newton's method solves it while the kicks grow from 0, where y = p/N.
+This is one equation for y. Newton's method follows its solution from κ = 0, where y = p/N.
 Neither the action nor the kernels of `nasm` are used.
 
 The flux through the gaps of p/q follows from areas alone: the segment from a minimizing point to
-the next minimax point and its image under T^q, which has the same ends, enclose ΔW_{p/q}. This
-area is the difference of their ∫ y dx, computed here by Gauss-Legendre quadrature.
+the next minimax point and its image under T^q, which has the same ends, enclose the area ΔW_{p/q}.
+It is the difference of the integrals ∫ y dx along the two curves, computed here by Gauss-Legendre
+quadrature.
 """
 
 from dataclasses import dataclass

@@ -1,13 +1,13 @@
-"""Which frequencies of a ripple lower the threshold most? Its spectrum, from fast to slow.
+"""Which ripple frequencies lower the threshold most? The spectrum, from fast to slow ripples.
 
-κ_n = κ(1 + d cos 2πnΩ): by what fraction is the strength κ_c at the last breakup below κ_G, that of
-constant kicks? To first order in d, small divisors predict this fraction (see `small_divisors`):
-losses peak where Ω is near mω mod 1. A slow ripple keeps the strengths near κ(1 + d) for many
-kicks, so that κ_c tends to κ_G/(1 + d) or less.
+For kicks κ_n = κ(1 + d cos 2πnΩ), let κ_c be the strength κ at the last breakup, and κ_G its value
+for constant kicks. The loss is 1 - κ_c/κ_G. To first order in d, small divisors predict it (see
+`small_divisors`): it peaks where Ω is near mω mod 1. A slow ripple keeps the strengths near
+κ(1 + d) for many kicks, so that κ_c tends to κ_G/(1 + d) or less.
 
 For Ω = p/q the last barrier is computed up to q = 64. For longer periods, such as those of
-power supplies of accelerators, only an upper bound on κ_c is known, from converse KAM or from an
-orbit that escapes.
+accelerator power supplies, only an upper bound on κ_c is known, from converse KAM or from an orbit
+that escapes.
 
 Writes two cubes, a table and a figure to OUT. The defaults take about three CPU minutes; --quick
 takes half a minute.
@@ -28,7 +28,7 @@ def parse_frequency(text):
     number = fraction("frequency", text)
     if not 0 < number <= 0.5 or number.denominator > 1000:
         raise ValueError(
-            f"{short_repr(text)} must be a frequency p/q from 1/1000 to 1/2, q up to 1000"
+            f"{short_repr(text)} must be a frequency p/q from 1/1000 to 1/2, with q up to 1000"
         )
     return number
 
@@ -43,10 +43,13 @@ def parse_depth(text):
 
 @command()
 @whole("--max-denominator", 8, 2, 64, "Largest q of the fractions p/q up to 1/2.")
-@several("--frequency", SLOW, parse_frequency, "FRACTION", "Further Ω, turns per kick.")
+@several("--frequency", SLOW, parse_frequency, "FRACTION", "Further Ω, in turns per kick.")
 @several("--depth", DEPTHS, parse_depth, "DEPTH", "Depth d of the modulation, 0.001 to 1.")
 @real("--tol", 1e-2, 1e-4, 0.1, "Relative width of the brackets, for up to 64 kicks a period.")
-@whole("--n-predicted", 150, 2, 10**4, "Losses are predicted at twice as many further Ω.")
+@whole(
+    *("--n-predicted", 150, 2, 10**4),
+    "Number of Ω with predictions only, in each of two series: equal steps, equal ratios.",
+)
 @preset("--quick", "A preview", max_denominator=4, frequency=("1/200",), depth=("0.3",))
 @preset("--full", "In full, most of a CPU hour", max_denominator=14, depth=MANY)
 @sweeps

@@ -3,8 +3,8 @@
     x_n = h(θ_n + d·Re[w(θ_n) e^{2πinΩ}]) + O(d²),     θ_n = θ + nω
 
 are orbits under κ(1 + d cos 2πnΩ), where h(θ) = θ + u(θ) is a circle of constant kicks κ. As in
-`nasm.circles.newton`, the linearised equation times h' telescopes. With f⁺ = e^{2πiΩ} f(θ + ω) and
-f⁻ = e^{-2πiΩ} f(θ - ω),
+`nasm.circles.newton`, the linearised equation, multiplied by h', telescopes. With
+f⁺ = e^{2πiΩ} f(θ + ω) and f⁻ = e^{-2πiΩ} f(θ - ω),
 
     c (w⁺ - w) - [c (w⁺ - w)]⁻ = h'(θ) (κ/2π) sin 2πh(θ),     c(θ) = h'(θ) h'(θ + ω).
 
@@ -14,7 +14,7 @@ ripple, as long as d·max |w'| < 1. The predicted threshold of a circle is the s
 this condition fails. The threshold of the forcing is the largest threshold of several nobles,
 because where a resonance breaks one circle early, another circle persists longer.
 
-The prediction has no free parameter. It leaves out sidebands mω + kΩ, |k| > 1. A slow ripple
+The prediction has no free parameter. It neglects the sidebands mω + kΩ, |k| > 1. A slow ripple
 excites these sidebands by sweeping the rotation number over many resonances.
 """
 
@@ -28,12 +28,16 @@ from nasm.circles import fourier
 from nasm.numbers import RotationNumber
 from nasm.results import Status
 
-_PLACES, _EXCESS = 5, 2  # number of partial quotients that may exceed golden ones, and total excess
+# Number of partial quotients that may exceed those of [0;2,(1)], and their total excess.
+_PLACES, _EXCESS = 5, 2
 _RELATIVE_SCALES = (0.2, 0.4, 0.55, 0.7, 0.8, 0.87, 0.92, 0.96, 0.98)  # relative to the breakup
 
 
 def nobles():
-    """List nobles in [0, 1/2] whose partial quotients exceed golden ones by at most 2 in total."""
+    """List nobles in [0, 1/2] whose partial quotients hardly exceed those of [0;2,(1)].
+
+    The excesses add up to at most 2.
+    """
     steps = [row for row in product(range(_EXCESS + 1), repeat=_PLACES) if sum(row) <= _EXCESS]
     return [RotationNumber((0, 2 + first, *(1 + a for a in rest)), (1,)) for first, *rest in steps]
 
@@ -83,7 +87,7 @@ def family(omega):
 
 
 def thresholds(omega, frequencies, depths):
-    """Predict the κ at which a circle breaks because d·max |w'| reaches 1; the shape is (Ω, d).
+    """Predict the κ at which a circle breaks because d·max |w'| reaches 1, as an array over (Ω, d).
 
     1/max |w'| is interpolated in κ; it vanishes at the breakup under constant kicks, and is
     proportional to 1/κ for weak kicks.

@@ -82,9 +82,9 @@ def findings(cube, theory):
     table = side_by_side(cube, theory)
     known = int(cube.loss.notnull().sum())
     only = cube.fraction.values[(cube.loss.isnull() & cube.upper.notnull()).any("depth")]
-    bounds = f", and Ω = {', '.join(only)} upper bounds only" if only.size else ""
+    bounds = f"; some at Ω = {', '.join(only)} have only an upper bound" if only.size else ""
     limits = (
-        f"Of {cube.loss.size} ripples {known} have a value{bounds}. Not tried: phases of the "
+        f"Of {cube.loss.size} ripples, {known} have a value{bounds}. Not tried: phases of the "
         "ripple other than a maximum at n = 0, and irrational Ω; the prediction is of first order "
         "in d"
     )
@@ -112,9 +112,9 @@ def _small_divisors(table):
     low, middle, high = np.quantile(known, [0.1, 0.5, 0.9]) if known.size else 3 * [np.nan]
     text = (
         f"the loss changes as predicted in {agree} of {n} steps between neighbouring Ω whose "
-        f"brackets differ (as many agree by chance with probability {chance:.1g}), and is "
-        f"{middle:.2g} times the predicted one in the median, {low:.2g} to {high:.2g} times in 80% "
-        "of the ripples"
+        "brackets do not overlap (by chance, at least as many would agree with probability "
+        f"{chance:.1g}); its ratio to the predicted loss has a median of {middle:.2g}, and is "
+        f"{low:.2g} to {high:.2g} for 80% of the ripples"
     )
     claim = "losses rise and fall with Ω as small divisors of circles of constant kicks predict"
     # If 0.5**n exceeds this probability, even n agreements could be due to chance.
@@ -131,8 +131,8 @@ def _slow(table):
     contradicted = int((lower > bound).sum())
     text = (
         f"of {n} ripples so slow that the kicks around the largest one cause a loss by themselves, "
-        f"{below} already have no barrier at κ_G/(1 + d), and {contradicted} have one beyond the "
-        f"bound from these kicks; their upper bounds on κ_c(1 + d)/κ_G are {span(upper)}"
+        f"{below} already have no barrier at κ_G/(1 + d), and {contradicted} have a barrier beyond "
+        f"the bound from these kicks; their upper bounds on κ_c(1 + d)/κ_G are {span(upper)}"
     )
-    claim = "a slow ripple costs what its largest kick costs, κ_c = κ_G/(1 + d), and no more"
+    claim = "a slow ripple lowers κ_c exactly to κ_G/(1 + d), where its largest kick is κ_G"
     return finding(claim, text, below == 0 and contradicted == 0, known=n > 0)

@@ -3,8 +3,8 @@
 In the self-consistent map (arXiv:1606.04824, Secs. I and II; arXiv:1601.00942) the strength and
 phase of the kicks are a mean field of the particles, and become nearly periodic. Converse KAM tests
 the recorded kicks, and a periodic forcing fitted to them, for barriers. For comparison, the figure
-shows a barrier that converse KAM cannot detect because it folds: the circle of a converging
-forcing, pulled back to the first kick.
+shows a barrier that converse KAM cannot detect because it folds: the golden circle of the limit of
+a converging forcing, pulled back to the first kick.
 
 Writes three cubes, a table and a figure to OUT. The defaults take about six CPU minutes; --quick
 takes one and a half.

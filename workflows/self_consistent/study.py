@@ -89,7 +89,7 @@ def fields(couplings, n_particles, n_max):
 def verdicts(fields):
     """Search for barriers by converse KAM in the recorded field, and in a fitted periodic one.
 
-    Starts are on lines before kicks in the middle of the second half. `kicks` is the number of
+    Starts lie on lines just before kicks in the middle of the second half. `kicks` is the number of
     kicks in either direction until all starts on one of these lines are eliminated, inf if some
     survive. x, y (coupling, step) are the points of the orbit of the longest-lived start, in the
     frame of the wave.
@@ -106,7 +106,7 @@ def verdicts(fields):
         modulation = np.sqrt(2) * kappa.std()
         rotation = Fraction(frequency).limit_denominator(_LONGEST_PERIOD)
         periodic = rotating_forcing(kappa.mean(), modulation, rotation)
-        # A line through minimizing orbits excludes nothing: try a line for each kick of a period.
+        # If minimizing orbits cross a line, starts on it survive: try a line for each kick.
         sites = half // 2 + np.arange(periodic.size)
         lifetimes = [aperiodic.longest_lived(kappa, theta, int(site))[2] for site in sites]
         best = sites[np.argsort(lifetimes, kind="stable")[:_BEST]].tolist()
@@ -139,7 +139,7 @@ def _orbit(kappa, theta, site, x, y, lifetime, drift):
 
 
 def settling():
-    """Pull the golden circle of κ = 0.9 back through κ_n = 0.9 + 0.5 e^(-n/5).
+    """Pull the golden circle of κ = 0.9 back through the kicks κ_n = 0.9 + 0.5 e^(-n/5).
 
     The three curves x, y, with dims (curve, point), are the pulled-back circle before the first
     kick, the pulled-back circle before kick `asked`, and the golden circle itself. excluded (point)

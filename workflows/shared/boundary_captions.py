@@ -58,7 +58,7 @@ def describe_boundary(barrier: xr.Dataset) -> str:
 
 
 def describe_direct_iteration(direct: xr.Dataset, barrier: xr.Dataset, n_orbits: int) -> str:
-    """Describe how far outside CB_gt direct iteration puts the boundary, for each N.
+    """Describe how far outside CB_gt direct iteration puts the boundary, for each number of steps.
 
     Parameters
     ----------

@@ -432,7 +432,7 @@ def plane_options(n_max: int, tile: int, levels: int, precision: str) -> Decorat
         whole("--levels", levels, 1, 12, "Levels of refinement; 1 computes every cell."),
         increasing(
             *("--follow", None, 10**12),
-            "Step numbers N whose boundaries {n* ≤ N} are refined and drawn.  [default: n-max]",
+            "Step numbers N; the boundaries of {n* ≤ N} are refined and drawn.  [default: n-max]",
         ),
     )
 
@@ -446,7 +446,7 @@ def proof_options(
     """
     allowed = [str(2**n) for n in range(3, 13) if 2**n >= coarsest]
     return together(
-        choice("--cells", allowed, str(cells), "Finest cells per unit of strength."),
+        choice("--cells", allowed, str(cells), "Number of the finest cells per unit of strength."),
         real(
             *("--cpu-seconds", seconds, 1e-3, 1e4),
             "CPU time limit per cell; a cell not proved in time is subdivided, or left open if "
@@ -501,7 +501,7 @@ class _Directory(click.ParamType):
 FILE, DIRECTORY = _File(exists=True, dir_okay=False), _Directory()
 _WORKERS = "Worker processes on this machine.  [default: one per core]"
 _OUT = "Directory of the results; an earlier run in it is resumed."
-_RUNS = "Directory of one or more runs: all folders in it that hold cubes."
+_RUNS = "Directory of one or more runs; every folder in it that contains cubes is a run."
 _STORE = """Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), or in another
 directory instead of OUT. Credentials come from the environment."""
 _SCHEDULER = """Compute on a running dask cluster instead of this machine: address of its scheduler,
@@ -561,7 +561,7 @@ def shortening(context: click.Context) -> str:
 
 
 def announce_kernels(quiet: bool = False) -> None:
-    """Load what kernels need; print a message if they have to be compiled first."""
+    """Import what the kernels need; print a message if they have to be compiled first."""
     from nasm.arithmetic.kernels import are_missing, begin_without_scipy
 
     begin_without_scipy()

@@ -1,6 +1,7 @@
 """Direct iteration on rays: beyond which excess x in s = s_c·(1 + x) do orbits escape?
 
-The bias s_N/s_c - 1 of the boundary {n* ≤ N} falls like N^(-1/η).
+Let n* be the first escape time. The bias s_N/s_c - 1 of the boundary s_N of {n* ≤ N} falls like
+N^(-1/η).
 """
 
 from collections.abc import Mapping, Sequence

@@ -37,7 +37,7 @@ class Grid:
     axes : tuple of two Axis
         The finest grid, along the plane's two axes.
     n_max : int
-        Steps up to which orbits are followed.
+        Maximum number of steps (periods of the forcing) for which orbits are followed.
     n_orbits : list of int
         Increasing sizes of the nested ensembles.
     tile : int
@@ -61,7 +61,7 @@ class Grid:
 
     @property
     def drawn(self) -> list[int]:
-        """The N whose boundaries are resolved everywhere and can be drawn.
+        """The values of N whose boundaries are resolved everywhere and can be drawn.
 
         Without refinement these are n_max/10, n_max/2 and n_max, as in Fig. 5.
         """

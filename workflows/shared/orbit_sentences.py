@@ -30,7 +30,7 @@ def describe_orbit(kappa: ArrayLike, x: float, y: float) -> str:
     repeated = np.tile(kappa, fraction.denominator)
     distance = np.diff(orbits.orbit(repeated, x, y, 1))
     if np.hypot(*(distance - np.rint(distance))) > _CLOSURE:
-        return f"{text}, in an island of the orbits with ω = {fraction}"
+        return f"{text}, in an island around a periodic orbit with ω = {fraction}"
     residue = float(fixed_points.residue(repeated, x, y))
     return f"{text}, periodic with ω = {fraction}: {describe_residue(residue)}"
 

@@ -18,7 +18,7 @@ def render(template: str, path: str | Path, **values: Any) -> None:
 
 
 def formula(text: str) -> Markup:
-    """Typeset the subscripts of T_κ1κ2, x_n and R_{-½} in plain text, except in labels (sim_M)."""
+    """Typeset subscripts in plain text, as in T_κ1κ2, x_n and R_{-½}, except in labels (sim_M)."""
 
     def lowered(match: re.Match[str]) -> str:
         below = match[1] or match[2]

@@ -26,7 +26,7 @@ CELL: Box = (0.0, -0.25, 1.0, 1.0)
 
 _N_ORBITS, _STEPS = 80, 600
 _MIN_AVERAGED, _MAX_AVERAGED = 2000, 10**5  # steps over which ω is averaged
-_MAX_KICKS = 10**8  # iterating these takes a second or two
+_MAX_KICKS = 10**8  # iterating so many kicks takes a second or two
 _MAX_POINTS = 2 * 10**5  # enough for a screen
 
 

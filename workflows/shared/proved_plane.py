@@ -1,6 +1,7 @@
 """Proofs in a plane: sweeps of cells with transport, and of triangles below CB_gt.
 
-The proofs (see `nasm.proofs.cells`) cover the plane's `wedge`, whose images make up the rest.
+The proofs (see `nasm.proofs.cells`) cover the plane's fundamental domain, `wedge`; its images
+under the symmetries cover the rest.
 """
 
 from collections.abc import Sequence
@@ -52,9 +53,9 @@ class ProvedPlane:
         return last_barrier(self.plane, self.angles, 1e-3)
 
     def later(self) -> list[Job]:
-        """Return jobs that cost about as much as those that depend on `barriers`.
+        """Return jobs of about the same cost as the jobs that depend on the results of `barriers`.
 
-        They are planned from seven rays, in a second or two.
+        They predict the computing time, and are planned from seven rays in a second or two.
         """
         few = self.angles[:: _N_RAYS // 6].tolist()
         origin, profiles = self.plane.ray(few)
@@ -64,7 +65,7 @@ class ProvedPlane:
         return self._jobs(guess, [str(each.omega or "") for each in last])
 
     def swept(self, run: Run) -> tuple[xr.Dataset, xr.Dataset, xr.Dataset]:
-        """Inside `run.sweeping`, sweep the cells, the triangles, and CB_gt in the wedge."""
+        """Sweep the cells, the triangles, and CB_gt in the wedge; call it inside `run.sweeping`."""
         barrier = unfolded(run.sweep(self.barriers), self.angles)
         known = barrier.dropna("angle", subset=["critical_scale"])
         names = "angle", "critical_scale", "circle"

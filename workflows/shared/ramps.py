@@ -1,4 +1,4 @@
-"""Ramps κ_n = κ_G + r·n through the breakup of the golden circle: lines, and lifetimes on them."""
+"""Ramps κ_n = κ_G + r·n through the breakup of the golden circle; lifetimes on lines of starts."""
 
 from collections.abc import Callable
 
@@ -24,7 +24,7 @@ Lifetime = Callable[[FloatArray, int], float]
 
 
 def lines(rate: float) -> list[int]:
-    """Return the kicks before which lines are searched, counted from the kick of strength κ_G."""
+    """Return the kicks before which lines of starts are searched; kick 0 has the strength κ_G."""
     return np.unique(np.rint(_PLACES * rate**-EXPONENT).astype(int)).tolist()
 
 

@@ -130,7 +130,7 @@ class Run:
     def driving(
         self, *studies: tuple[Cube, float], drawing: float = _DRAWING_SECONDS
     ) -> Iterator["Run"]:
-        """Lock the place as its only driver; at the end print the findings and draw the figures.
+        """Lock the place against other runs; at the end print the findings and draw the figures.
 
         Parameters
         ----------
@@ -309,7 +309,7 @@ class Run:
         write(dataset, self.path("tables", f"{name}.csv"))
 
     def figure(self, name: str, draw: Callable[..., Any], *data: Any, caption: str = "") -> None:
-        """Schedule `draw(*data)`, the figure OUT/NAME.png and .pdf, with the caption beside it.
+        """Schedule `draw(*data)` for OUT/NAME.png and .pdf, with the caption in a file beside them.
 
         Figures are drawn at the end of the run, when all captions have been printed.
         """

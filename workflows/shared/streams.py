@@ -2,8 +2,8 @@
 
 Characters that a stream's encoding lacks, e.g. κ in latin-1, are written as \\u03ba. If the reader
 (`| head -1`) or the terminal disappears, the run continues: later output is dropped, and files are
-still written. A closed stream is replaced by /dev/null. If findings cannot be written, as on a full
-disk, the command fails; messages that cannot be written are ignored.
+still written. A closed stream is replaced by /dev/null. If writing to standard output fails for
+another reason, e.g. on a full disk, the command fails; failures on standard error are ignored.
 """
 
 import errno

@@ -1,4 +1,4 @@
-"""Functions for all Datasets: labelled variables, outcomes as CF flags, and CSV tables."""
+"""Functions to make and write Datasets: labelled variables, outcomes as CF flags, CSV tables."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -60,7 +60,7 @@ def dataset(
 def columns(
     dims: str | Sequence[str], labels: Mapping[str, str], values: Iterable[ArrayLike]
 ) -> dict[str, tuple]:
-    """Return variables of the same dimensions, from {name: label} and values in the same order."""
+    """Return variables with common dimensions, from {name: label} and values in the same order."""
     pairs = zip(labels.items(), values, strict=True)
     return {name: (dims, np.array(column), label) for (name, label), column in pairs}
 

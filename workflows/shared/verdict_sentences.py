@@ -105,7 +105,7 @@ def steps_text(kappa: FloatArray, steps: float) -> str:
 
 
 def lifetime_text(kappa: FloatArray, steps: float) -> str:
-    """Return a lifetime as text, e.g. "1 kick"; in kicks, as it may be shorter than a step."""
+    """Return a lifetime as text in kicks, e.g. "1 kick", because it may be shorter than a step."""
     return plural(round(steps * kappa.size), "kick")
 
 

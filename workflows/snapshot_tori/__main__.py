@@ -1,17 +1,18 @@
 """When does a torus break as the kicks grow, judged by graphs, mean distances and exponents?
 
-Ensembles start on tori of the map with κ = 0.5: on the golden circle, on others that wind around
+Ensembles start on tori of the map with κ = 0.5: on the golden circle, on other circles around
 the cylinder, and in islands. In the ramps κ_n = 0.5 + r·n they become snapshot tori (Jánosi & Tél,
-Chaos 29 (2019) 121105). For the rates of `ramp`, this command compares
+Chaos 29 (2019) 121105). For growth rates r from 10⁻² to 10⁻⁴ per kick, this command compares
 
-- the kicks by which converse KAM excludes all graphs, and all graphs through a point of a torus;
+- the numbers of kicks after which converse KAM excludes all graphs, and all graphs through a point
+  of a torus;
 - the kick at which the ensemble-averaged pairwise distance (EAPD) of a torus exceeds that of any
   graph, and the onset of its growth, after which distances stay ten times larger than on any graph;
 - the finite-time Lyapunov exponents of single orbits, which may contradict such averages (Grime &
   Morrison, arXiv:2505.04750), and the fraction of orbits that have separated at the onset.
 
-`nasm.snapshot` contains the definitions, and derives the bound on the EAPD of a graph. This bound
-needs twist, which this map has; the maps of arXiv:2501.08147 and arXiv:2505.04750 are nontwist.
+`nasm.snapshot` defines these quantities, and derives the bound on the EAPD of a graph. This bound
+requires twist, which this map has; the maps of arXiv:2501.08147 and arXiv:2505.04750 are nontwist.
 
 Writes a cube and a figure to OUT. The defaults take half a CPU minute; --quick takes ten seconds.
 """

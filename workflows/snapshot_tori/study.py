@@ -1,4 +1,7 @@
-"""When snapshot tori fold, are excluded as graphs, and begin to stretch, in ramps of the kicks."""
+"""When snapshot tori fold, are excluded as graphs, and begin to stretch, in ramps of the kicks.
+
+The ensemble-averaged pairwise distance (EAPD) of a torus is defined in `nasm.snapshot`.
+"""
 
 from dataclasses import dataclass
 
@@ -32,18 +35,19 @@ class Settings:
     Attributes
     ----------
     first, last : float
-        κ up to the first kick, and at the last one. At 0.5 the golden circle and many others exist;
-        at 1.5 all are broken.
+        κ before and at the first kick of a ramp, and κ at its last kick. At 0.5 the golden circle
+        and many others exist; at 1.5 all are broken.
     n_starts : int
         Number of tori besides the golden one. They cross x = 1/2 at equally spaced y from 0 to 1/2;
-        symmetries yield those at other y. Starts of chaotic orbits are left out.
+        symmetries map these tori to those at other y. Starts of chaotic orbits are left out.
     n_points : int
         Points on each torus. With 128 to 1024 points, the onsets on five tori differ by less than
         0.003 in κ, for r from 10⁻² to 10⁻⁴.
     n_averaged : int
         Number of steps over which ω of a torus is averaged.
     factor : float
-        Factor by which mean distances exceed the largest one on a graph from the onset on.
+        The onset is the kick from which the mean distance on a torus exceeds its bound for graphs
+        by more than this factor, until the end of the ramp.
     n_samples : int
         Number of samples of the EAPD and the exponents kept for one ramp.
     """
@@ -66,7 +70,7 @@ def snapshots(rates, kept, settings=DEFAULT):
     Parameters
     ----------
     rates : ndarray
-        Growth r of κ per kick, at most 0.01: all kicks that `lost` uses to exclude graphs then
+        Growth r of κ per kick, at most 0.01, so that all kicks that `lost` uses to exclude graphs
         belong to the ramp.
     kept : float
         The EAPD and exponents of the ramp with the rate nearest to this one are kept, with the dims
@@ -107,7 +111,7 @@ def snapshots(rates, kept, settings=DEFAULT):
             "start": (np.arange(y.size), "torus of the initial map, first the golden circle"),
             "rate": (rates, "growth of κ per kick"),
             "kick": (kick, "kicks from κ_G"),
-            "quantile": (np.array(QUANTILES), "fraction of the orbits below"),
+            "quantile": (np.array(QUANTILES), "fraction of the orbits with a smaller exponent"),
         },
         {
             "y": ("start", y, "y of the torus at x = 1/2, in turns"),
@@ -117,7 +121,7 @@ def snapshots(rates, kept, settings=DEFAULT):
             **columns(("start", "rate"), EVENTS, np.moveaxis(events, 2, 0).swapaxes(1, 2)),
             "strength": ("kick", strengths, "κ of the kick"),
             "bound": ("kick", bound, "largest EAPD of a graph"),
-            "distance": (("start", "kick"), distance, "EAPD, relative to its parameter"),
+            "distance": (("start", "kick"), distance, "EAPD of the torus"),
             "exponent": (("quantile", "start", "kick"), exponents, "λ_n, per kick"),
         },
         {
@@ -162,10 +166,10 @@ def _first(true):
 
 
 def findings(cube):
-    """Judge what the EAPD of a torus says about graphs and orbits; return lines of text."""
+    """Judge what the EAPD of a torus implies for graphs and orbits; return lines of text."""
     winding, island = (cube.sel(start=cube.start[cube.winds == value]) for value in (1, 0))
     lag = (winding.exceeds - winding.excluded).values.ravel()
-    early = winding.lost - winding.onset  # kicks by which the onset precedes the loss of all graphs
+    early = winding.lost - winding.onset  # kicks from the onset to the exclusion of all graphs
     before, after = (early > 0).values, (early < 0).values
     silent = np.isinf(island.onset.values)
     share = cube.share.values[np.isfinite(cube.share.values)]
@@ -176,15 +180,15 @@ def findings(cube):
         finding(
             "the EAPD of a torus exceeds that of a graph only after converse KAM excludes the "
             "graphs through one of its points",
-            f"it does so later in {int((lag > 0).sum())} of {pairs} (r from {ends}), by "
-            f"{span(lag, '.0f')} kicks, median {np.median(lag):.0f}; the exclusion follows the "
-            f"first fold of the torus by a median of {np.median(fold):.0f}",
+            f"it does so later in {int((lag > 0).sum())} of {pairs} (r from {ends}); the delay is "
+            f"{span(lag, '.0f')} kicks, with a median of {np.median(lag):.0f}; the exclusion "
+            f"follows the first fold of the torus after a median of {np.median(fold):.0f} kicks",
             bool((lag > 0).all()),
             float((lag > 0).mean()) > 0.9,
             lag.size > 0,
         ),
         finding(
-            "neither the onset of a torus nor its absence tells whether graphs exist",
+            "an onset, or the absence of one, does not show whether graphs exist",
             f"the onset precedes the exclusion of all graphs in {int(before.sum())} of {pairs}, by "
             f"up to {float(early.max()):.0f} kicks, and follows it in {int(after.sum())}; of "
             f"{silent.size} pairs of a torus in islands, through which no graph passes, "
@@ -194,15 +198,15 @@ def findings(cube):
             lag.size > 0 and silent.size > 0,
         ),
         finding(
-            "at its onset the EAPD speaks for most orbits of the torus",
+            "at its onset the EAPD is representative of most orbits of the torus",
             f"{span(share, '.0%')} of them have separated, at least half in "
             f"{int((share >= 0.5).sum())} of {share.size} pairs with an onset",
             bool((share >= 0.5).all()),
             float((share >= 0.5).mean()) > 0.5,
             share.size > 0,
         ),
-        "A torus is the image of a curve, which no orbit crosses: neither the EAPD nor the "
-        "exclusion of graphs shows transport. Distances are linearised, exponents are those of "
-        "the two-dimensional map, and tori are sampled. Not tried: decreasing ramps, maps without "
-        "twist.",
+        "No orbit crosses a torus, even after it has folded, because it is the image of an "
+        "invariant curve. The EAPD and the exclusion of graphs therefore do not show transport. "
+        "Distances are linearised, exponents are those of the two-dimensional map, and tori are "
+        "sampled. Not tried: decreasing ramps, maps without twist.",
     ])  # fmt: skip

@@ -1,4 +1,4 @@
-"""Studies of where each method fails; each returns a Dataset, a smaller one if `quick`.
+"""Studies of where each method fails; a study returns a Dataset, a smaller one if `quick`.
 
 The studies test the methods at the cusp, beyond the breakup, close to fractions and without twist;
 they count starts that beam searches miss, and wrong orbits that Newton's method finds; and they
@@ -19,7 +19,7 @@ from pipeline.cubes.cube import angles_of_rays, field_arrays, status_code, text
 from workflows.shared.tables import columns, dataset, described, outcomes
 
 _NUMBERS = {"value": "value", "error": "error", "lower": "lower"}  # fields of a CriticalScale
-_LIVES = {
+_LIFETIMES = {
     "elimination_time": "steps until converse KAM has eliminated all starts (inf if some survive)",
     "digits": "digits of the weighted Birkhoff average of the longest-lived start",
     "escape_time": "steps until the first of 100 orbits escapes (inf if none does)",
@@ -94,8 +94,8 @@ def past_boundary(quick):
     label, dims = "1 if a circle of n_modes points is certified", ("angle", "excess")
     variables = {
         "certified": (dims, certified.astype("int8"), label),
-        "escape_time_single": (dims, single, f"{_LIVES['escape_time']}, in single precision"),
-        **columns(dims, _LIVES, lifetimes),
+        "escape_time_single": (dims, single, f"{_LIFETIMES['escape_time']}, in single precision"),
+        **columns(dims, _LIFETIMES, lifetimes),
     }
     efforts = {"n_cones": n_cones, "n_escape": n_escape, "n_modes": n_modes}
     beyond = excess, "scale relative to the breakup, minus 1"
@@ -104,11 +104,11 @@ def past_boundary(quick):
 
 
 def disguised_fractions(quick):
-    """3. Compute breakups, on the ray of (0.3, 0.2), of circles with ω = [0;1,…,1,a,(1)] near p/q.
+    """3. Compute breakups of circles with ω = [0;1,…,1,a,(1)] near p/q, on the ray s·(0.3, 0.2).
 
     Each ω is at a distance 1/(aq²) from p/q. For large a, the circles break long before the golden
-    circle, whose first convergents they share. The reference is the breakup by residues of longer
-    orbits.
+    circle, whose first convergents they share. The reference is the breakup computed from residues
+    of longer orbits.
     """
     kappa, large = np.array([0.3, 0.2]), (10, 100, 10**6)
     ones = range(3, 10 if quick else 17)
@@ -156,7 +156,7 @@ def beyond_the_twist(quick):
     coords = {"angle": angles_of_rays(angles), "scale": (scales, "scale s of the forcing")}
     variables = {
         "twist": ([*coords], least, "smallest ∂x'/∂y of a step"),
-        **columns([*coords], _LIVES, lifetimes),
+        **columns([*coords], _LIFETIMES, lifetimes),
         "circle": outcomes([*coords], status),
     }
     return dataset("Near the loss of twist and beyond it", coords, variables)
@@ -168,7 +168,7 @@ def _over(first, second, answers):
 
 
 def _lifetimes(kappa, n_cones, n_average, n_escape):
-    """Return the values of _LIVES: elimination time, digits and escape time."""
+    """Return the values of _LIFETIMES: elimination time, digits and escape time."""
     y, steps = symmetry_line.longest_lived(kappa, n_cones)
     site, a = dominant_centre(kappa)
     _, digits = orbits.rotation_number(np.roll(kappa, -site), a, y, n_average)
@@ -256,8 +256,8 @@ def disordered_orbits(quick):
 def nearly_resonant(quick):
     """7. Compute breakups of tori of pairs (ω, Ω) at a distance δ from a resonance.
 
-    The reference is the bound from converse KAM for all tori of that Ω. Beyond this bound, tori of
-    the first pair are sought on grids of up to n points.
+    The reference is the bound from converse KAM for all tori with the same Ω. Beyond this bound,
+    tori of the first pair are sought on grids of up to n points.
     """
     deltas = np.e * 10.0 ** -np.array([2, 5, 10] if quick else range(2, 13))
     profile, tol, kicks = ray(45), *((0.1, 1000) if quick else (0.03, 8000))

@@ -1,16 +1,18 @@
 """The response of critical golden orbits to a ripple, and the exponent that follows from it.
 
-Next to the critical golden circle of constant kicks the distance to κ_G grows by the factor
+Near the critical golden circle of constant kicks, the distance to κ_G grows by the factor
 δ = 1.62795 from one convergent to the next, and a ripple grows by a factor λ, which this module
-measures. Losses therefore scale like d^(ln δ/ln λ).
+measures. The fraction by which a ripple of amplitude d lowers the threshold therefore scales like
+d^(ln δ/ln λ).
 
 For constant kicks the residue of a periodic orbit x_n is R = -det H/4, where H is the cyclic
-tridiagonal matrix with 2 + κ_n cos 2πx_n on the diagonal and -1 next to it, and the orbit moves
-with κ_n by H dx = -sin(2πx_n)/(2π)·dκ_n. A ripple of P kicks changes R to first order only if P
-divides the period of the orbit. Renormalise h times, where F_h is the first Fibonacci number that P
-divides: kick n becomes kick F_{h+1}·n, and the ripple cos 2πkn/P of mode k becomes the ripple of
-mode ±F_{h+1}·k; for some odd P its sign changes. Along a cycle of such modes (mode 1 alone, except
-for P = 5 and 8) the response grows by the factor λ per renormalisation on average.
+tridiagonal matrix with 2 + κ_n cos 2πx_n on the diagonal and -1 next to it. Changes dκ_n move the
+orbit by dx, the solution of H dx = -sin(2πx_n)/(2π)·dκ_n. A ripple that repeats after P kicks
+changes R to first order only if P divides the period of the orbit. Renormalise h times, where F_h
+is the first Fibonacci number that P divides: kick n becomes kick F_{h+1}·n, and the ripple
+cos 2πkn/P of mode k becomes the ripple of mode ±F_{h+1}·k; for some odd P its sign changes. Along a
+cycle of such modes (mode 1 alone, except for P = 5 and 8) the response grows by the factor λ per
+renormalisation on average.
 """
 
 from functools import cache
@@ -26,7 +28,7 @@ from nasm.circles.continuation import UNSTABLE_EIGENVALUES
 from nasm.numbers import moebius, parse
 
 DELTA = UNSTABLE_EIGENVALUES[1,]
-_MAX_N = 25  # F_25 = 75 025; rounding hides R of longer periods
+_MAX_N = 25  # F_25 = 75 025; for longer periods, R is lost in rounding errors
 
 
 @cache
@@ -67,7 +69,10 @@ def steps(period):
 
 
 def finer(circle, period, mode):
-    """Return the circle (text, per period) and mode that h renormalisations map to those given."""
+    """Return the circle and the mode that h renormalisations map to the given ones.
+
+    Circles are given as text, with ω per period.
+    """
     omega, h = parse(circle), steps(period)
     a, b, c = map(fibonacci, (h - 1, h, h + 1))
     sign = 1 if float(omega) > period / 2 else -1  # take ω per kick, or 1 - ω, whichever is near γ

@@ -8,7 +8,8 @@ from workflows.shared.tables import columns, dataset
 from workflows.tolerance.response import DELTA, finer, golden, growth, modes, steps
 
 PERIODS = range(2, 9)
-_RIPPLES = {2: (1e-2, 1e-3), 3: (3e-2, 1e-2), 4: (1e-2, 3e-3), 7: (3e-2, 1e-2)}  # P: ripples
+# For each P, the sizes d of the two ripples that determine the measured exponent.
+_RIPPLES = {2: (1e-2, 1e-3), 3: (3e-2, 1e-2), 4: (1e-2, 3e-3), 7: (3e-2, 1e-2)}
 
 
 def ripple(period, shape="cosine"):
@@ -21,7 +22,7 @@ def ripple(period, shape="cosine"):
 
 
 def ripples(quick):
-    """List the ripples as (shape, d, profile).
+    """List the ripples of size d as (shape, d, profile), with the profile 1 + d·f.
 
     Cosines have d down to 10⁻⁵ for P = 2 and down to 0.003 for other P; if `quick`, there are fewer
     ripples. Other shapes have d = 0.1 and 0.01, and P = 4, 6 and 8.
@@ -37,7 +38,8 @@ def ripples(quick):
 def forcings(n, climbs):
     """List n random forcings of 2 to 8 kicks, and the starts of hill climbs.
 
-    The forcings have Gaussian deviations of 10⁻³ to 10 times the mean; starts are Gaussian.
+    The forcings are constant kicks plus Gaussian deviations of 10⁻³ to 10 times their strength; the
+    starts are Gaussian.
     """
     random = np.random.default_rng(0)
     sizes = 10 ** random.uniform(-3, 1, n)
@@ -49,19 +51,21 @@ def forcings(n, climbs):
 def laws(cube):
     """Predict and measure the exponent of the loss caused by cosine ripples of P = 2 to 8.
 
-    predicted : from δ^h, by which the loss grows in the h renormalisations of each mode of the
-    cycle, and from the growth of the ripple, measured by the responses; its error is the change
-    when longer orbits are used. measured : from the losses of the last circle under a ripple of the
-    cube, and of the `finer` circle under the renormalised ripple; its error is that of the losses
-    plus the larger of two terms: the change from a larger ripple, and 2.5 times the first loss
-    over the growth of ln |response|.
+    The loss is the fraction by which a ripple lowers the threshold.
+
+    predicted : from the factor δ^h by which the loss grows in the h renormalisations of each mode
+    of the cycle, and from the growth of the ripple, which is computed from the responses; its error
+    is the change when longer orbits are used. measured : from the losses of the last circle under a
+    ripple of the cube, and of the `finer` circle under the renormalised ripple; its error is due to
+    the errors of the losses, plus the larger of two terms: the change from a larger ripple, and 2.5
+    times the first loss over the growth of ln |response|.
     orbits : the shortest period of orbits that resolve the ripple into which renormalisation turns
     a ripple of 1%.
 
-    Corrections are large. For P = 4 the law extrapolates from a ripple of 0.3% to a loss of
-    0.00173, whereas residues of the finer circle, with periods up to 46 000, yield 0.00301; that
-    circle is certified at a loss of 0.0032. For this P the responses of minimax orbits grow by
-    e^5.2 from 8 to 144 kicks, and by e^6.3 from 2584 to 46 368.
+    The corrections to this law are large. For P = 4 the law extrapolates from a ripple of 0.3% to a
+    loss of 0.00173, whereas residues of the finer circle, with periods up to 46 000, yield 0.00301;
+    that circle is certified at a loss of 0.0032. For this P the responses of minimax orbits grow by
+    a factor of e^5.2 from period 8 to period 144, and of e^6.3 from period 2584 to 46 368.
     """
     rows = []
     for period in PERIODS:
@@ -76,14 +80,17 @@ def laws(cube):
         "predicted_error": "change of predicted when longer orbits are used",
         "measured": "exponent of the loss, by residues",
         "measured_error": "estimated error of measured",
-        "orbits": "period of orbits that resolve the next period of the law after a ripple of 1%",
+        "orbits": "period of orbits that resolve the renormalised ripple if the ripple is 1%",
     }
     title, coords = "Exponents of the loss under a ripple", {"period": (PERIODS, "period P")}
     return dataset(title, coords, columns("period", labels, np.transpose(rows)))
 
 
 def _measured(cube, period, smaller):
-    """Return the exponent for the second ripple, and its error; `smaller` rescales the ripples."""
+    """Return the exponent from the second of `_RIPPLES`, and its error.
+
+    smaller : factor by which renormalisation rescales the ripple.
+    """
     cosines = cube.isel(forcing=np.flatnonzero((cube.period == period) & (cube.family == "cosine")))
     circles = dict(zip(cosines.parameter.values, cosines.circle.values, strict=True))
     exponents, rate = [], -np.log(abs(smaller))
@@ -114,12 +121,13 @@ def findings(cube, laws, tried):
     is_two = percent.period == 2
     two, longer = percent.values[is_two], percent.values[~is_two]
     return " ".join([
-        f"Of {known.size} ripples {int(known.sum())} have a loss with a relative error below 20%. "
-        f"A ripple of 1% costs {two.item():.2g}% of the threshold if it alternates, and "
-        f"{span(longer)}% otherwise.",
+        f"For {int(known.sum())} of {known.size} ripples the relative error of the loss is below "
+        f"20%. A ripple of 1% lowers the threshold by {two.item():.2g}% if it alternates from kick "
+        f"to kick, and by {span(longer)}% otherwise.",
         _law(laws),
         _conjecture(tried),
-        "Not tried: more than 8 kicks, aperiodic forcing, P > 2 below d = 0.003, other shapes.",
+        "Forcings of more than 8 kicks, aperiodic forcings, ripples of P > 2 with d < 0.003, and "
+        "other shapes were not tried.",
     ])  # fmt: skip
 
 
@@ -136,15 +144,16 @@ def _law(laws):
     vague = ", ".join(map(str, table.index[~sharp & table.measured.notnull()]))
     unsettled = f"For P = {vague} the errors, above 10%, are too large to decide. " if vague else ""
     others = table.orbits[table.measured.isnull()]
-    long = ", ".join(f"{round(n, -3):.0f} for {period}" for period, n in others.items())
+    long = ", ".join(f"{round(n, -3):.0f} for P = {period}" for period, n in others.items())
     text = (
-        f"over one period of the law the loss has the exponents {exponents}, measured (predicted); "
-        "measured errors include those of the losses, their size and the change from larger "
-        "ripples; predicted errors are the change from shorter orbits. "
-        f"{unsettled}Other P are not measured: the next period of the law after 1% needs orbits of "
-        f"period about {long} or more"
+        "between a ripple and the renormalised ripple the measured (predicted) exponents of the "
+        f"loss are {exponents}; the error of a measured exponent includes the errors of the losses "
+        "and the larger of two terms, one proportional to the loss and the other the change from a "
+        "larger ripple; the error of a predicted exponent is the change from shorter orbits. "
+        f"{unsettled}Other P were not measured: if a ripple of 1% is renormalised, only orbits of "
+        f"about the following periods, or longer ones, resolve it: {long}"
     )
-    claim = "the loss is the power of the ripple that renormalisation predicts for each P"
+    claim = "for each P the loss scales with the power of the ripple that renormalisation predicts"
     return finding(claim, text, fits and sharp.all(), fits, bool(sharp.any()))
 
 
@@ -155,10 +164,11 @@ def _conjecture(tried):
     by_converse_kam = [(part > 1) & np.isfinite(part) for part in (random, ends)]
     text = (
         f"{beaten} of {random.size} random forcings of 2 to 8 kicks and {ends.size} hill climbs "
-        "have a barrier at 1.001 times the rms strength of constant kicks. Orbits escape under "
-        f"{int((random <= 1).sum())} of the random forcings; converse KAM excludes all circles "
-        f"under {by_converse_kam[0].sum()}, and at the ends of {by_converse_kam[1].sum()} climbs "
-        "where no orbit escapes. At the ends of other climbs orbits escape, at "
+        "have a barrier at an rms strength of 1.001 κ_G, where κ_G is the threshold of constant "
+        f"kicks. Orbits escape under {int((random <= 1).sum())} of the random forcings; converse "
+        f"KAM excludes all circles under {by_converse_kam[0].sum()} others, and under the final "
+        f"forcings of {by_converse_kam[1].sum()} climbs where no orbit escapes. Under the final "
+        "forcings of the other climbs orbits escape, at rms strengths of "
         f"{ends[ends <= 1].max(initial=0):.2f} κ_G or less"
     )
     claim = "constant kicks keep a barrier up to the largest rms strength"

@@ -1,8 +1,8 @@
 """Forcings and thresholds of `two_series`, resonances to first order, and the findings.
 
-For a delay τ = a/q, κ = K·(1, 0, …, r, 0, …)/q has q entries, and r = K_α/K is the a-th one after
-the first (see `nasm.planes.pairs`), so that a scale is equal to the strength K. The resonance at
-p = k has the strength K|1 + r e^{2πikτ}| to first order.
+For a delay τ = a/q, the forcing κ = K·(1, 0, …, r, 0, …)/q has q entries, and r = K_α/K is the a-th
+entry after the first (see `nasm.planes.pairs`). The scale of such a forcing is its strength K. To
+first order, the resonance at p = k has the strength K|1 + r e^{2πikτ}|.
 """
 
 from fractions import Fraction
@@ -104,8 +104,8 @@ def findings(table):
     return " ".join([
         "K_c of two series of kicks, K at integer times and K_α a time τ later, in units of the "
         f"period, at {table.delay.size} delays a/q up to 1/2; τ and 1 - τ are equivalent. "
-        "Bars are brackets from a certified circle to converse KAM, arrows those with one known "
-        "end. "
+        "Bars are brackets between a certified circle and the bound of converse KAM; arrows mark "
+        "the known end of a bracket whose other end is unknown. "
         f"{int(table.critical_scale.notnull().sum())} of {width.size} thresholds have a value, "
         f"{brackets.sum()} a bracket{widest}.",
         _order(table),
@@ -114,7 +114,7 @@ def findings(table):
 
 
 def _order(table):
-    """Judge whether K_c falls as the weakest resonance grows, and is lowest at its maximum."""
+    """Judge whether K_c falls as the weakest resonance grows, and is lowest where it is largest."""
     follows, decided, lowest, places = 0, 0, [], []
     for name, ratio in RATIOS.items():
         part = table.sel(ratio=ratio)
@@ -138,8 +138,8 @@ def _order(table):
         f"it is strongest at {' and '.join(places)}, and K_c is lowest there in "
         f"{sum(lowest)} of {len(lowest)} cases; where a resonance vanishes, as at all τ for "
         f"K_α = -K, {bound}. Of {decided} pairs of delays with different "
-        f"strengths and disjoint brackets {follows} have the lower K_c where the strength is "
-        "larger; this one strength does not explain the others"
+        f"strengths and disjoint brackets, {follows} have the lower K_c at the larger strength; "
+        "the strength of the weakest resonance alone does not explain the other pairs"
     )
     literal = all(lowest) and follows == decided
     return finding(claim, text, literal, all(lowest), known=decided > 0)
@@ -156,13 +156,14 @@ def _window(table):
     strengths = ", ".join(f"{weakest_resonance(tau, 1.0, n):.2g}" for n in windows)
     values = ", ".join(map(_value, (near.isel(delay=i) for i in range(near.delay.size))))
     return (
-        f"If τ is irrational, p has no period: at τ = {IRRATIONAL} = {tau:.4f} and K_α = K the "
-        f"weakest resonance with |p| ≤ {', '.join(map(str, windows))} has the strength "
-        f"{strengths} over K, and beyond any window there are weaker ones, down to 0, while K_c of "
-        f"the convergents {', '.join(near.delay.values.tolist())} is {values}. So transport that "
-        "is global in a window of p excludes barriers in that window only, and a fraction can "
-        "replace an irrational number only in a window below its q. Not computed: K_c of "
-        "irrational delays."
+        f"If τ is irrational, the map is not periodic in p: at τ = {IRRATIONAL} = {tau:.4f} and "
+        f"K_α = K the weakest resonance with |p| ≤ {', '.join(map(str, windows))} has the strength "
+        f"{strengths} in units of K, and outside any such window there are weaker resonances, with "
+        "strengths down to 0. At the convergents "
+        f"{', '.join(near.delay.values.tolist())} of τ, K_c is {values}. So transport that is "
+        "global in a window of p excludes barriers only in that window, and a fraction can replace "
+        "an irrational delay only in a window narrower than its denominator q. K_c of irrational "
+        "delays was not computed."
     )
 
 

@@ -17,8 +17,8 @@ import click
 from workflows.shared.cli import command, flag, place_options, real
 
 _NO_DIGESTS = (
-    "its metadata cannot be checked, so its tiles are not repaired: an earlier version stored no "
-    "digests; to add them, rerun the command that computed it"
+    "its metadata cannot be checked, so its tiles are not repaired: it was written by an earlier "
+    "version, which stored no digests; to add them, rerun the command that computed it"
 )
 
 
@@ -56,7 +56,8 @@ def examine(path, place, repair, proofs, longest):
 @flag("--repair", "Mark damaged tiles as missing, to be recomputed.")
 @flag("--proofs", "Check certificates too; needs the extra `proof`.")
 @real(
-    "--max-cpu-seconds", 60, 0, 1e9, "CPU time limit per certificate; longer ones are not checked."
+    *("--max-cpu-seconds", 60, 0, 1e9),
+    "CPU time limit per certificate; those predicted to take longer are not checked.",
 )
 @place_options
 def main(out, store, repair, proofs, max_cpu_seconds):

@@ -1,10 +1,11 @@
 """How much CPU time does each method need for a given accuracy? All methods on six rays.
 
-The reference is Greene's residue with periods up to 30 000. Circles and residues need ω as input;
-`nasm.barriers` finds the ω of the last circle. Five rays have two kicks per period; the sixth has
-three, (1, 0.7, 0.3), and no symmetry line. Times are CPU seconds of one thread, medians of several
-runs; the first run, which compiles the kernels, is measured separately. Single precision is used
-only in direct iteration, whose error is far above rounding.
+The reference is Greene's residue with periods up to 30 000. Methods that compute circles or
+residues need ω as input; `nasm.barriers` finds the ω of the last circle. Five rays have two kicks
+per period; the sixth, with the three kicks (1, 0.7, 0.3), has no symmetry line. Times are CPU
+seconds of one thread, medians of several runs; the first run, which compiles the kernels, is
+measured separately. Single precision is used only in direct iteration, whose error is far above
+rounding.
 
 Writes a cube, two tables and a figure to OUT. The defaults take about 90 CPU seconds.
 """

@@ -1,6 +1,6 @@
 """The methods that `work_precision` compares, each as a function of its effort.
 
-A method may return several scales from one computation, e.g. a bound and a better value.
+A method may return several scales from one computation, e.g. a bound and a better estimate.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,10 @@ PROFILES["three-kicks"] = 1.0, 0.7, 0.3
 
 @dataclass(frozen=True)
 class Ray:
-    """A problem: on κ = s·profile the last circle, with ω = omega, breaks at s = value ± error."""
+    """A test problem: the last circle on the ray κ = s·profile breaks at s = value ± error.
+
+    omega : the rotation number of this circle.
+    """
 
     profile: tuple
     omega: RotationNumber
@@ -110,8 +113,8 @@ def birkhoff(ray, n):
     """Find the last scale at which converse KAM's longest-lived orbit looks quasiperiodic.
 
     An orbit looks quasiperiodic if its rotation number is known to five digits and is not a
-    fraction with q ≤ 200; in islands it is such a fraction. This does not show that a circle
-    exists: island chains of longer period and cantori look the same.
+    fraction with q ≤ 200; in an island chain it is such a fraction. This does not show that a
+    circle exists: island chains of longer period and cantori look the same.
     The search stays within 10% of the value from converse KAM, because regular orbits also exist
     beyond the breakup. The result is NaN if the ray has no dominant symmetry line.
     """
@@ -153,7 +156,7 @@ def transport_proof(ray, excess):
 
 
 def barrier_proof(ray, distance):
-    """Prove that the circle exists at a relative distance below its breakup."""
+    """Prove that the circle exists at a relative distance `distance` below its breakup."""
     _, near = norms.certified_circle(ray.omega, ray.profile, ray.value, distance)
     scale = (1 - distance) * ray.value
     options = {"start": near, "budget": 1000.0}
