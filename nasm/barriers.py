@@ -263,13 +263,14 @@ def _upper_of_long_period(profile, tol, effort):
     """
     kicks = aperiodic.around_strongest(profile)
     without_graphs = aperiodic.critical_scale(kicks, max(tol, effort.long_period_tol)).upper
-    n_steps = effort.iterated_kicks // profile.size + 1
-    escapes = escape.onset_scale(profile, n_steps, effort.iterated_orbits)
     # Converse KAM over a single kick of |κ| ≥ 2 excludes every circle.
-    without_graphs = np.fmin(without_graphs, 2 / np.abs(profile).max())
-    method = escape.METHOD if escapes < without_graphs else "converse KAM"
-    upper = float(np.fmin(without_graphs, escapes))
-    return CriticalScale(nan, nan, nan, upper, None, Status.TOO_LONG, method)
+    without_graphs = float(np.fmin(without_graphs, 2 / np.abs(profile).max()))
+    n_steps = effort.iterated_kicks // profile.size + 1
+    orbits = effort.iterated_orbits
+    escapes = escape.onset_scale(profile, n_steps, orbits, max_scale=without_graphs)
+    if escapes < without_graphs:
+        return CriticalScale(nan, nan, nan, escapes, None, Status.TOO_LONG, escape.METHOD)
+    return CriticalScale(nan, nan, nan, without_graphs, None, Status.TOO_LONG, "converse KAM")
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike
 from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import LANES, fabs, fma, load, maximum, own_frame, rint, store
 from nasm.arithmetic.sine import SINE, SINGLE_SINE
-from nasm.checks import count, floats, has_mask, points
+from nasm.checks import count, floats, has_mask, points, positive
 from nasm.maps import direction, forcing
 from nasm.results import CriticalScale, Status, no_answer
 from nasm.types import FloatArray
@@ -245,13 +245,13 @@ def onset_scale(
     n_orbits: int = 1000,
     window: ArrayLike = PAPER_WINDOW,
     precision: str = "double",
+    max_scale: float | None = None,
 ) -> float:
     """Compute k_N, the scale on the ray κ = s·profile at which escapes within N steps begin.
 
     k_N is what the paper plots. It lies above the scale at which global transport begins, which
     `critical_scale` estimates. Bisection finds k_N, to a relative accuracy of 10⁻⁴, between 0 and
-    the scale at which the largest |κ| is 2: an orbit escapes at k_N, and none escapes one bisection
-    step below it.
+    `max_scale`: an orbit escapes at k_N, and none escapes one bisection step below it.
 
     Parameters
     ----------
@@ -265,11 +265,13 @@ def onset_scale(
         Window in y; it must contain all starts.
     precision : {"double", "single"}
         As for `first_escape`.
+    max_scale : float, optional
+        Largest scale of interest, above 0; by default the scale at which the largest |κ| is 2.
 
     Returns
     -------
     float
-        k_N; NaN if nothing escapes even at the scale at which the largest |κ| is 2.
+        k_N; NaN if nothing escapes even at `max_scale`.
 
     Raises
     ------
@@ -289,7 +291,9 @@ def onset_scale(
     True
     """
     n_max = count("n_max", n_max, 1, MAX_STEPS)
-    return _onset_scales(profile, [n_max], n_orbits, window, precision)[0]
+    if max_scale is not None:
+        max_scale = positive("max_scale", max_scale, "the largest scale of interest")
+    return _onset_scales(profile, [n_max], n_orbits, window, precision, max_scale)[0]
 
 
 def critical_scale(
@@ -350,10 +354,16 @@ def critical_scale(
 
 
 def _onset_scales(
-    profile: ArrayLike, steps: Sequence[int], n_orbits: int, window: ArrayLike, precision: str
+    profile: ArrayLike,
+    steps: Sequence[int],
+    n_orbits: int,
+    window: ArrayLike,
+    precision: str,
+    max_scale: float | None = None,
 ) -> list[float]:
     """Compute k_N for each N in `steps`, a decreasing sequence; NaN where nothing escapes."""
     profile = direction(profile)
+    max_scale = max_scale or 2 / np.abs(profile).max()
     x, y = ensemble(n_orbits)
     *_, lo, hi, shift = _checked(profile, x, y, 1, window)
     if not ((lo <= y - shift) & (y - shift <= hi)).all():
@@ -365,9 +375,9 @@ def _onset_scales(
     def escapes(scale: float, n: int) -> bool:
         return first_escape(scale * profile, x, y, [x.size], n, window, precision)[0] < np.inf
 
-    inside, scales, furthest = 0.0, [], 2 / np.abs(profile).max()
+    inside, scales = 0.0, []
     for n in steps:  # an orbit that does not escape in N steps does not escape in fewer
-        outside = furthest if escapes(furthest, n) else np.nan
+        outside = max_scale if escapes(max_scale, n) else np.nan
         while outside - inside > 1e-4 * outside:
             middle = (inside + outside) / 2
             inside, outside = (inside, middle) if escapes(middle, n) else (middle, outside)

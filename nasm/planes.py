@@ -47,13 +47,13 @@ ROTATING_AXES = {
 }
 PAIRS_AXES = {
     "kappa_whole": "strength K of the kicks at integer times",
-    "kappa_delayed": "strength Kα of those a time τ later",
+    "kappa_delayed": "strength Kα of the kicks delayed by τ",
 }
 
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane of forcings of one period, κ(a, b) = origin + a·first + b·second.
+    """A plane of forcings with the same period, κ(a, b) = origin + a·first + b·second.
 
     Planes with equal fields are equal. Planes are hashable, so they can be members of sets.
 
@@ -64,7 +64,7 @@ class Plane:
     axes : dict of str to str
         Names and descriptions of the coordinates a and b; the names begin with "kappa".
     origin, first, second : sequence of float, shape (P,)
-        P is from 2 to 64; first and second are linearly independent.
+        2 ≤ P ≤ 64; first and second are linearly independent.
 
     Raises
     ------
@@ -216,7 +216,7 @@ class Plane:
     def wedge(self) -> tuple[float, float]:
         """Smallest range of angles (degrees) whose images under `exact_symmetries` cover all rays.
 
-        If some `exact_symmetries` are mirrors, the range extends from one mirror axis to the next.
+        If they include reflections, the range extends from one mirror axis to the next.
 
         Examples
         --------
@@ -265,8 +265,8 @@ class Plane:
             The smallest angle of `unfold`, in degrees; it is in [0, 45] for two kicks.
         omega_shift : ndarray of int, shape of angle
             The circle of ω on the ray at `angle` breaks at the same scale as the circle of
-            ω + omega_shift on the folded ray. For two kicks the mirrors κ1 → -κ1 and κ2 → -κ2 add
-            1, Eqs. (24) to (28); swapping the kicks, or κ → -κ, adds 0.
+            ω + omega_shift on the folded ray. For two kicks the reflections κ1 → -κ1 and κ2 → -κ2
+            add 1, Eqs. (24) to (28); swapping the kicks, or κ → -κ, adds 0.
 
         Examples
         --------
@@ -319,7 +319,7 @@ def rotating(frequency: Fraction | str, phase: Fraction | str | int = 0) -> Plan
     Notes
     -----
     Cosines that are mathematically equal, opposite, 0 or 1 are exactly so in floating point.
-    Forcings that are symmetric or have a shorter period are therefore recognized.
+    Forcings that are symmetric or have a shorter period are therefore recognized as such.
 
     Examples
     --------
@@ -369,7 +369,7 @@ def pairs(delay: Fraction | str) -> Plane:
     Notes
     -----
     The unit of time is the period, as in the physics literature: a kick changes the momentum p by
-    (K/2π) sin 2πx, and x changes by p in unit time. In a time of 1/q, x changes by y = p/q. The
+    (K/2π) sin 2πx, and x changes by p in unit time. In a time 1/q, x changes by y = p/q. The
     forcing therefore has q kicks: the first is K/q, the a-th after it is K_α/q, and the others
     are 0.
 

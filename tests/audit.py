@@ -23,7 +23,7 @@ from nasm.arithmetic.lanes import fma
 def changed(source, changes):
     """Return the source with `right` replaced by `wrong` for each of the changes (right, wrong).
 
-    Each `right` must match in exactly one place. White space is ignored, so that a line may be
+    Each `right` must match in exactly one place. White space is ignored, so a line may be
     wrapped differently.
     """
     for right, wrong in changes:
@@ -81,12 +81,12 @@ def in_python(functions, *changes, fma=fused):
 
 @dataclass(frozen=True)
 class Kernel:
-    """The properties of a kernel that audits need.
+    """Properties of a kernel that the audits use.
 
     functions : the last one applies one kick; it calls the others. names : names of the numbers in
     a state. known : for each term of the known displacement of an orbit, Σ factor·displacement, the
     names of the displacement, of its last difference, and of its sum in Q. The factors are the
-    parameters and then their products. places : orbits in a box that are tested, as (σ,) or, in
+    parameters and then their products. places : the orbits of a box to be tested, as (σ,) or, for
     cells, (σ, σ_0, σ_1). rounding : bound on the rounding error of x̂ in one kick, as (coefficient
     of |κ|, constant).
     """
@@ -151,7 +151,7 @@ def used(value, bound):
 def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     """Check in multiprecision arithmetic that the state after one kick satisfies all bounds.
 
-    strengths : k, and in cells also f, g and `blur`, the largest deviation of the strength from
+    strengths : k, and for cells also f, g and `blur`, the largest deviation of the strength from
     k + σ_α f + σ_β g. Returns, by name, the fraction of each bound that is used; it exceeds 1 if
     the bound is too small. For a bad box, these fractions are not computed.
 
@@ -242,7 +242,7 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
 
 
 def audit_of_kicks(kernel, *changes):
-    """Return the largest used fraction of each bound, by name; stop if a bound is too small."""
+    """Return the largest fraction used of each bound, by name; stop if a bound is too small."""
     kick, largest = in_python(kernel.functions, *changes), {}
     for row in rows(kernel):
         for name, share in audit_of_a_kick(kernel, kick, *row).items():

@@ -1,9 +1,9 @@
 """Test that bad arguments are refused with messages that state the value and the remedy.
 
 The tables below are grouped by argument. Each row lists functions that take the argument,
-bad values for it, and a part of the message, in which {name} and {value} stand for the argument's
+bad values for it, and part of the message, in which {name} and {value} stand for the argument's
 name and value, and … stands for any text. To add a case, add a value to a row, or add a row for its
-argument; `arguments.py` supplies valid values of all other arguments.
+argument; `arguments.py` supplies valid values for all other arguments.
 """
 
 import inspect
@@ -306,7 +306,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("function", "name", "value", "message"), CASES)
-def test_a_bad_argument_is_refused_with_its_value_and_the_remedy(function, name, value, message):
+def test_refusals_of_bad_arguments_state_the_value_and_the_remedy(function, name, value, message):
     expected = message.replace("{name}", name).replace("{value}", repr(value))
     with pytest.raises(ValueError, match=re.escape(expected).replace("…", ".*")):
         function(**arguments(function) | {name: value})
@@ -330,7 +330,7 @@ WITH_OMEGA = {f for f in WITH_OMEGA if f.__module__ != "nasm.tori.newton"}
 
 @pytest.mark.parametrize("omega", [0.618, "golden", Fraction(3, 5), None])
 @pytest.mark.parametrize("function", sorted(WITH_OMEGA, key=lambda f: (f.__module__, f.__name__)))
-def test_anything_but_a_rotation_number_is_refused_with_the_remedy(function, omega):
+def test_refusals_of_anything_but_a_rotation_number_state_the_remedy(function, omega):
     cure = {0.618: "'[0;(1)]'", "golden": "[1;4,(1)]"}.get(omega, "'gamma'")
     named = re.escape(f"omega={omega!r} is not a ") + "(?i:rotation ?number).*" + re.escape(cure)
     with pytest.raises(ValueError, match=named):

@@ -7,7 +7,7 @@ import pytest
 from commands import invoke, table
 
 from nasm import escape
-from nasm.barriers import critical_scale
+from nasm.barriers import Effort, critical_scale
 from nasm.converse_kam import aperiodic
 from nasm.results import Status
 from nasm.verdicts import Answer, Evidence, verdict
@@ -122,10 +122,20 @@ def test_for_a_long_period_transport_is_shown_but_barriers_are_not():
     assert beyond.boundary.upper <= 1
 
 
+def test_escapes_lower_the_upper_bound_where_circles_are_steep():
+    profile = np.random.default_rng(1).uniform(0.1, 1, 128)
+    result = critical_scale(profile, 1e-2, effort=Effort(iterated_kicks=1_280_000))
+    without_graphs = aperiodic.critical_scale(aperiodic.around_strongest(profile), 1e-2).upper
+    (x, y), n = escape.ensemble(64), 10_001
+    assert result.method == escape.METHOD
+    assert result.upper < 0.5 * without_graphs
+    assert escape.first_escape(result.upper * profile, x, y, [64], n)[0] <= n
+
+
 def test_a_failed_proof_for_a_long_period_states_what_the_theorem_requires(tmp_path):
     answer = verdict(lengthened(2 * SHORT), prove=True)
     assert (answer.answer, answer.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
-    assert (answer.proof.proved, "up to 64" in answer.proof.reason) == (False, True)
+    assert (answer.proof.proved, "at most 64" in answer.proof.reason) == (False, True)
     np.savetxt(tmp_path / "long.txt", answer.kappa)
     asked = str(tmp_path / "long.txt"), "--prove", "--json", "--quiet"
     result = invoke("ask", tmp_path / "out", *asked)

@@ -298,6 +298,7 @@ def test_at_the_onset_an_orbit_escapes_in_n_steps_and_just_below_none_does(n):
     assert times[0] == np.inf
     assert times[1] <= n
     assert np.isnan(escape.onset_scale((1, 0.3), 2, 20))  # too few steps to leave the window
+    assert np.isnan(escape.onset_scale((1, 0.3), n, 20, max_scale=0.8 * onset))
 
 
 def test_a_critical_scale_needs_a_window_that_orbits_can_leave():

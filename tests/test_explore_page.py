@@ -79,7 +79,7 @@ def is_smaller(side):
 
 
 def box_of(tab):
-    """Return left, bottom, width and height of the portrait."""
+    """Return the left, bottom, width and height of the portrait."""
     result = columns(tab, "orbits")
     return tuple(result[name][0] for name in "xywh")
 
@@ -390,7 +390,7 @@ def test_play_moves_the_forcing_along_the_ray_and_draws_curves(opened):
     type_in(tab, "Orbits of a fraction", "")
 
 
-def test_bad_input_is_explained_at_its_field_and_dead_workers_are_replaced(opened, served):
+def test_bad_input_is_explained_below_its_field_and_dead_workers_are_replaced(opened, served):
     tab, _ = opened
     good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "0.618", "Orbits added": "0.5 0.3"}
     good["Orbits of a fraction"] = ""
@@ -468,13 +468,13 @@ def test_a_link_in_another_tab_shows_the_same_page(opened, chromium, served):
 _NEVER = """
 import sys, time
 from workflows.explore import server
-server.Shared.prepare = lambda shared: None  # neither workers nor kernels become ready
+server.Shared.prepare = lambda shared: None  # workers and kernels never become ready
 from workflows.explore.__main__ import main
 main(["--port", "0", "--no-browser", "--out", sys.argv[1]])
 """
 
 
-def test_stored_results_are_drawn_before_there_are_workers_or_kernels(chromium, store):
+def test_stored_results_are_drawn_before_workers_or_kernels_are_ready(chromium, store):
     command = [sys.executable, "-c", _NEVER, str(store)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         try:

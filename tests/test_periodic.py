@@ -22,7 +22,7 @@ FIBONACCI = [(5, 8), (8, 13), (13, 21), (21, 34), (34, 55), (55, 89), (89, 144)]
 
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize(("p", "q"), [(0, 1), (1, 2), (2, 5), (3, 4), (5, 13)])
-def test_both_orbits_are_closed_ordered_and_have_the_residue_of_DT(kappa, p, q):
+def test_both_orbits_are_closed_and_ordered_with_the_residue_of_DT(kappa, p, q):
     result = ordered_orbits(kappa, p, q)
     for orbit, sign in zip(result, (-1, 1), strict=True):
         x, y = orbit.points()
@@ -51,9 +51,9 @@ def test_golden_residues_at_the_breakup_are_those_of_greene_1979():
         assert minimizing.refined_residue() == pytest.approx(published["minimizing"], abs=5e-5)
 
 
-# In this order: rays on which two extrapolated values agree by chance; circles whose tails have
-# several quotients; rays next to a cusp; residues that are lost in rounding errors at all scales up
-# to the breakup; and easy rays.
+# In this order: rays on which two extrapolated values agree by chance; circles whose continued
+# fraction repeats several quotients; rays close to a cusp; residues lost in rounding errors at all
+# scales up to the breakup; and easy rays.
 HARD = [
     ("(gamma+1)/(4gamma+5)", ray(25.948730289534073), 1e-9),
     ("(gamma+1)/(4gamma+5)", ray(49.32870995046929), 1e-9),
@@ -74,7 +74,7 @@ HARD = [
 
 
 @pytest.mark.parametrize("case", thirds(HARD))
-def test_the_error_covers_the_change_with_longer_periods_in_hard_cases(case):
+def test_the_error_bounds_the_change_at_longer_periods_in_hard_cases(case):
     name, profile, bound = case
     better = periodic.critical_scale(parse(name), profile, 40_000)
     assert better.error < 1e-7
@@ -152,6 +152,6 @@ def test_tori_of_one_and_two_kicks_are_circles_of_the_map(vector, mean, amplitud
     assert min(abs(abs(residue) - 0.25) for residue in residues) < 1e-8
 
 
-def test_the_search_ends_if_orbits_are_lost():
+def test_the_search_terminates_even_if_orbits_are_lost():
     kappa = (0.9093983570983439, 0.5378622878701697, 0.039093429353188165, 1.0)
     assert periodic.critical_scale("[0;1,1,83,(1)]", kappa, 1500).status is not Status.OK

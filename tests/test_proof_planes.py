@@ -51,7 +51,7 @@ def refuted(certificate, changes, reason):
 
 @pytest.fixture(scope="module")
 def cell():
-    """Return the certificate of a cell of three kicks, and its claim."""
+    """Return the certificate of a cell in a plane of three kicks, and its claim."""
     proof = prove_cell_of_plane(three_kicks(0.2), *cell_beyond("three-kicks:0.2", 20.0, 0.2, 2**-7))
     return certified(proof)
 
@@ -116,7 +116,7 @@ def test_transport_is_not_proved_in_cells_that_reach_below_the_breakup(place):
 def test_boxes_that_a_circle_crosses_are_not_eliminated():
     """Each box contains a point of a circle that exists under one forcing of the box's cell.
 
-    This point is not the middle of the box, nor is this forcing the middle of the cell.
+    The point is not at the centre of the box, and the forcing is not at the centre of the cell.
     Most of these boxes are eliminated under much stronger kicks, so the test is not vacuous.
     """
     rng, n_beyond = np.random.default_rng(7), 0
@@ -248,7 +248,7 @@ def along_a_ray(shift, program):
 
 @pytest.mark.parametrize("program", [patches, checker])
 def test_the_constants_of_a_patch_on_a_ray_do_not_depend_on_its_origin(program):
-    """The constants depend on bounds on |κ_j| over ellipses, which bound interpolation errors."""
+    """The constants contain interpolation errors, estimated from bounds on |κ_j| over ellipses."""
     one, other = (along_a_ray(shift, program) for shift in (0.0, 0.25))
     assert one == pytest.approx(other, rel=1e-9)
     assert one["error"] > 0

@@ -97,7 +97,7 @@ def test_the_error_of_the_sine_is_less_than_eighteen_units():
     assert total * 1.001 + 0.03 < 18
 
 
-def test_the_sine_is_within_its_bound():
+def test_the_error_of_the_sine_is_within_its_bound():
     rng, (angles, _) = np.random.default_rng(3), module._grid_tables(128)
     x = [*rng.uniform(-1.5, 1.5, 2000), *(np.arange(-300, 301) / 256), 1e-300, 0.5, 900.1]
     worst = arb(0)
@@ -135,7 +135,7 @@ def in_balls(rows):
 
 
 @pytest.mark.parametrize("n", [64, 96, 160, pytest.param(2560, marks=pytest.mark.slow)])
-def test_a_transform_is_within_its_bound(n):
+def test_the_error_of_a_transform_is_within_its_bound(n):
     first, (turns, _) = n // (n & -n), module._grid_tables(n)
     ratios = []
     for x in inputs(n):
@@ -301,7 +301,7 @@ def test_numbers_that_are_not_known_to_106_bits_are_refused():
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e200, 600.0])
-def test_infinite_or_too_large_modes_have_no_finite_bound(value):
+def test_modes_that_are_infinite_or_too_large_have_no_finite_bound(value):
     u = modes_of("decaying", 96, 2)
     u[0, 1, 0, 0, 3] = value
     with ctx.workprec(128):

@@ -10,8 +10,8 @@ FUNCTIONS = {
     "smooth": lambda x, at: np.tanh(x - at),
     "steep": lambda x, at: np.sinh(20 * (x - at)),
     "flat": lambda x, at: (x - at) ** 9,
-    "jumping": lambda x, at: 100.0 if x > at else -100.0,
-    "bent": lambda x, at: x - at if x > at else 1e-6 * (x - at),
+    "discontinuous": lambda x, at: 100.0 if x > at else -100.0,
+    "kinked": lambda x, at: x - at if x > at else 1e-6 * (x - at),
 }
 
 

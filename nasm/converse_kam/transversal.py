@@ -10,7 +10,7 @@ No rotational invariant circle passes through the start if some v_n ≤ 0 or u_{
     Σ_{n≥1} 1/(v_n v_{n+1}) + Σ_{n≥1} 1/(u_{-n} u_{-n-1})  ≥  2 + κ_0 cos 2πx_0
 
 holds for partial sums. Indeed, a circle yields a solution ξ_n > 0 of the linearised chain (see
-`nasm.converse_kam.symmetry_line`; on a symmetry line, the criterion here becomes the one there).
+`nasm.converse_kam.symmetry_line`; on a symmetry line, this criterion reduces to the one there).
 The combination ξ_n v_{n+1} - ξ_{n+1} v_n = ξ_0 is constant, so v_n > 0, and ξ_n/v_n falls by
 ξ_0/(v_n v_{n+1}) from each site to the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same holds backwards,
 and ξ_1 + ξ_{-1} is ξ_0 times the right-hand side.
@@ -298,7 +298,7 @@ def upper_scale(
 
     Lower the scale until a start survives about 30 steps, bisect until the bracket is narrow,
     continue with four times as many steps, and so on up to n_max. On a ray from zero the breakup is
-    lower than the result by a relative distance of about 0.7/T.
+    below the result by a relative distance of about 0.7/T.
 
     Parameters
     ----------
@@ -310,9 +310,9 @@ def upper_scale(
         Start of the segment; default 0. From a nonzero start the scale is just above the first
         breakup, s ≥ 0, found in steps of 0.1 in the largest strength.
     n_sites : int, optional
-        Number of sites, 1 to 8, on whose transversals survivors are sought; default 8, or P if that
-        is less. With two sites the search takes half the time, but the scale may be a few per cent
-        higher.
+        Number of sites, 1 to 8, whose transversals are searched for survivors; default 8, or P if
+        that is less. With two sites the search takes half the time, but the scale may be a few
+        per cent higher.
     until : float
         The `time.thread_time` after which the scale is not lowered any further.
     settings : TransversalSettings
@@ -386,8 +386,8 @@ def _by_strength(kappa, max_sites):
     """Return the sites of the largest |κ|, in descending order."""
     if kappa.size > MAX_PERIOD:
         raise ValueError(
-            f"a forcing with P={kappa.size} kicks is too long: P is at most {MAX_PERIOD}, "
-            "unless it repeats after one or two kicks"
+            f"a forcing with P={kappa.size} kicks is too long: P must be at most {MAX_PERIOD}, "
+            "unless the forcing repeats after one or two kicks"
         )
     return np.argsort(-np.abs(kappa), kind="stable").tolist()[:max_sites]
 

@@ -924,7 +924,7 @@ def balls(coefficients: list[list[list[int]]], unit: int, size: int, odd: bool) 
     rows = []
     for parts in coefficients:
         if any(parts[1][:1]) or (odd and parts[0]):
-            raise ValueError("modes must be those of a real function, odd for two kicks")
+            raise ValueError("modes must be those of a real function, odd for one or two kicks")
         re, im = ([*(x * scale for x in part), *[arb(0)] * (size - len(part))] for part in parts)
         rows.append([arb(-b) for b in im] if odd else [acb(*x) for x in zip(re, im, strict=True)])
     return rows

@@ -408,7 +408,7 @@ def from_integers(coefficients: list[Any], unit: int, odd: bool) -> FloatArray:
     for i, table in enumerate(coefficients):
         for j, row in enumerate(table):
             if any(row[1][:1]) or (odd and row[0]):
-                raise ValueError("modes must be those of a real function, odd for two kicks")
+                raise ValueError("modes must be those of a real function, odd for one or two kicks")
             for part, numbers in enumerate(row[odd:]):
                 high = [float(x) for x in numbers]
                 low = [float(x - int(y)) for x, y in zip(numbers, high, strict=True)]

@@ -3,7 +3,7 @@
 The cube `proved_barrier` contains proved bounds on rays. `proved_map` marks the cells of a plane in
 which transport is proved to be global. `proved_triangles` contains one triangle per tile, with a
 corner at the plane's origin, in which a barrier is proved to exist. The function `proved_forcings`
-makes cubes of what is proved for single forcings. See nasm/proofs/README.md.
+builds cubes of results proved for single forcings. See nasm/proofs/README.md.
 """
 
 import json
@@ -50,7 +50,7 @@ _MAX_SECONDS = 60.0
 seconds, and proving transport beyond CB_gt takes a hundredth of a second."""
 
 _MAX_RATIO = 100  # maximum ratio of unpacked to packed size; at most 27 for certificates
-_MAX_WINDOW = 2**26  # bytes of memory for unpacking; files of `pack_certificates` need 2**19
+_MAX_WINDOW = 2**26  # bytes of memory for unpacking; files from `pack_certificates` need 2**19
 _BLOCKS = 36  # number of tiles along an axis of a map; fewer if cells are coarse
 _MARGIN, _STEP = 1.15, 8  # factor by which a map exceeds CB_gt; its reach is a multiple of 1/_STEP
 _SWAP = True, 90  # the symmetry that exchanges the coordinates of a plane
@@ -83,7 +83,7 @@ def proved_barrier(plane: Plane, angles: ArrayLike, seconds: float) -> Job:
         Directions of rays, in degrees, as for `barrier.last_barrier`.
     seconds : float
         CPU time for each proof on each ray; see `nasm.proofs`. The bounds depend on the speed of
-        the machine, but each of them is valid.
+        the machine, but are valid on any machine.
 
     Examples
     --------
@@ -152,7 +152,7 @@ def proved_map(plane: Plane, rays: Sequence[Sequence[float]], cells: int, second
         The plane of forcings.
     rays : sequence of (angle, scale)
         Angles in degrees, in the plane's `wedge`, and the scale of the last breakup at each angle;
-        proofs are tried near these points, and the map extends somewhat beyond them.
+        proofs are attempted near these points, and the map extends somewhat beyond them.
     cells : int
         Number of cells per unit of strength at the finest level, a power of two; 8 or more.
     seconds : float
@@ -362,7 +362,7 @@ def proved_triangles(
     for name in corner_names(plane):
         variables[name] = blank(axes, f"{name}, coordinate of a far corner of the triangle")
     title = (
-        "Triangles of forcings, the first corner being the plane's origin, in which a barrier is "
+        "Triangles of forcings with a corner at the plane's origin, in which a barrier is "
         "proved to exist"
     )
     template = xr.Dataset(variables, axes, {"title": title})
@@ -433,7 +433,7 @@ def uncertified_triangle(tile: xr.Dataset, certificates: Iterable[Certificate]) 
         if is_here and certificate.get("plane") == matrix:
             intervals.append(scales)
     if float(tile.proved_below) > proofs.covered_up_to(intervals):
-        return f"triangle {int(tile.triangle)} has no certificates up to its proved_below"
+        return f"the certificates of triangle {int(tile.triangle)} do not reach its proved_below"
     return ""
 
 
@@ -448,7 +448,7 @@ def proved_forcings(
         Name of the cube.
     forcings : sequence of (kappa1, kappa2, margin)
         Strengths of the two kicks, and the ratio of κ to the forcing at which the last circle
-        breaks on its ray, minus 1. Where the margin is positive, a proof of transport is tried;
+        breaks on its ray, minus 1. Where the margin is positive, a proof of transport is attempted;
         elsewhere, a proof of a barrier.
     circles : sequence of str
         ω of the circle to try, as a string.
@@ -470,7 +470,7 @@ def proved_forcings(
     }
     flags = flag_attributes(_ANSWERS) | {"references": "nasm/proofs/README.md"}
     proved = {"proved": blank(on, "what is proved for the forcing", np.int8(0), **flags)}
-    template = xr.Dataset(proved, coords, {"title": "Forcings with proofs of their own"})
+    template = xr.Dataset(proved, coords, {"title": "Forcings with individual proofs"})
     cube = Cube(name, template, {"forcing": 1}, {"seconds": _MAX_SECONDS})
     return Job(cube, _compute_forcing, _predict_forcing, _load_forcing)
 

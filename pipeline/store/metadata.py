@@ -1,10 +1,10 @@
-"""Metadata of cubes, which the cube and its code determine; they are written before any tile.
+"""Metadata of cubes. They are determined by the cube and its code and written before any tile.
 
 The first driver to write the group's zarr.json creates the cube; the settings of any other driver
 must agree with it. A second file, NAME.zarr/digests.json, contains the same attributes, and a
 digest of each file that does not belong to a tile. It shows whether metadata or coordinates were
 changed, and which settings the cube has. If both files are lost, the checksums in the commit
-records show with which settings the tiles were computed.
+records show which settings the tiles were computed with.
 """
 
 import dataclasses
@@ -40,7 +40,7 @@ _MAX_NAMED = 3  # maximum number of changed files that a message names
 _MAX_CHUNK = 1024  # maximum number of cells along each dim of a chunk, in cubes without tiles
 
 COMPUTED_BY = EVERYTHING.computed_by
-"""One line that names the code of cubes without a job; with a job, use `job.code.computed_by`."""
+"""The code, in one line, for cubes not computed by a job; jobs have `job.code.computed_by`."""
 
 
 def names(place: Place) -> list[str]:
@@ -73,13 +73,13 @@ def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
     Raises
     ------
     Refused
-        If the cube in the store has other settings, or was begun by other code and is incomplete.
+        If the stored cube has different settings, or is incomplete and was started by other code.
     """
     attributes = _check_settings(place, cube)
     if not attributes:
         _check_tiles(place, cube, computed_by)
     elif (theirs := attributes.get("computed_by")) != computed_by and not _is_complete(place, cube):
-        reason = f"was computed by {theirs}; this is {computed_by}. Resume it with those versions"
+        reason = f"was computed by {theirs}; this is {computed_by}. Resume it with the former"
         raise Refused(f"{place.cube(cube.name)} {reason}, or choose another --out or --store")
     return attributes
 
@@ -87,8 +87,8 @@ def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
 def create(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None:
     """Create the cube with all tiles missing, or check that an existing cube may be resumed.
 
-    Metadata and coordinates that are damaged or missing are written again. The other parameters
-    and the errors are those of `check`.
+    Damaged or missing metadata and coordinates are rewritten. The other parameters and the errors
+    are the same as for `check`.
 
     Parameters
     ----------
@@ -106,9 +106,9 @@ def create(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None
 
 
 def replace(place: Place, cube: "Cube", computed_by: str, call: str = "") -> None:
-    """Write a complete cube, compressed, and replace its earlier state.
+    """Write a complete cube, compressed, in place of any earlier version of it.
 
-    Nothing is written if that state is identical and was computed by the same code. The group's
+    Nothing is written if that version is identical and was computed by the same code. The group's
     zarr.json is deleted first and written last: in between, and after a crash, the cube does not
     exist. The parameters are the same as for `create`, and so is the error if the settings differ.
     """
@@ -161,9 +161,9 @@ def _check_settings(place: Place, cube: "Cube") -> dict[str, Any]:
         if attributes.get(key) != value
     ]
     raise Refused(
-        f"{place.cube(cube.name)} was computed with other settings: "
+        f"{place.cube(cube.name)} was computed with different settings: "
         f"{'; '.join(differences) or 'its coordinates, tiles, variables or format differ'}. "
-        "Repeat the old settings to resume it, or choose another --out or --store"
+        "Use the same settings to resume it, or choose another --out or --store"
     )
 
 
@@ -193,7 +193,7 @@ def _parsed(data: bytes) -> dict[str, Any]:
 def _noted(place: Place, name: str) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the contents of digests.json: the cube's attributes, and {file: its digest}.
 
-    Both are empty if it does not exist, as in cubes of earlier versions, or is damaged.
+    Both are empty if the file is damaged, or missing, as in cubes written by earlier versions.
     """
     with suppress(*DAMAGED):
         data = place.read(f"{name}.zarr/{DIGESTS}", MAX_METADATA)
@@ -209,8 +209,8 @@ def has_digests(place: Place, name: str) -> bool:
 def changes(place: Place, name: str) -> str:
     """Return a message that names the changed or lost files of a cube and the remedy.
 
-    Files of metadata and coordinates are compared with their digests; in a cube without tiles, all
-    files are compared.
+    Metadata and coordinate files are compared with their digests; in a cube without tiles, all
+    files are.
 
     Returns
     -------
@@ -229,7 +229,7 @@ def changes(place: Place, name: str) -> str:
         return ""
     more = f" and {len(paths) - _MAX_NAMED} more" if len(paths) > _MAX_NAMED else ""
     files = f"{', '.join(path[:100] for path in paths[:_MAX_NAMED])}{more} of {place.cube(name)}"
-    return f"{files}: changed or lost; to restore them, rerun the command that computed it"
+    return f"{files}: changed or lost; to restore it, rerun the command that computed it"
 
 
 def _digest(data: bytes) -> str:
@@ -256,7 +256,7 @@ def _is_complete(place: Place, cube: "Cube") -> bool:
 
 
 def _planned(place: Place, cube: "Cube", by: Mapping[str, Any]) -> dict[str, Array]:
-    """Return the cube's zarr arrays according to its plan, not to its metadata in the store."""
+    """Return the cube's zarr arrays as planned, regardless of its metadata in the store."""
     return tiles.opened(place, cube.name, json.loads(_files(cube, by)[_key(cube.name)]))
 
 
@@ -278,7 +278,7 @@ def _differing(place: Place, files: Mapping[str, bytes]) -> dict[str, bytes]:
 
 
 def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
-    """Return the files {key: bytes} of the cube before any tile is written.
+    """Return the files {key: bytes} that make up the cube before any tile is written.
 
     If the cube's template contains all values, the files also contain them, compressed.
 
@@ -339,8 +339,8 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
 def _encoding(dtype: np.dtype, chunks: Sequence[int], *codecs: ZstdCodec) -> dict[str, Any]:
     """Return zarr's settings for an array; its fill value represents missing chunks.
 
-    The fill value is the largest or smallest integer, which is never a computed value, or NaN,
-    which may also be a computed value.
+    For integers, the fill value is an extreme of the dtype, which is never computed. For floats, it
+    is NaN, which can also be computed.
     """
     encoding: dict[str, Any] = {
         "chunks": tuple(chunks),

@@ -16,7 +16,7 @@ def breakups(plane, angles):
         found = barriers.critical_scale(plane.ray(angle)[1], 1e-3)
         if np.isnan(found.value):
             raise ValueError(
-                f"--angle {angle:g}: the breakup is not known, so take another ray "
+                f"--angle {angle:g}: the breakup is not known; choose another ray "
                 f"({found.status.value})"
             )
         scales[angle] = found.value
@@ -45,7 +45,7 @@ def on_the_diagonal(bias, critical):
         "eta": ("half", eta, "η of κ_N - κ_c ~ N^(-1/η)"),
         "eta_error": ("half", error, "standard error of η"),
     }
-    coords = {"n": (n, "steps N"), "half": text("half", ["small N", "large N"], "half of all N")}
+    coords = {"n": (n, "steps N"), "half": text("half", ["small N", "large N"], "range of N")}
     attrs = {"critical": float(kappa_c), "n_orbits": int(bias.ensemble[-1])}
     attrs["references"] = "arXiv:1606.04824, Fig. 7"
     title = "Convergence of direct iteration at the cusp"

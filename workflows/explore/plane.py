@@ -1,4 +1,4 @@
-"""The plane of forcings: escape times, the boundary of the last circle, and the chosen forcing."""
+"""The plane of forcings: escape times, where the last circle breaks, and the chosen forcing."""
 
 from functools import partial
 from html import escape
@@ -26,10 +26,10 @@ from workflows.shared.verdict_sentences import scale_text
 
 _PIXELS = 640  # along each side, until the browser reports its size
 _MAX_PIXELS = 1024
-_GROUND_PIXELS = 256  # along each side of the grey areas, whose edge the boundary line hides
+_GROUND_PIXELS = 256  # along each side of the grey image; the boundary line hides its coarse edges
 _MAX_FIELDS = 8  # maximum number stored for all tabs, in case a view is shown again
 _MAX_CELL_PIXELS = 3  # cells of OUT up to this size are not recomputed
-_MIN_EXCESS = 1e-3  # relative distance from the boundary that is resolved between rays
+_MIN_EXCESS = 1e-3  # smallest relative distance from the boundary that is resolved between rays
 _ON_BOUNDARY = "on the boundary, or very close to it"
 _COLOURS = Magma256[:232]  # without the lightest colours, which resemble the greys
 _GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # not known, inside the boundary, outside
@@ -167,7 +167,7 @@ class PlanePanel:
         self.message.text = " · ".join(filter(None, parts))
 
     def _distance(self, a, b):
-        """Describe where the boundary is, from the verdict, or approximately from the rays."""
+        """Describe where the boundary is, taken from the verdict or estimated from the rays."""
         from_zero = not any(self.state.plane.origin)
         verdict = self.state.verdict if (a, b) == self.state.point else None
         if verdict is not None and from_zero:  # the verdict's ray is a ray of the plane
@@ -197,7 +197,7 @@ class PlanePanel:
         if shown is None:
             return None
         label = "first step at which an orbit of the ensemble is outside the window; away from the "
-        label += "boundary of n* <= n_max, neighbouring cells may share a value"
+        label += "boundary of the region n* <= n_max, neighbouring cells may share a value"
         settings = {"n_max": shown.steps, "precision": precision_of(shown.steps), **plane.record}
         axes = zip(plane.axes.items(), (shown.a, shown.b), strict=True)
         coords = {name: (centres, meaning) for (name, meaning), centres in axes}
@@ -206,7 +206,7 @@ class PlanePanel:
 
 
 def side_text(answer, scale, place):
-    """Describe on which side of the boundary a point is; "" if this is not known.
+    """Describe which side of the boundary a point is on; "" if this is unknown.
 
     answer : nasm.Answer of the verdict, or None. scale : scale of the boundary, relative to
     the point. place : the position of the boundary, as text.

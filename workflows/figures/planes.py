@@ -12,7 +12,7 @@ _SYMBOLS = {
     "mean strength κ̄": (r"$\bar\kappa$", "κ̄"),
     "amplitude Δκ of the strengths": (r"$\Delta\kappa$", "Δκ"),
     "strength K of the kicks at integer times": ("$K$", "K"),
-    "strength Kα of those a time τ later": (r"$K_\alpha$", "Kα"),
+    "strength Kα of the kicks delayed by τ": (r"$K_\alpha$", "Kα"),
 }
 
 
