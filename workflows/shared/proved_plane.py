@@ -49,8 +49,11 @@ class ProvedPlane:
 
     @property
     def barriers(self) -> Job:
-        """The job that computes the last barriers on rays, from which the proofs start."""
-        return last_barrier(self.plane, self.angles, 1e-3)
+        """The job that computes the last barriers on rays, from which the proofs start.
+
+        Their tolerance is small compared with the distance at which proofs of barriers stop.
+        """
+        return last_barrier(self.plane, self.angles, min(self.distance / 25, 0.01))
 
     def later(self) -> list[Job]:
         """Return jobs of about the same cost as the jobs that depend on the results of `barriers`.
