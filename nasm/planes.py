@@ -318,7 +318,7 @@ def rotating(frequency: Fraction | str, phase: Fraction | str | int = 0) -> Plan
 
     Notes
     -----
-    Cosines that are mathematically equal, opposite, 0 or 1 are exactly so in floating point.
+    Cosines that are mathematically 0, 1 or equal up to sign are exactly so in floating point.
     Forcings that are symmetric or have a shorter period are therefore recognized as such.
 
     Examples

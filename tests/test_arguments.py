@@ -306,7 +306,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("function", "name", "value", "message"), CASES)
-def test_refusals_of_bad_arguments_state_the_value_and_the_remedy(function, name, value, message):
+def test_errors_for_bad_arguments_state_the_value_and_the_remedy(function, name, value, message):
     expected = message.replace("{name}", name).replace("{value}", repr(value))
     with pytest.raises(ValueError, match=re.escape(expected).replace("…", ".*")):
         function(**arguments(function) | {name: value})
@@ -330,7 +330,7 @@ WITH_OMEGA = {f for f in WITH_OMEGA if f.__module__ != "nasm.tori.newton"}
 
 @pytest.mark.parametrize("omega", [0.618, "golden", Fraction(3, 5), None])
 @pytest.mark.parametrize("function", sorted(WITH_OMEGA, key=lambda f: (f.__module__, f.__name__)))
-def test_refusals_of_anything_but_a_rotation_number_state_the_remedy(function, omega):
+def test_errors_for_anything_but_a_rotation_number_state_the_remedy(function, omega):
     cure = {0.618: "'[0;(1)]'", "golden": "[1;4,(1)]"}.get(omega, "'gamma'")
     named = re.escape(f"omega={omega!r} is not a ") + "(?i:rotation ?number).*" + re.escape(cure)
     with pytest.raises(ValueError, match=named):

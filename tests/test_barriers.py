@@ -170,8 +170,8 @@ def test_hiding_symmetries_of_random_forcings_does_not_change_results(monkeypatc
 
 
 # So close to a forcing of shorter period, the boundary falls steeply, as at a cusp. For
-# (1, 1, 1.0001), on the line x = 1/2 as well as on a transversal, some start survives 64 000 steps
-# at the scale 0.967, but none does at 0.968.
+# (1, 1, 1.0001), both on the line x = 1/2 and on a transversal, some start survives 64 000 steps
+# at scale 0.967, but none does at 0.968.
 @pytest.mark.parametrize(
     ("profile", "tol", "breakup", "about", "top"),
     [
@@ -243,7 +243,7 @@ def test_the_results_for_20_random_forcings_are_correct():
         if result.status is not Status.OK:
             continue
         decided += is_shown(result)
-        # No circle of another ω is certified above the bracket, and orbits escape only above it.
+        # No circle with another ω is certified above the bracket, and orbits escape only above it.
         for omega in (
             moebius(noble, 1, n) for noble in nobles(3) for n in range(profile.size // 2)
         ):
@@ -254,7 +254,7 @@ def test_the_results_for_20_random_forcings_are_correct():
         assert inside == np.inf
         escaped += outside < np.inf
     assert decided >= 0.9 * 20
-    assert escaped >= 0.8 * 20  # under the other forcings, an escape takes longer
+    assert escaped >= 0.8 * 20  # under the other forcings, escape takes longer
 
 
 WRONG = [*product([ray(30)], [0.99, 1.01], [1e-2]), *product([GENERIC], [0.98, 1.02], [1e-2])]
@@ -360,8 +360,8 @@ def compiled():
 @pytest.mark.slow
 @pytest.mark.parametrize("seconds", [2, 6])
 @pytest.mark.parametrize("period", [9, 24, 64])
-def test_a_search_ends_within_the_seconds_allowed(period, seconds, compiled):
-    """When the time runs out, the search of the Farey tree at one scale may still finish."""
+def test_a_search_ends_within_the_time_allowed(period, seconds, compiled):
+    """When time runs out, a search of the Farey tree in progress at one scale may still finish."""
     profile = np.random.default_rng(64).normal(size=period)
     begun = time.thread_time()
     result = critical_scale(profile, 1e-4, seconds=seconds)

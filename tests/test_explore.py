@@ -318,7 +318,7 @@ def test_a_closed_tab_ends_its_generators():
         ("pq=3/1001", "'3/1001' must be a fraction like 3/8"),
         ("orbits=0.5", "'0.5' must be two numbers, like"),
         ("orbits=0,inf", "'0,inf' must be two numbers, like"),
-        ("orbits=" + "0.5,0.3;" * 51, "orbits: 51 are too many; at most 50 are allowed"),
+        ("orbits=" + "0.5,0.3;" * 51, "orbits: 51 is too many; at most 50 are allowed"),
         (
             "show=boundary,all",
             "must be a list of names from boundary,kicks,symmetry,cycles,manifolds",

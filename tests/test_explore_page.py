@@ -326,7 +326,7 @@ def test_a_click_beyond_the_boundary_shows_the_longest_lived_start(opened):
     assert [float(asked(tab)[name]) for name in ("k1", "k2")] == there  # all digits are preserved
 
 
-def test_a_click_adds_an_orbit_and_a_zoom_iterates_the_orbits_in_the_box(opened):
+def test_a_click_adds_an_orbit_and_zooming_in_computes_orbits_in_the_box(opened):
     tab, _ = opened
     at(tab)
     ready(tab, SLOW)

@@ -93,7 +93,7 @@ def test_the_six_circles_of_the_paper_differ_and_the_golden_one_is_blue():
 
 
 def test_no_two_circles_look_alike_and_simple_ones_keep_their_style():
-    """The test includes circles of three kicks that look alike by default, and 60 from a tree."""
+    """The test includes three-kick circles that look alike by default, and 60 from a tree."""
     alike = ["[0;1,3,(1)]", "[0;2,2,(1)]", "[1;3,(1)]"]
     assert len({str(circle_style(text)) for text in alike}) == 1
     tree = [f"[0;{a},{b},{c},(1)]" for a, b, c in product(range(1, 5), range(1, 6), range(2, 5))]
@@ -109,7 +109,7 @@ def test_no_two_circles_look_alike_and_simple_ones_keep_their_style():
     assert styles["[1;3,(1)]"] == circle_style("[1;3,(1)]")
 
 
-def test_a_circle_and_its_image_look_alike_only_under_the_symmetry():
+def test_a_circle_and_its_image_look_alike_only_if_the_symmetry_holds():
     one, image = "[0;1,3,(1)]", "[0;4,(1)]"
     assert circle_class(image) == one
     assert circle_style(one, 1) == circle_style(image, 1) == circle_style(one)
@@ -259,11 +259,11 @@ def wrong_figure():
     return figure
 
 
-def test_faults_of_a_figure_are_detected():
+def test_faults_in_a_figure_are_detected():
     with style.sheet(column=True):
         figure = wrong_figure()
         style.finish(figure)
-        figure.text(0.9, 0.5, "a text that is far too long for a column")
+        figure.text(0.9, 0.5, "text that is far too long for a column")
         output = "\n".join(faults(figure))
     for words in ("is cut by the edge", "'on a point' is printed over 'twice'", "lies on", "alike"):
         assert words in output

@@ -92,7 +92,7 @@ def test_refinement_finds_the_boundary_of_the_full_grid(finished, dense):
     assert 0.1 < finest.mean() < 0.9
 
 
-def test_the_table_of_direct_iteration_contains_the_boundary_along_rays(finished):
+def test_the_table_from_direct_iteration_contains_the_boundary_along_rays(finished):
     rows = table(finished / "critical_boundary_direct.csv")
     assert len(rows) == 13
     assert {r["n"] for r in rows} == {"4000"}

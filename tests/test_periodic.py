@@ -74,7 +74,7 @@ HARD = [
 
 
 @pytest.mark.parametrize("case", thirds(HARD))
-def test_the_error_bounds_the_change_at_longer_periods_in_hard_cases(case):
+def test_the_error_covers_the_change_at_longer_periods_in_hard_cases(case):
     name, profile, bound = case
     better = periodic.critical_scale(parse(name), profile, 40_000)
     assert better.error < 1e-7
@@ -128,7 +128,7 @@ def test_residues_give_a_value_at_a_shorter_forcing_but_not_next_to_it(which):
 
 @pytest.mark.parametrize("angle", [20, 45, 70, 92.76, 117.43])
 def test_tori_break_where_longer_convergents_predict(angle):
-    # These vectors converge to one rotation vector, given by the tribonacci constant.
+    # These vectors converge to a single rotation vector, given by the tribonacci constant.
     results = [
         periodic.torus_scale(f"{p}/{q}", f"{r}/{q}", *ray(angle))
         for p, r, q in [(504, 778, 927), (1705, 2632, 3136), (3136, 4841, 5768)]

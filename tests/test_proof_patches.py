@@ -1,4 +1,4 @@
-"""Proofs of circles throughout a patch of forcings: their constants, and the scales they reach."""
+"""Proofs that circles exist throughout a patch of forcings: constants, and the scales reached."""
 
 import json
 from functools import cache
@@ -102,7 +102,7 @@ def test_a_patch_whose_inequalities_fail_is_retried_with_a_smaller_residual(monk
 
 
 @pytest.mark.slow
-def test_triangles_of_other_circles_are_proved_close_to_the_boundary():
+def test_other_circles_are_proved_to_exist_in_a_triangle_close_to_the_boundary():
     # The triangle lies between 34.5 and 40 degrees, where [0;1,3,(1)] breaks last.
     low, high = np.array([0.64836, 0.44560]), np.array([0.73828, 0.61949])
     middle, tilt = (low + high) / 2, (high - low) / 2
@@ -140,7 +140,7 @@ def test_nothing_is_proved_across_the_breakup(profile, beyond):
 
 
 def tried(omega, profile, tilt, scales):
-    """Try a proof from the first of three scales to the second, with the third as `value`."""
+    """Attempt a proof from the first of three scales to the second, with the third as `value`."""
     about = {"omega": omega, "kappa": tuple(profile), "tilt": tuple(tilt)}
     about |= {"short_omega": omega, "short_kappa": tuple(profile)}
     return module._proved_between(*map(float, scales), about)
@@ -316,7 +316,7 @@ def test_constants_are_bounds_for_all_forcings_of_a_patch(program, case):
 
 
 @pytest.mark.parametrize("case", ["between", "between in t", "single"])
-def test_both_programs_allow_the_same_error_of_interpolation(case):
+def test_both_programs_allow_for_the_same_interpolation_error(case):
     """Both programs use one more point than there are degrees.
 
     The checker always does so; `patches` does so here, because zeros are added to its modes.
@@ -432,7 +432,7 @@ def test_the_interpolation_constant_is_above_the_lebesgue_constant():
         assert 0.9 < largest / (1 + 2 / np.pi * np.log(n)) < 1
 
 
-def test_the_error_of_interpolation_is_bounded_on_the_best_ellipse():
+def test_the_interpolation_error_is_bounded_on_the_best_ellipse():
     (Q, R), rho, r = (6, 4), 0.01, np.geomspace(1.2, 40, 5000)[:, None]
     m, k = np.array([*product(range(Q), range(R))]).T
     norms = 0.05 * 0.7 ** (m + k)

@@ -29,7 +29,7 @@ BREAKUPS = {("pairs:1/3", 20.0): 1.115, ("three-kicks:0.2", 20.0): 0.440}
 
 
 def cell_beyond(name, angle, excess, size):
-    """Return centre and half width of a cell on a ray, a fraction `excess` beyond the breakup."""
+    """Return the centre and half-width of a cell on a ray, a fraction `excess` past the breakup."""
     turn = np.deg2rad(angle)
     place = BREAKUPS[name, angle] * (1 + excess) * np.array([np.cos(turn), np.sin(turn)])
     return np.floor(place / size) * size + size / 2, size / 2

@@ -167,7 +167,7 @@ def modes_of(case, n, n_sites):
 
 
 def exactly(u, node, odd):
-    """Return the modes at a forcing as exact balls, the input of `barrier.residual`."""
+    """Return the modes at a forcing as exact balls, the input to `barrier.residual`."""
     rows = []
     for part in np.moveaxis(u[:, node], 0, -1).tolist():
         balls = [[arb(a) + arb(b) for a, b in row] for row in part]

@@ -367,7 +367,7 @@ def test_repair_removes_damaged_and_misplaced_tiles_but_no_others(place, tmp_pat
     assert result.keys() == damaged | exchanged
     assert result[1, 2] == "wave does not match its checksum"
     words = {result[index] for index in exchanged}
-    assert words == {"its data are not those that were committed"}
+    assert words == {"its data differ from what was committed"}
     assert missing(place, plan) == {(0, 0), (3, 4), (1, 1)}  # a file is missing or truncated
     assert dict(store.verify(place, "toy", repair=True)) == result
     assert missing(place, plan) == result.keys()

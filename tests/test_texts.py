@@ -61,7 +61,7 @@ STORED = '{"name": "plane", "axes": {}, "origin": [%s, 0], "first": [1, 0], "sec
         (partial(visit, "omega"), DIGITS + ".5", "must be below 1e+06; write one like 0.618"),
         (partial(visit, "n"), DIGITS, "must be a whole number from 100 to 1000000"),
         (partial(visit, "k1"), "x" * 60_000, "is not a number; write one like 0.3"),
-        (partial(visit, "orbits"), "0,0;" * 15_000, "orbits: 15000 are too many"),
+        (partial(visit, "orbits"), "0,0;" * 15_000, "orbits: 15000 is too many"),
         (partial(visit, "show"), DIGITS, "must be a list of names from boundary"),
         (partial(visit, "a"), DIGITS, "must be a range, like 0.1:0.3"),
         (partial(visit, "plane"), DIGITS, "start another with --plane 9999"),

@@ -130,8 +130,8 @@ def directory() -> Path | None:
         return None
     if not _is_trusted(path.stat()):
         warnings.warn(
-            f"compiled kernels are neither loaded from {path} nor stored there, because "
-            "others own it or can write to it; set NUMBA_CACHE_DIR to a directory of your own",
+            f"compiled kernels are neither loaded from {path} nor stored there, because another "
+            "user owns it or can write to it; set NUMBA_CACHE_DIR to a directory of your own",
             RuntimeWarning,
             stacklevel=2,
         )

@@ -32,8 +32,8 @@ class GridSettings:
         Ratio of the number of modes kept to the number of points. It is small enough that products
         cause little aliasing.
     resonance_ratio : float
-        The cut, the number of modes kept, is moved below a resonant mode if the number of that mode
-        exceeds this fraction of the cut.
+        The cut (the number of modes kept) is moved below a resonant mode whose number exceeds this
+        fraction of the cut.
     min_modes : int
         Every grid that `grid` chooses is fine enough for this number of modes.
     size_factor : int

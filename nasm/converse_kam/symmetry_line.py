@@ -47,8 +47,8 @@ The kernel advances 64 starts in lockstep, with the kick of `nasm.escape` and it
 
     cos 2πx = -sign(r) Σ_k (2k + 1) c_k u²ᵏ,    w' = w + κ cos 2πx · v,   v' = v + w',
 
-where w is the last difference of v. Elimination times are exact to the kick, because a block in
-which v ≤ 0 occurs is replayed kick by kick.
+where w is the last difference of v. Elimination times are resolved to a single kick, because a
+block in which v ≤ 0 occurs is replayed kick by kick.
 """
 
 from collections.abc import Callable
@@ -262,7 +262,7 @@ def longest_lived(
     A beam search is run on each of two unrelated grids, of 2048 and 1597 starts. At each level,
     each of the longest-lived starts is replaced by 8 children, 0.15 cells apart. The search ends
     when the cells are so small that neighbouring starts have nearly the same lifetime. It may miss
-    the longest lifetime, and with it a survivor. It was tested by 992 searches at 2% to 0.002%
+    the longest lifetime, and with it a survivor. It was tested in 992 searches at 2% to 0.002%
     beyond the breakup, a third of them within a degree of the diagonals. With a width of 32 or 16,
     no search missed the longest lifetime by more than 1%; with smaller widths, 4% (8), 20% (4) and
     77% (1) of the searches did. Dense scans of 2²⁴ starts did not find longer lifetimes.

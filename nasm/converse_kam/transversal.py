@@ -34,8 +34,8 @@ line, the transversal is that line.
 
 On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the curve beyond the
 breakup obeys s/s_c - 1 ≈ C/T, as on a symmetry line, with C in EXCESS_BOUNDS. These results rest
-on sampled starts and floating point: strong evidence, not a proof. The choice of the curve matters:
-0.5% beyond the breakup of the standard map, lifetimes on the transversal are up to 130 steps, while
+on sampled starts and floating point: strong evidence, not a proof. The choice of curve matters:
+0.5% beyond breakup in the standard map, lifetimes on the transversal do not exceed 130 steps, while
 on 15 of 20 other lines x = a some starts survive 3000 steps.
 """
 
@@ -96,8 +96,8 @@ class TransversalSettings:
         A first, narrower search usually finds a survivor if one exists; its width is smaller by
         this factor.
     block_kicks : int
-        Approximate number of kicks between two tests of the starts. It affects only the computing
-        time.
+        Approximate number of kicks between successive tests of the starts. It affects only the
+        computing time.
     min_gap, min_proof_gap : float
         Narrowest gap in which a corner is placed, relative to the widest gap before the same
         kick: the former in searches for survivors, the latter in polygons for proofs.
@@ -420,7 +420,7 @@ def _transversals(kappa, sites, min_gap):
 
     The corners are placed in gaps wider than min_gap times the widest gap.
     """
-    # The transversals of all sites share the orbits that are computed.
+    # Orbits are computed once and shared by the transversals of all sites.
     minimizers = {}
     ordered = cache(lambda omega: ordered_orbits(kappa, *omega.as_integer_ratio(), minimizers))
     for site in sites:
@@ -438,7 +438,7 @@ def _bend_while_surviving(transversal, n_steps, search, until, settings):
     the transversal, and its lifetime in kicks.
     """
     kappa, max_period = transversal.kappa, longest_period(n_steps, settings)
-    # A few starts usually find a survivor, if one exists.
+    # A few starts are usually enough to find a survivor, if one exists.
     few = settings.search_of_width(search.width // settings.first_ratio)
     few = replace(few, grids=search.grids[:1])
     while True:

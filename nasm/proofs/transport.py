@@ -1,16 +1,16 @@
 """A computer-assisted proof that transport is global: no rotational invariant circle exists.
 
-Every rotational circle crosses a curve that leads from y = -∞ to y = ∞. For one or two kicks the
-curve is the symmetry line x_c = a before kick c; for more kicks it is a polygon through minimax
+Every rotational circle crosses any curve that runs from y = -∞ to y = ∞. For one or two kicks,
+the curve is the symmetry line x_c = a before kick c; for more kicks it is a polygon through minimax
 orbits (see `nasm.converse_kam.transversal`). Along an orbit on a circle the second variation of the
 action is positive. So if for every initial condition on the curve, up to symmetries, some η of
 finite support satisfies
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0,   η ≠ 0,
 
-then no circle exists, and orbits lead from any y to any other. `proofs/README.md`, "Transport is
-global", states the theorem, and shows why the computation below proves its hypothesis despite
-rounding.
+then no circle exists, and there are orbits from any y to any other. `proofs/README.md`,
+"Transport is global", states the theorem, and shows why the computation below proves its
+hypothesis despite rounding.
 
 A parameter s runs along the curve. Boxes |s - ŝ| ≤ δ cover the curve, and their orbits are
 
@@ -112,7 +112,10 @@ class Outcome(Enum):
     not proved: the budget is spent; allow more CPU seconds
     """
 
-    PROVED = "no rotational invariant circle exists: transport is global, by nasm/proofs/README.md"
+    PROVED = (
+        "no rotational invariant circle exists: transport is global, by a theorem in "
+        "nasm/proofs/README.md"
+    )
     BUDGET = "not proved: the budget is spent; allow more CPU seconds"
     PRECISION = "not proved: boxes became too small or too many; a circle may exist"
     SCOPE = (
@@ -258,7 +261,7 @@ def prove(kappa: ArrayLike, budget: float = 10.0) -> TransportProof:
     Raises
     ------
     ValueError
-        If kappa is not finite or too large, or budget is not positive.
+        If kappa is too large or not finite, or budget is not positive.
     RuntimeError
         If the arithmetic of this machine is not the IEEE 754 arithmetic that the proof requires.
 
@@ -490,7 +493,7 @@ def _covered(
 
 
 def _slopes(kappa: FloatArray, points: FloatArray, starts: FloatArray) -> FloatArray:
-    """Choose γ for each box so that V in floats becomes ≤ 0 in both directions, if possible."""
+    """Choose each box's γ so that V, in floats, becomes ≤ 0 in both directions, if possible."""
     x, y = (np.interp(2 * starts, np.arange(len(points)), axis) for axis in points.T)
     _, slopes = transversal.elimination(kappa, x, y, _MAX_STEPS * len(kappa))
     return np.clip(np.rint(slopes * 2.0**20) / 2.0**20, -3, 1 - 2.0**-20)

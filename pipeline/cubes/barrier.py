@@ -206,7 +206,7 @@ def with_circles(
     shifts : iterable of int, optional
         Where the shift is not 0, `circle` is shift - ω.
     per : str
-        Unit of time to which ω refers, for the label.
+        Unit of time in which ω is expressed, for the label.
 
     Returns
     -------

@@ -3,7 +3,7 @@
 The cube `proved_barrier` contains proved bounds on rays. `proved_map` marks the cells of a plane in
 which transport is proved to be global. `proved_triangles` contains one triangle per tile, with a
 corner at the plane's origin, in which a barrier is proved to exist. The function `proved_forcings`
-builds cubes of results proved for single forcings. See nasm/proofs/README.md.
+builds cubes of results proved for individual forcings. See nasm/proofs/README.md.
 """
 
 import json
@@ -156,7 +156,7 @@ def proved_map(plane: Plane, rays: Sequence[Sequence[float]], cells: int, second
     cells : int
         Number of cells per unit of strength at the finest level, a power of two; 8 or more.
     seconds : float
-        Limit on the CPU time for the proof of each cell.
+        Limit on the CPU time of the proof for each cell.
 
     Examples
     --------
@@ -209,7 +209,7 @@ def _compute_cells(coords: Coords, settings: Settings) -> Arrays:
 
 
 def _elements(plane: Plane) -> set[tuple[bool, int]]:
-    """Return the exact symmetries of a plane as mirrors and turns in degrees, without shifts."""
+    """Return a plane's exact symmetries as reflections and rotations (degrees), without shifts."""
     return {(mirrored, turn) for mirrored, turn, _ in plane.exact_symmetries}
 
 
@@ -440,7 +440,7 @@ def uncertified_triangle(tile: xr.Dataset, certificates: Iterable[Certificate]) 
 def proved_forcings(
     name: str, forcings: Sequence[tuple[float, float, float]], circles: Sequence[str]
 ) -> Job:
-    """Return the Job of a cube of single forcings of two kicks, with a separate proof for each.
+    """Return the Job of a cube of individual two-kick forcings, with a separate proof for each.
 
     Parameters
     ----------

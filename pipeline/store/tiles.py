@@ -43,7 +43,7 @@ ENTRY = "commit_entry"
 """Name of the first dimension of `COMMIT`, which runs over the entries."""
 
 FORMAT = 2
-"""Version of the format of cubes; version 1 had no checksum of a tile's data."""
+"""Version of the cube format; version 1 had no checksum of a tile's data."""
 
 _CRC_BYTES = 4  # size of the checksum after the numbers of a chunk
 _MAX_REASON = 500  # maximum length of the stored reason for a failure, in characters
@@ -73,7 +73,7 @@ def _damaged(place: Place, name: str) -> Refused:
     """Return the error for metadata that cannot be read."""
     return Refused(
         f"the metadata of {place.cube(name)} are damaged, from another program, or in an earlier "
-        "format; rerun the workflow that computed the cube; it rewrites or refuses them"
+        "format; rerun the workflow that computed the cube: it rewrites them or says why it cannot"
     )
 
 
@@ -106,7 +106,7 @@ def _check_tiles(arrays: dict[str, Array]) -> None:
         raise TypeError("the records do not name their cube")
     for key, (array, block) in places.items():
         if array.cdata_shape != tuple(i + 1 for i in block):
-            raise ValueError(f"the chunks of {key} are not those of the tiles")
+            raise ValueError(f"the chunks of {key} do not match the tiles")
 
 
 def _attributes(array: Array) -> dict[str, Any]:
@@ -338,7 +338,7 @@ def damage(place: Place, arrays: dict[str, Array], index: Sequence[int]) -> str:
     certificates = place.read(certificates_key(name, index))
     if checksum == _checksum(arrays, index, values, certificates):
         return ""
-    return "its data are not those that were committed"
+    return "its data differ from what was committed"
 
 
 def tiles_of(place: Place, name: str) -> Iterator[tuple[tuple[int, ...], xr.Dataset]]:
@@ -376,13 +376,13 @@ def read(place: Place, name: str) -> xr.Dataset:
     """Return the cube as a Dataset.
 
     Numbers are read lazily, strings at once; a missing string is "". `flag_values` have the dtype
-    of their variable, as the CF conventions require, also in a file that `to_netcdf` writes. In
-    the JSON of a zarr store, and if read by `xr.open_zarr` alone, they are plain integers.
+    of their variable, as the CF conventions require, including in files written by `to_netcdf`.
+    In the JSON of a zarr store, and if read with `xr.open_zarr` alone, they are plain integers.
 
     Raises
     ------
     Refused
-        If its metadata are not those of a cube.
+        If its metadata do not describe a cube.
     ValueError
         When a damaged chunk is read.
 
@@ -421,7 +421,7 @@ def read(place: Place, name: str) -> xr.Dataset:
             texts = {k: v.fillna("") for k, v in cube.variables.items() if v.dtype == object}
             return cube.assign({key: text for key, text in texts.items() if key not in cube.dims})
         except (*DAMAGED, MemoryError, RuntimeError) as error:
-            if "checksum" in str(error):  # the error of a damaged chunk
+            if "checksum" in str(error):  # raised for a damaged chunk
                 raise
             raise _damaged(place, name) from None
 

@@ -11,7 +11,7 @@ it again: it resumes.
 """
 
 # %% Up to eight jobs run at a time, each on the cores of one node; when one ends, the queue starts
-# the next of the array. For PBS, use qsub -J 1-1000%8 and qdel.
+# the next one in the array. For PBS, use qsub -J 1-1000%8 and qdel.
 import subprocess
 import sys
 from pathlib import Path

@@ -28,7 +28,7 @@ _PIXELS = 640  # along each side, until the browser reports its size
 _MAX_PIXELS = 1024
 _GROUND_PIXELS = 256  # along each side of the grey image; the boundary line hides its coarse edges
 _MAX_FIELDS = 8  # maximum number stored for all tabs, in case a view is shown again
-_MAX_CELL_PIXELS = 3  # cells of OUT up to this size are not recomputed
+_MAX_CELL_PIXELS = 3  # cells in OUT up to this size are not recomputed
 _MIN_EXCESS = 1e-3  # smallest relative distance from the boundary that is resolved between rays
 _ON_BOUNDARY = "on the boundary, or very close to it"
 _COLOURS = Magma256[:232]  # without the lightest colours, which resemble the greys
@@ -62,7 +62,7 @@ class PlanePanel:
             sizing_mode="stretch_width", css_classes=["message"], min_height=40
         )
         self.legend = models.Div(sizing_mode="stretch_width")
-        self.cubes = self.shown = self.request = None  # cubes of OUT, Field shown, request
+        self.cubes = self.shown = self.request = None  # cubes in OUT, Field shown, request
         lanes = {"cubes": None, "plane": None, "boundary": "verdict", "circle": "verdict"}
         self.lanes = {name: work.latest(name, kernels) for name, kernels in lanes.items()}
         circle = widgets.field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
@@ -82,7 +82,7 @@ class PlanePanel:
         self.lanes["cubes"].submit(_cubes, shared.place, state.plane, done=self._opened)
 
     def _opened(self, result):
-        """Show the cubes of OUT, and compute the rest."""
+        """Show the cubes in OUT, and compute the rest."""
         self.cubes, barrier = result
         if barrier is not None:
             angles = np.unique(self.state.plane.unfold(barrier.angle.values))
@@ -95,7 +95,7 @@ class PlanePanel:
         state.take(a=view.a, b=view.b)
         request = view, state.steps, state.omega
         known = self.cubes is not None and widgets.pixels_of(self.plot, _MAX_PIXELS)
-        if request == self.request or not known:  # the cubes of OUT are shown first
+        if request == self.request or not known:  # the cubes in OUT are shown first
             return
         self.request = request
         self.work.progress("view")
@@ -167,7 +167,7 @@ class PlanePanel:
         self.message.text = " · ".join(filter(None, parts))
 
     def _distance(self, a, b):
-        """Describe where the boundary is, taken from the verdict or estimated from the rays."""
+        """Describe where the boundary is, according to the verdict or an estimate from the rays."""
         from_zero = not any(self.state.plane.origin)
         verdict = self.state.verdict if (a, b) == self.state.point else None
         if verdict is not None and from_zero:  # the verdict's ray is a ray of the plane
@@ -270,7 +270,7 @@ def _view(plot):
 
 
 def _cubes(place, plane):
-    """Yield the cubes of OUT that belong to this plane: a list of Fields, and the barrier or None.
+    """Yield the cubes in OUT that belong to this plane: a list of Fields, and the barrier or None.
 
     If OUT is refused, yield no cubes, so that the page computes everything; then raise the error
     that states the reason.
@@ -282,7 +282,7 @@ def _cubes(place, plane):
         raise
     except (AttributeError, LookupError, TypeError, ValueError) as error:
         yield [], None
-        raise store.Refused(f"{place} contains cubes of another program: {error!r}") from None
+        raise store.Refused(f"{place} contains cubes from another program: {error!r}") from None
 
 
 def _fields(place, plane):

@@ -46,7 +46,7 @@ _NAMES = "localhost", _HOST, "[::1]"
 _OF_THE_TERMINAL = "browsh", "carbonyl", "elinks", "links", "links2", "lynx", "w3m", "www-browser"
 _LIFETIME = 10_000  # ms for which an unconnected page is kept; creating one takes a few ms
 _SLOWEST = 20  # seconds allowed for a request, and until the next one on the same connection
-_BODY = 1000  # maximum bytes of a request after its headers; the page sends none
+_BODY = 1000  # maximum bytes in the body of a request; the page sends none
 _GRACE, _CLOSING = 10, 60  # seconds for the event loop to stop, and for the workers to end
 _POLICY = (  # Bokeh evaluates strings as code; its page and ours have inline scripts and styles
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
@@ -81,7 +81,7 @@ class Shared:
         self.preparing = "starting the workers"
 
     def client(self):
-        """Return the client once the kernels of escape times and portraits have been loaded."""
+        """Return the client once the kernels for escape times and portraits have been loaded."""
         self.loaded["portrait"].wait()
         return self._connected()
 
@@ -95,8 +95,8 @@ class Shared:
     def prepare(self):
         """Start the workers and load the kernels; `serve` calls this in a thread.
 
-        The kernels are compiled in a worker, so that this process can show the cubes of OUT
-        meanwhile.
+        The kernels are compiled in a worker, so that this process can meanwhile show the
+        cubes in OUT.
         """
         try:
             client = self._connected()
@@ -118,13 +118,13 @@ class Shared:
 
 
 def warm_up_portrait():
-    """Use the kernels of escape times and portraits once, which may compile them."""
+    """Use the kernels for escape times and portraits once; this may compile them."""
     escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1, precision="single")
     portrait((0.3, 0.2))
 
 
 def warm_up_verdict():
-    """Use the kernels of verdicts once."""
+    """Use the kernels for verdicts once."""
     verdict((0.3, 0.2))
 
 
@@ -137,8 +137,8 @@ def serve(plane, place, port, opens, cluster):
     plane, place : as for `Shared`. port : the port of the page, 0 for any free port. opens : True
     to open the page in the browser. cluster : arguments of `cluster.connect`.
 
-    Raise click.UsageError if the port is taken, and ClusterError if the arguments of the cluster
-    are invalid.
+    Raise click.UsageError if the port is taken, and ClusterError if the cluster arguments are
+    invalid.
     """
     for name in ("bokeh", "tornado"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # they would report each closed tab
@@ -172,7 +172,8 @@ def _stop_at_signals(loop):
     A blocked process ends `_GRACE` seconds later. If Python code blocks the loop, the main thread
     still runs the handler of the signal. If a compiled kernel blocks the loop, the handler has to
     wait; but the kernel has released Python's lock, so another thread can read the signal from a
-    pipe. Both the handler and that thread set an alarm, at which the system ends the process.
+    pipe. Both the handler and that thread set an alarm; when it goes off, the system ends the
+    process.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
@@ -250,7 +251,7 @@ class _Refusal(RequestHandler):
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(
             f"The explorer answers on localhost only; this request is for {self.request.host}, and "
-            f"came from {self.request.headers.get('Origin', 'another site, or from no page')}.\n"
+            f"came from {self.request.headers.get('Origin', 'another site or no page at all')}.\n"
             f"Open http://localhost:{self.port}/ on the machine where the explorer runs. From "
             f"another machine:\n\n    ssh -L {self.port}:localhost:{self.port} MACHINE\n\n"
             f"and open http://localhost:{self.port}/ there.\n"

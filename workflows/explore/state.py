@@ -155,7 +155,7 @@ def orbits_of(text):
     """Parse initial conditions ((x, y), …). A ValueError explains what is wrong."""
     pairs, orbits = [*filter(None, map(str.strip, text.split(";")))], []
     if len(pairs) > _MAX_ORBITS:
-        raise ValueError(f"orbits: {len(pairs)} are too many; at most {_MAX_ORBITS} are allowed")
+        raise ValueError(f"orbits: {len(pairs)} is too many; at most {_MAX_ORBITS} are allowed")
     for pair in pairs:
         numbers = pair.replace(",", " ").split()
         start = [parse_float(text) for text in numbers] if len(numbers) == 2 else [np.nan]

@@ -78,7 +78,7 @@ def proved_map_caption(whole, triangles, barrier):
         if beyond >= 0.5:
             within += (
                 f" The theorem does not apply to {beyond:.0f}% of them, because strong kicks "
-                "follow each other."
+                "come one after another."
             )
     share = 100 * proved[there].mean()
     # Scales at which the proved triangles end on the rays of CB_gt, relative to CB_gt.

@@ -16,7 +16,7 @@ from nasm.numbers import NAMES, moebius, parse
 from workflows.figures.files import write
 
 # Blue, orange, green, sky, red, violet, indigo. With deuteranopia or protanopia, any two appear at
-# least 17 apart in CIE Lab, and so does each from black, from white and from the greys below.
+# least 17 apart in CIE Lab; each is also at least that far from black, white and the greys below.
 COLOURS = ["#0072B2", "#E69F00", "#358600", "#56B4E9", "#8B0000", "#8A2BE2", "#332288"]
 VERMILION = "#D55E00"  # for elements that must stand out, but never for a circle
 
@@ -50,8 +50,8 @@ def circle_style(text, whole=0):
     The index of the colour is the sum of a - 1 over the quotients a between the first one and the
     repeating ones, minus the same sum over the repeating quotients. It is 0, blue, for the golden
     circle; for noble circles it increases by one with each unit added to a quotient. ω + 1 has the
-    colour of ω, and the colours recur after seven; circles of one colour usually differ in marker
-    and dash.
+    colour of ω, and the colours recur after seven; circles of the same colour usually differ in
+    marker and dash.
     """
     if not text:
         return {"color": "black", "marker": "x", "ls": "-"}
@@ -66,13 +66,13 @@ def _look(colour, kind):
 
 
 def circle_styles(circles, whole=0):
-    """Return {ω: its style} of all circles of a figure, sorted by ω.
+    """Return {ω: its style} for all circles in a figure, sorted by ω.
 
     No two circles share both colour and marker, or both colour and dash.
 
-    circles : texts of ω, "" if it is not known; a circle and its image are listed as one class.
+    circles : each ω as text, "" if it is not known; a circle and its image are listed as one class.
     Of circles that would look the same, the one with the shortest text has the style of
-    `circle_style`; the others have another marker and dash, or else another colour.
+    `circle_style`; the others get a different marker and dash, or else a different colour.
     """
     own = {
         text: circle_style(text, whole) for text in {circle_class(each, whole) for each in circles}
@@ -93,7 +93,7 @@ def _omega(text):
     return float(parse(text)) if text else np.inf
 
 
-COLUMN = 3.4  # inches, the width of a column of a journal
+COLUMN = 3.4  # inches, the width of a journal column
 _SMALLEST = 6.5  # points, minimum size of text in a column
 _TALLEST = 0.65  # maximum height of a panel, relative to its width, if a column contains several
 _MARGIN = 0.04  # inches around a figure
@@ -112,7 +112,7 @@ _IN_COLUMN = {
 def sheet(column=False):
     """Use matplotlib's defaults for figures drawn in this context, ignoring any matplotlibrc.
 
-    column : True for figures that fit a column of a journal, with 8 pt text and no titles.
+    column : True for figures that fit a journal column, with 8 pt text and no titles.
     """
     with matplotlib.rc_context(_PLAIN | _IN_COLUMN if column else _PLAIN):
         yield
@@ -198,8 +198,9 @@ def _make_room(legend):
 def save(figure, out, name, caption="", kinds=("png", "pdf")):
     """Write the figure as NAME.png and NAME.pdf, and its caption, if it has one, as NAME.txt.
 
-    Figures for a column are named NAME_column.png and so on. Several panels are labelled
-    (a), (b), …. Returns the paths of the pictures; their metadata also contain the caption.
+    Figures for a column are named NAME_column.png and so on. If there are several panels,
+    they are labelled (a), (b), …. Returns the paths of the pictures; their metadata also contain
+    the caption.
     """
     box = finish(figure)
     name += "_column" * in_column()
@@ -307,7 +308,7 @@ def letter(figure):
 
 
 def omega_label(text):
-    """Return the continued fraction in TeX, with the paper's name if it has one.
+    """Return ω as a continued fraction in TeX, preceded by the paper's name for it, if any.
 
     In a column, return the name alone.
     """
@@ -396,7 +397,7 @@ def cell(y):
 
 
 def has_flag(codes, meaning):
-    """Return True where a variable of flags, `status` or `method`, has this meaning."""
+    """Return True where a flag variable, `status` or `method`, has this meaning."""
     flags = dict(zip(codes.flag_meanings.split(), codes.flag_values, strict=True))
     return codes == flags[meaning]
 

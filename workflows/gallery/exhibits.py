@@ -14,8 +14,8 @@ from workflows.shared.cli import main_of
 class Exhibit:
     """A command, its title, and its options for a preview and for the sizes used in the paper.
 
-    `name` is the folder of its results. `beyond` is True if the exhibit treats a question that is
-    not in the paper. `command` is the name of the command, if it differs from `name`.
+    `name` is the folder of its results. `beyond` is True if the exhibit addresses a question that
+    is not in the paper. `command` is the name of the command, if it differs from `name`.
     """
 
     name: str
