@@ -20,7 +20,7 @@ from pipeline.cubes.barrier import boundary
 from workflows.figures.style import has_flag
 
 TOL = 1e-4
-CUSP = 45 - np.geomspace(0.03, 3, 13)[::-1]  # more rays next to the cusp
+CUSP = 45 - np.geomspace(0.03, 3, 13)[::-1]  # more rays close to the cusp
 PROVED = "--cells", "128", "--distance", "0.2"
 DIGITS = 7  # digits of the corners of triangles, which are rounded towards zero
 

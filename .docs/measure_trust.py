@@ -82,7 +82,7 @@ def name_of(function: Callable[..., object]) -> str:
 
 
 def code_alone(source: str) -> str:
-    """Return a Python source without comments, docstrings and white space.
+    """Return Python source code without comments, docstrings or white space.
 
     The result is the same in all versions of Python.
     """
@@ -209,7 +209,7 @@ def short(number: float) -> str:
 
 
 def measure(method: Method, seconds: float) -> dict[str, str]:
-    """Test a method on as many forcings as the CPU time allows; return its row of the table."""
+    """Test a method on as many forcings as the CPU time allows; return its row for the table."""
     rows = [row for row in ROWS.values() if method.applies(row)]
     random.Random(SEED).shuffle(rows)
     load_searches()  # compiles the kernels before the clock starts
@@ -255,7 +255,7 @@ def run(command: str, folder: Path) -> Path:
 
 
 def rows_of_study(command: str, folder: Path) -> list[dict[str, str]]:
-    """Run a study; return its rows of the table."""
+    """Run a study; return its rows for the table."""
     return [
         row_of(
             each.method,

@@ -79,7 +79,7 @@ def below(
 
 
 def stability(folder: Path) -> Iterator[Finding]:
-    """Yield the findings of six of the seven studies of `workflows.stability`."""
+    """Yield the findings of six of the seven studies in `workflows.stability`."""
     value = "value ± error"
     study = opened(folder, "stability_cusp")
     ratio = study.off / (study.error + study.judge_error)

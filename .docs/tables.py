@@ -92,7 +92,7 @@ def statuses() -> str:
 
 
 def trust() -> str:
-    """Return a table of how often methods kept their promises; † marks code changed since then."""
+    """Return a table of how often methods keep their promises; † marks code that has changed."""
     from measure_trust import MEASURED, has_changed, read
 
     rows = read(MEASURED)
@@ -187,12 +187,12 @@ def command_options() -> str:
 def gallery() -> str:
     """Return the exhibits of the gallery: their commands, and their figures if already drawn.
 
-    Pictures come from `out/gallery`; links lead to the copy that `conf.py` puts into the site.
+    Pictures come from `out/gallery`; links point to the copy that `conf.py` puts into the site.
     """
     parts = []
     if (GALLERY / "index.html").exists():
         link = '<a href="gallery/index.html">All figures, tables and claims on one page</a>'
-        parts.append(f"{link}, with the lines of Python that draw each of them.\n\n")
+        parts.append(f"{link}, with the Python code that draws each of them.\n\n")
     else:
         parts.append("*This copy of the site was built without the figures.*\n\n")
     for exhibit in listed("exhibits.toml"):

@@ -102,7 +102,7 @@ def main(out):
                 draw(lambda cube, place=place: xr.open_zarr(place / f"{cube}.zarr").load())
         except FileNotFoundError:
             command = f"python -m workflows.{name} --out {place}"
-            print(f"{place} has no cubes; {draw.__name__}.png is unchanged. Compute: {command}")
+            print(f"No cubes in {place}; {draw.__name__}.png is unchanged. Compute: {command}")
     explorer(out / "critical_boundary")
 
 

@@ -33,10 +33,10 @@ The orbits of the convergents of a number ω are found in order of increasing pe
 2. *Scan.* Begin the orbit at the site with the widest gap, and move x_0 across that gap. The
    highest maximum of a(x_0) is the minimax orbit, which may lie on any symmetry line, or on none.
 3. *Descend.* The scan can fail if the action is steep and has several minima, or if the maximum
-   cannot be reached by moving a single site. Orbits of periods up to 100 are then found by
-   descent: the sites of an orbit move along the forces on them. Two such orbits never cross each
-   other and descend to minima, and the pass between two minima is on the boundary of their basins
-   of attraction. (The same argument shows that the orbits exist.)
+   cannot be reached by moving a single site. Orbits with periods up to 100 are then found by
+   descent: the sites of an orbit move along the forces on them. Orbits that descend never cross
+   each other; they end at minima, and the pass between two adjacent minima is on the boundary of
+   their basins of attraction. (The same argument shows that the orbits exist.)
 4. *Follow.* Newton's method continues known orbits along the segment of forcings. Longer orbits are
    found by joining known ones end to end.
 
@@ -78,7 +78,7 @@ __all__ = [
 ]
 
 Minimizers: TypeAlias = dict[float, tuple[FloatArray, int, dict[tuple[int, int], FloatArray]]]
-"""For each scale: the forcing that begins at a site, that site, and a dict {(p, q): minimizer}."""
+"""{scale: (forcing rotated to begin at some site, this site, {(p, q): minimizer})}."""
 
 SURE_PERIOD = 100
 """Longest period of orbits that are found by descent if the scan misses them."""
@@ -115,7 +115,7 @@ JOIN_PERIOD = 300
 """Period above which orbits are joined from shorter ones rather than scanned for."""
 
 _MAX_SITES_ALONE = 600
-"""Largest number of sites of an orbit that is also sought without using shorter orbits."""
+"""Largest number of sites for which an orbit is also sought without using shorter ones."""
 
 _SADDLE_SHIFT = 0.05
 """Displacement of sites, multiplied by q, that moves a symmetric guess off a saddle."""
@@ -286,7 +286,7 @@ class ConvergentOrbits:
         """Return (site, u) of the orbit of fraction n from which a scan starts.
 
         This orbit is the `constrained_minimizer`. If it is lost, as happens far beyond the breakup,
-        the scan starts from the minimizing orbit next to the cantorus, joined from shorter orbits.
+        the scan starts from the minimizing orbit close to the cantorus, joined from shorter orbits.
         """
         try:
             return self.constrained_minimizer(n, scale)
@@ -526,7 +526,7 @@ class Chain:
         -------
         ndarray, shape (N,)
             Deviations from the rotation of this fraction, which is the Farey sum of the fractions
-            of all orbits joined.
+            of all the orbits joined.
         """
         (before, u_before), (chain, u) = last, one
         copies = (self.q - before.q) // chain.q
@@ -564,7 +564,7 @@ def ordered_orbits(
     LostError
         If the orbits are not found. Both exist under any forcing, and are found up to twice the
         scale at which the last circle breaks; far beyond the breakup of all circles near p/q,
-        orbits of periods above 100 may be lost.
+        orbits with periods above 100 may be lost.
 
     Examples
     --------
@@ -677,7 +677,7 @@ def _find_extremum(kappa, theta, hop, work, u, kind, max_step, n_steps):
         kappa, theta, u, kind, max_step, n_steps, work
     )
     if _MAX_STEP_AT_REST <= change < max_step and abs(slope) < FLAT * np.sqrt(u.size):
-        # If the curvature is small, rounding errors of the slope alone move x_0. Fix x_0, and
+        # If the curvature is small, rounding errors in the slope alone move x_0. Fix x_0, and
         # compute S with the other sites at rest.
         change, curvature, _, log_pivots, n_bad = newton_solve(
             kappa, theta, u, 0, 0.0, n_steps, work
@@ -928,7 +928,7 @@ def newton_solve(kappa, theta, u, kind, max_step, n_steps, work):
     # Numba treats rows unpacked in one assignment as strided, and would not vectorize the loops.
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     change, last_change, curvature, slope, log_pivots, n_bad = np.inf, np.inf, 0.0, 0.0, 0.0, 0
-    stiffness = 0.0  # of springs that hold the sites if the action is not convex
+    stiffness = 0.0  # added to the Hessian while the action is not convex
     for _ in range(n_steps):
         _forces(kappa, theta, u, force, diagonal)
         for j in range(1, n if stiffness else 0):

@@ -2,7 +2,7 @@
 
 The *last breakup* on a ray from zero is the largest scale s at which a rotational circle exists.
 With three kicks or more, circles may break and reappear in bands of scales, which may be
-arbitrarily narrow next to the boundary. The search resolves bands down to relative widths of about
+arbitrarily narrow close to the boundary. The search resolves bands down to relative widths of about
 tol, or of 10⁻³ if tol is larger. If it finds bands, narrower ones may lie above the value;
 therefore the relative error is then at least tol, or 2·10⁻³ if tol is larger, and upper is at least
 value + error. On a segment that does not start at zero, the search looks for the first breakup.
@@ -10,10 +10,10 @@ value + error. On a segment that does not start at zero, the search looks for th
 The search proceeds from the outside inwards.
 
 1. *Ask.* Search the Farey tree (`nasm.farey`) at one scale for a circle that exists there. If the
-   search finds none, it lists the nobles that it could not exclude (or, if it excluded all, the one
-   that took longest to exclude), and the longest period used; the scale is then regarded as one
-   without circles. The first scale is about 1% above the breakup, where converse KAM eliminates all
-   starts in 100 steps.
+   search finds none, it lists the nobles that it could not exclude (or, if it excluded all of them,
+   the one that took longest to exclude), and the longest period used; the scale is then treated as
+   having no circles. The first scale is about 1% above the breakup, where converse KAM eliminates
+   all starts in 100 steps (periods of the forcing).
 2. *Leap.* Residues (`nasm.periodic`) determine the scale at which one circle breaks: the circle
    just found or, if none was found, the circle of the simplest noble near the first one listed. If
    the precision of this scale is sufficient, and residues show that the circle exists just below
@@ -21,7 +21,7 @@ The search proceeds from the outside inwards.
 3. *Step.* Otherwise, lower the scale. Residues grow like s^q, so orbits of period q exclude circles
    not only at one scale, but over a relative distance of order 1/q. The step is a quarter of that,
    or half the distance to a scale with a circle. Whenever the period used has doubled, another leap
-   is tried.
+   is attempted.
 4. *End.* If the tree shows a circle just above the scale of a leap, this scale is dropped, and the
    search continues with that circle. If it shows none, this scale is the last breakup, unless
    residues show that the circle of one of the listed nobles exists above it. The breakup of this
@@ -31,7 +31,7 @@ The search proceeds from the outside inwards.
    midpoint between them.
 
 With one or two kicks there are no bands, and a faster search is tried first. The start that
-converse KAM takes longest to eliminate just beyond the breakup lies next to the remains of the last
+converse KAM takes longest to eliminate just beyond the breakup lies near the remains of the last
 circle, and its weighted Birkhoff average yields the rotation number to six digits. The circles of
 the nobles near that number are candidates; residues determine where they break, and converse KAM
 shows that no start survives above these scales.
@@ -79,7 +79,7 @@ class Effort:
         proportional to 1/distance. The rest lies below the value, where a circle is certified,
         which takes longer.
     first_steps : int
-        Number of steps of converse KAM on transversals with which the search begins. 100 steps
+        Number of steps of converse KAM on transversals at the start of the search. 100 steps
         eliminate all starts about 1/100 above the breakup, where the circle that the tree excludes
         last is usually the one that breaks last. If a circle exists at that scale, higher scales
         are tried in relative steps of 1/100. Starts that survive this far above a value contradict
@@ -109,10 +109,10 @@ class Effort:
         yield nine and eleven digits, respectively.
     cusp_period : int
         Longest period of the orbits that determine the final value if periods up to `last_period`
-        are not precise enough, as happens next to a cusp. It also limits the period of the orbits
+        are not precise enough, as happens close to a cusp. It also limits the period of the orbits
         whose hull functions are used to certify circles.
     blurred_period : int
-        If a cusp is resolved only by orbits of periods longer than this, the error extends up to
+        If a cusp is resolved only by orbits with periods longer than this, the error extends up to
         `upper`.
     circles_tried : int
         Maximum number of circles that are tried at each scale below a bracket, until one is
@@ -161,7 +161,7 @@ class Effort:
         return (1 + self.search_share) / 2
 
     def search_tol(self, tol: float) -> float:
-        """Return the tolerance of the search of the tree, given that of the bracket."""
+        """Return the tolerance for searching the tree, given the tolerance of the bracket."""
         return min(tol, self.resolution)
 
     def error_in_bands(self, tol: float) -> float:
@@ -430,7 +430,7 @@ def _outermost(tree):
     """Return (inside, outside, circle at inside or None) to begin the search with, or a Status."""
     segment, effort = tree.segment, tree.effort
     if segment.profile.size <= 2 and not segment.start.any():
-        # The search by survivors failed, as it may next to a cusp. Without bands, no circle exists
+        # The search by survivors failed, as it may close to a cusp. Without bands, no circle exists
         # above a scale at which all starts are eliminated.
         n_steps = 16 * effort.locating_steps
         outside = symmetry_line.critical_scale(segment.profile, n_steps).upper
@@ -486,7 +486,7 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
 
 
 def _simplest_near(omega, kappa, period):
-    """Return the noble with the shortest prefix near ω, to the resolution of orbits of this period.
+    """Return the simplest noble that orbits of this period cannot distinguish from ω.
 
     The two Farey neighbours of such an orbit are at least 4/period² apart.
     """
@@ -702,7 +702,7 @@ def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCi
     profile = direction(profile)
     if scale.omega is None or not 0 < scale.lower < scale.value:
         raise ValueError(
-            f"lower={scale.lower!r} of value={scale.value!r}: no circle was certified on this ray; "
+            f"lower={scale.lower!r}, value={scale.value!r}: no circle was certified on this ray; "
             "ask for a wider bracket, e.g. critical_scale(profile, tol=1e-3)"
         )
     omega, distance = scale.omega, 1 - scale.lower / scale.value

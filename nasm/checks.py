@@ -121,7 +121,7 @@ def real(name: str, value: object, *ends: float) -> float:
     """
     value = _scalar(value)
     if not isinstance(value, Real) or isinstance(value, bool | np.longdouble):
-        raise ValueError(f"{name}={short_repr(value)} must be a number that a float holds")
+        raise ValueError(f"{name}={short_repr(value)} must be a number that fits in a float")
     if ends and not ends[0] <= value <= ends[1]:  # type: ignore[operator]
         raise ValueError(f"{name}={short_repr(value)} must be from {ends[0]} to {ends[1]}")
     return float(value)

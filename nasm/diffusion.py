@@ -37,13 +37,13 @@ MIN_PERIODS = 8192
 
 @dataclass(frozen=True)
 class DiffusionSettings:
-    """Criteria for when an ensemble has spread far enough, and when its spreading is diffusive.
+    """Criteria for deciding when an ensemble has spread far enough, and whether it diffuses.
 
     Attributes
     ----------
     n_parts : int
-        Number of equal parts of the time, a power of 2; momenta are recorded at the end of each.
-        The longer lag spans half of the parts, and the shorter lag spans one part.
+        Number of equal time intervals, a power of 2; momenta are recorded at the end of each.
+        The longer lag spans half of the intervals, and the shorter lag spans one.
     min_mean_square : float
         n suffices once the mean square of the displacements over the longer lag reaches this value.
     max_growth_exponent : float
@@ -78,7 +78,7 @@ class Diffusion(Result):
     Attributes
     ----------
     value, error : float
-        D and its standard error, from the scatter of orbits, in squares of y per period; NaN if
+        D and its standard error, from the scatter of orbits, in y² per period; NaN if
         status is not OK.
     status : Status
         OK, NOT_CONVERGED if n_max was too small, or ANOMALOUS.
@@ -126,7 +126,7 @@ def diffusion(
     n_max : int
         Maximum number of periods, 8192 to 10¹². Values of D down to 4/n_max can be resolved.
     settings : DiffusionSettings
-        Criteria for when the ensemble has spread far enough, and when its spreading is diffusive.
+        Criteria for deciding when the ensemble has spread far enough, and whether it diffuses.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def diffusion(
 
 
 def _estimate(momenta: FloatArray, part: int, settings: DiffusionSettings) -> Diffusion:
-    """Estimate D from momenta at the ends of equal parts of the time."""
+    """Estimate D from momenta at the ends of equal time intervals."""
     lag = settings.n_parts // 2
     long, short = (np.mean((momenta[n:] - momenta[:-n]) ** 2, axis=0) for n in (lag, 1))
     slopes = (long - short) / (2 * part * (lag - 1))

@@ -62,8 +62,8 @@ class IterationSettings:
     Attributes
     ----------
     block_steps : int
-        Steps between two tests for escape. Small blocks spend more time on tests; large blocks take
-        longer to repeat.
+        Steps between successive tests for escape. Small blocks spend more time on tests; large
+        blocks take longer to repeat.
     max_chunk_steps : int
         Maximum number of steps before the surviving orbits are packed together again. In the search
         for the first escape, other orbits are iterated up to this many steps beyond it.

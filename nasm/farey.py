@@ -63,26 +63,26 @@ class TreeSettings:
         largest_product·(1 + product_period/q), where q is the longer of their two periods. At the
         breakup of a circle whose path continues in golden steps from these neighbours, both
         residues tend to 1/4 and their product to 1/16, with deviations of order 1/q. On the paths
-        to the last circles of 144 forcings of one to twelve kicks, products at the breakup were at
-        most 0.19. From period 10 on they were at most 0.08, except where the continued fraction of
-        ω ends in 4, 4, 4, …; there they reached 0.19. The limit must also exceed the products just
-        above a breakup, so that the search tests the circle that breaks there: a limit of 0.2
+        to the last circles of 144 forcings with one to twelve kicks, products at the breakup were
+        at most 0.19. From period 10 on they were at most 0.08, except where the continued fraction
+        of ω ends in 4, 4, 4, …; there they reached 0.19. The limit must also exceed the products
+        just above a breakup, so that the search tests the circle that breaks there: a limit of 0.2
         excluded a circle with this continued fraction.
     largest_residue : float
         Largest residue of two neighbours that may enclose a circle, if one of their periods is
         `short_period` or longer. On the paths above, residues were at most 0.8, except for one of
-        1.57 at 11 kicks.
+        1.57 for a forcing with 11 kicks.
     short_period : int
-        `largest_residue` does not apply to neighbours whose periods are both shorter than this; a
-        residue of 49 occurred.
+        `largest_residue` does not apply to neighbours whose periods are both shorter than this;
+        their residues reached 49.
     small_residue : float
         If the residues of neighbours are below this value, the noble between them is tested
         directly.
     max_mediants : int
-        Maximum number of mediants tried; up to 1700 were needed to decide one forcing.
+        Maximum number of mediants computed; up to 1700 were needed to decide one forcing.
     scanned_period : int
         Up to this period, the highest maximum of the action is sought; for longer orbits, only the
-        maximum next to those of the two neighbours.
+        maximum close to those of the two neighbours.
     first_period : int
         Shortest period of the convergents whose residues are compared.
     longest_ratio : int
@@ -145,8 +145,8 @@ def find_existing_circle(
     nobles : list of RotationNumber
         If a circle was found before the search reached `deepest`, only its noble. Otherwise all
         nobles that were not excluded, whether the search stopped at `deepest` or did not reach
-        them, the simplest first; if all were excluded, the one whose exclusion took the longest
-        orbit. Just beyond the last breakup, the noble of the last circle is in the list.
+        them, the simplest first; if all were excluded, the one whose exclusion required the
+        longest orbit. Just beyond the last breakup, the noble of the last circle is in the list.
     period : int
         The longest period used. Excluding a circle that breaks at a relative distance δ below the
         forcing takes periods of order 1/δ.

@@ -12,7 +12,7 @@ x = 1/2 ± z/2π, where z and y satisfy
     κ1 sin z + κ2 sin(z - (κ1/2) sin z) = 0,     2y = (κ1/2π) sin z.              (38)
 
 The cubic expansion in z gives z² = (6κ1 + 6κ2 - 3κ1κ2) / (κ1 - κ1κ2/2 + κ2(1 - κ1/2)³). The paper's
-Eq. (39) has +3κ1κ2 instead, so that z would not vanish at the pitchfork.
+Eq. (39) has +3κ1κ2 instead; z would then not vanish at the pitchfork.
 """
 
 from itertools import pairwise

@@ -1,7 +1,7 @@
 """The flux through a broken circle: the difference in action of two periodic orbits.
 
-A broken circle leaves behind a cantorus, through whose gaps orbits pass. In one step of T the same
-area passes upwards and downwards,
+A broken circle leaves behind a cantorus, and orbits pass through its gaps. In one step of T the
+same area passes upwards and downwards,
 
     ΔW = lim ΔW_{p/q},    ΔW_{p/q} = W(minimax orbit) - W(minimizing orbit),
 
@@ -19,8 +19,8 @@ minimizing orbit to the next site of the minimax orbit. Since the minimizing orb
     ΔW_{p/q} = Σ (d_{n+1} - d_n)²/2 + (κ_n/4π²) [2 cos 2πx_n sin² πd_n
                                                   + sin 2πx_n (sin 2πd_n - 2πd_n)].
 
-This is the flux through the widest gap of the minimizing orbit. Far beyond the breakup, or next to
-a forcing of shorter period, a cantorus may also have other gaps, with a larger flux.
+This is the flux through the widest gap of the minimizing orbit. Far beyond the breakup, or close
+to a forcing of shorter period, a cantorus may also have other gaps, with a larger flux.
 """
 
 from dataclasses import dataclass
@@ -152,8 +152,9 @@ def flux(
     Flux
         error: the last change, plus the rounding error of the sum; the last change bounds later
         ones, because they shrink faster than geometrically. status: OK; RATIONAL if ω is rational;
-        NOT_CONVERGED next to the breakup, if orbits up to q_max do not show on which side of it
-        kappa is; DISORDERED if longer orbits were not found and changes had not fallen below 1%.
+        NOT_CONVERGED close to the breakup, if orbits up to q_max do not show which side of it
+        kappa is on; DISORDERED if longer orbits were not found and the change had not yet fallen
+        below 1%.
 
     Raises
     ------

@@ -25,7 +25,7 @@ from nasm.types import FloatArray
 __all__ = ["tangent_growth"]
 
 _LARGEST_SQUARE = 1e200
-"""|v|² above which v is divided by its norm; even after a strong kick it is far from overflow."""
+"""|v|² above which v is divided by its norm: low enough that no single kick causes overflow."""
 
 
 def tangent_growth(

@@ -12,7 +12,7 @@ the kicks in reverse order, so the stable manifold is the image of an unstable o
 The manifolds of neighbouring points of the orbit cross at the points of two homoclinic orbits: one
 minimizes the action, the other is a minimax orbit. Between one point of the minimizing orbit and
 the next, the manifolds enclose two lobes of equal area, the *turnstile*: in each step of T one lobe
-passes upwards and the other downwards. Both homoclinic orbits are limits of periodic orbits of
+passes upwards and the other downwards. Both homoclinic orbits are limits of periodic orbits with
 rotation number (np + p')/(nq + q'), where p'/q' is the Farey neighbour of p/q above or below it, so
 the area is given by `flux.action_difference`.
 
@@ -183,7 +183,7 @@ def _checked(
     if not miss < settings.max_miss * max(1.0, norm):
         raise ValueError(
             f"({x}, {y}) is not on an orbit of p/q = {p}/{q}: after q periods "
-            f"it is off by {miss:.2g}; take a point of "
+            f"it is off by {miss:.2g}; use a point of "
             f"`action.ordered_orbits(kappa, {p}, {q})[0].points()`"
         )
     return kappa, p, q, x, y, length, spacing, toward
@@ -209,7 +209,7 @@ def _branch(
     if not np.log(max(factor, 1.0)) > -np.log(epsilon) * part.size / max_points:
         raise ValueError(
             f"({x}, {y}) is not hyperbolic enough: with λ = {factor}, {max_points} points do not "
-            "resolve a manifold; take a point of a minimizing orbit with R < 0"
+            "resolve a manifold; use a point of a minimizing orbit with R < 0"
         )
     dx, dy = (toward * np.sign(dx) * component for component in (dx, dy))
     n = ceil(-np.log(epsilon) / np.log(factor))
@@ -236,7 +236,7 @@ def _branch(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Turnstile(Result):
-    """Turnstile at one edge of the resonance of p/q.
+    """Turnstile at one edge of the p/q resonance.
 
     Attributes
     ----------
@@ -270,7 +270,7 @@ def turnstile(
     spacing: float = 1e-3,
     settings: ManifoldSettings = DEFAULT_SETTINGS,
 ) -> Turnstile:
-    """Compute the turnstile of the upper or lower edge of the resonance of p/q.
+    """Compute the turnstile at the upper or lower edge of the p/q resonance.
 
     Parameters
     ----------
@@ -321,8 +321,8 @@ def turnstile(
     ends = np.array(resonant.points())
     offsets = (minimizing_points[:, :, None] - ends[:, None] + 0.5) % 1 - 0.5
     m = int(np.hypot(*offsets).min(axis=1).argmax())
-    # These points, in order of time, lead from near one point of the p/q orbit, past the middle of
-    # a gap, to near the next point.
+    # In order of time, these points run from near one point of the p/q orbit, past the middle of a
+    # gap, to near the next point.
     start, first, last, end = (
         _at(minimizing_points, m + j * q, long, j * p) for j in (-n // 2, 0, 1, n // 2)
     )

@@ -190,9 +190,9 @@ def rotating_forcing(
 
     Notes
     -----
-    With Ω = 1/2 and φ0 = 0 this is (κ̄ + Δκ, κ̄ - Δκ), so that Δκ = (κ1 - κ2)/2 for T_{κ1κ2}, whose
-    first kick is κ1. The paper's (κ2 - κ1)/2 belongs to its Eq. (2), where kicks of even n have
-    strength κ2; the two forcings differ by a shift of half a period.
+    With Ω = 1/2 and φ0 = 0 this is (κ̄ + Δκ, κ̄ - Δκ). For T_{κ1κ2}, whose first kick is κ1, Δκ is
+    therefore (κ1 - κ2)/2. The paper's (κ2 - κ1)/2 belongs to its Eq. (2), where kicks with even n
+    have strength κ2; the two forcings differ by a shift of half a period.
 
     Examples
     --------
@@ -214,7 +214,7 @@ def direction(profile: ArrayLike) -> FloatArray:
     Raises
     ------
     ValueError
-        If the profile is zero, or so small that the scales of the ray are too large for floats.
+        If the profile is zero, or so small that the scales along the ray are too large for floats.
     """
     strengths = forcing(profile, "profile")
     size = np.abs(strengths).max()

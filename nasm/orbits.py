@@ -24,7 +24,7 @@ __all__ = ["orbit", "passages", "portrait", "rotation_number", "rotation_number_
 MAX_STEPS = 10**9
 
 REGULAR_DIGITS = 5
-"""Minimum number of shared digits of a regular orbit; others are chaotic, or n is too small."""
+"""Minimum number of shared digits of a regular orbit; with fewer, it is chaotic or n too small."""
 
 
 def orbit(
@@ -104,7 +104,7 @@ def portrait(kappa: ArrayLike, n_orbits: int = 40, n: int = 400) -> tuple[FloatA
 def passages(
     kappa: ArrayLike, x: ArrayLike, y: ArrayLike, n: int, box: ArrayLike, every: int | None = None
 ) -> tuple[IntArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
-    """Collect the points of orbits that lie in a box of the cell.
+    """Collect those points of the orbits that lie in a box in the cell.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def passages(
     x, y : array_like, scalars or shape (m,)
         Starts, in turns; each is the first point of its orbit.
     n : int
-        Number of points of each orbit, 1 to 10⁹.
+        Number of points per orbit, 1 to 10⁹.
     box : (left, bottom, width, height)
         Lower left corner in x and y, then width and height, at most 1 each; in turns.
     every : int, optional
@@ -122,7 +122,7 @@ def passages(
     Returns
     -------
     which : ndarray of int
-        Index of the orbit of each point; points are in order of time.
+        For each point, the index of its orbit; points are in order of time.
     x, y : ndarray
         The points, in [left, left + width] and [bottom, bottom + height].
     state : (x, y)
@@ -173,8 +173,8 @@ def rotation_number(
         Rotation numbers, of the broadcast shape; NaN where digits < `REGULAR_DIGITS`.
     digits : ndarray
         -log10 of the largest difference between the averages over the whole orbit and over its
-        halves, or of the effect of rounding if that is larger: 1.5·10⁻¹⁴, or 3·10⁻¹⁶·√n from
-        n = 2500 on.
+        halves, or of the effect of rounding if that is larger: 1.5·10⁻¹⁴, or 3·10⁻¹⁶·√n for
+        n ≥ 2500.
 
     Notes
     -----

@@ -164,7 +164,7 @@ def critical_scale(
 
     Notes
     -----
-    `_limit` estimates the error. Next to a cusp, the error is doubled unless the longest period is
+    `_limit` estimates the error. Close to a cusp, the error is doubled unless the longest period is
     at least four times the `cusp_period`. If two families of orbits are used, the error is at least
     the difference between their values. Residues of long orbits decrease with q just below the
     value, and increase just above it.
@@ -196,8 +196,8 @@ def crossings(
     """Compute the scales at which consecutive convergents have equal residues, R_n(s) = R_{n+m}(s).
 
     The orbits are minimax orbits. If the forcing repeats itself up to a symmetry, the shorter map
-    is used: on κ1 = κ2, the standard map at ω/2. Parameters and exceptions are those of
-    `critical_scale`.
+    is used: on κ1 = κ2, the standard map at ω/2. Parameters and exceptions are the same
+    as for `critical_scale`.
 
     Returns
     -------
@@ -472,16 +472,17 @@ def torus_scale(
     Returns
     -------
     CriticalScale
-        value : scale at which |R| of either symmetric orbit first reaches 1/4, in steps of a
-        hundredth of the range |κ| < 2. error : the distance to the scale at which |R| = 1 or the
-        orbit is lost, but at least 2·value/√N for an orbit of N kicks, which resolves the torus
-        only to 1/√N turns. omega : the rotation number per period of the forcing. lower and upper
-        are NaN. The status is DISORDERED if the orbit is lost before |R| reaches 1/4.
+        value : scale at which |R| of either symmetric orbit first reaches 1/4, sought in
+        steps of a hundredth of the range |κ| < 2. error : the distance to the scale at which
+        |R| = 1 or the orbit is lost, but at least 2·value/√N for an orbit of N kicks, which
+        resolves the torus only to 1/√N turns. omega : the rotation number per period of the
+        forcing. lower and upper are NaN. The status is DISORDERED if the orbit is lost before
+        |R| reaches 1/4.
 
     Notes
     -----
     On 60 rays, for approximants of four pairs with N from 263 to 10 252, the error covered the
-    difference from the values of longer approximants, with N up to 73 396, in 98.6% of 420 cases;
+    difference from the values for longer approximants, with N up to 73 396, in 98.6% of 420 cases;
     in the worst case, the difference was 1.04 times the error.
 
     Examples
@@ -523,7 +524,7 @@ def torus_scale(
 
 
 def cusp_period(kappa: ArrayLike) -> float:
-    """Compute the shortest period that distinguishes a forcing next to a cusp from the cusp.
+    """Compute the shortest period that distinguishes a forcing near a cusp from the cusp itself.
 
     The period is 5·d^-0.6, where d is the smallest of `distances_to_shorter` (see `CUSP_EXPONENT`).
     It is inf at a cusp.

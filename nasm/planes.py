@@ -177,9 +177,9 @@ class Plane:
         """Symmetries of the square that map each forcing of the plane to an equivalent one.
 
         Each is a tuple (mirrored, turn, omega_shift). The ray at `angle` is equivalent to the ray
-        at turn + angle degrees, or at turn - angle if mirrored. The circle of ω on the first ray
-        corresponds to the circle of ω + omega_shift on the second, up to the sign of ω and
-        multiples of P.
+        at turn + angle degrees, or at turn - angle if mirrored. The circle with rotation number
+        ω on the first ray corresponds to the one with ω + omega_shift on the second, up to the
+        sign of ω and multiples of P.
         """
         return self._symmetries(_ROUNDING)
 
@@ -264,9 +264,9 @@ class Plane:
         folded : ndarray, shape of angle
             The smallest angle of `unfold`, in degrees; it is in [0, 45] for two kicks.
         omega_shift : ndarray of int, shape of angle
-            The circle of ω on the ray at `angle` breaks at the same scale as the circle of
-            ω + omega_shift on the folded ray. For two kicks the reflections κ1 → -κ1 and κ2 → -κ2
-            add 1, Eqs. (24) to (28); swapping the kicks, or κ → -κ, adds 0.
+            The circle with rotation number ω on the ray at `angle` breaks at the same scale as the
+            one with ω + omega_shift on the folded ray. For two kicks the reflections κ1 → -κ1 and
+            κ2 → -κ2 add 1, Eqs. (24) to (28); swapping the kicks, or κ → -κ, adds 0.
 
         Examples
         --------
@@ -283,7 +283,7 @@ class Plane:
 
 
 def plane_of(record: dict[Any, Any]) -> Plane:
-    """Return the plane of a `record`, or of a dict that contains one, like a cube's attributes.
+    """Return the plane from a `record`, or from a dict that contains one, like a cube's attributes.
 
     Examples
     --------

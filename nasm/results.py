@@ -27,12 +27,12 @@ class Status(Enum):
     --------
     >>> from nasm.results import Status
     >>> print(Status.RATIONAL.value)
-    omega is rational, and no circle has it; use an irrational number, like gamma
+    omega is rational, so no circle has it; use an irrational number, like gamma
     """
 
     # Cubes store the index of a member: add new members at the end.
     OK = "ok"
-    RATIONAL = "omega is rational, and no circle has it; use an irrational number, like gamma"
+    RATIONAL = "omega is rational, so no circle has it; use an irrational number, like gamma"
     OUTSIDE = (
         "the circle is broken at the start of the segment, or its orbits cannot be followed from "
         "there; start closer to zero"

@@ -13,10 +13,10 @@ where DT^n is the derivative of the first n kicks and ⟨·⟩ the average over 
 measure of the initial map. Jánosi & Tél call the slope of ρ_n an instantaneous Lyapunov exponent.
 The finite-time Lyapunov exponent of one orbit is λ_n = (ln σ_n)/n, where σ_n is the largest
 singular value of DT^n. (Grime & Morrison, arXiv:2505.04750, compute it in an extended phase space,
-and doubt that averages describe single orbits.) On a torus, shear makes σ_n grow like n.
+and doubt that averages describe individual orbits.) On a torus, shear makes σ_n grow like n.
 
 *The EAPD of a graph is bounded.* Let a curve that winds once around the cylinder be a graph before
-the kicks n - 1, n and n + 1. Then ξ > 0 and ⟨ξ_n⟩ = 1. As η_n = ξ_n - ξ_{n-1} and
+kicks n - 1, n and n + 1. Then ξ > 0 and ⟨ξ_n⟩ = 1. As η_n = ξ_n - ξ_{n-1} and
 ξ_{n+1} = ξ_n + η_n + κ_n cos 2πx_n ξ_n, the slope η_n/ξ_n is between -1 - |κ_n| and 1. So, by
 Jensen's inequality for the logarithm,
 
@@ -74,7 +74,7 @@ class Separations(Result):
 def torus(
     strength: float, y: float, n: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Compute n points of the invariant curve through (1/2, y), and tangent vectors K' there.
+    """Compute n points on the invariant curve through (1/2, y), and tangent vectors K' there.
 
     The points are the orbit of (1/2, y). The map is reversed by (x, y) → (-x, y + (κ/2π) sin 2πx),
     which fixes (1/2, y), so a curve that the reversal maps to itself has the tangent
@@ -137,7 +137,7 @@ def graph_bound(kappa: ArrayLike) -> FloatArray:
 def separations(
     kappa: ArrayLike, x: ArrayLike, y: ArrayLike, u: ArrayLike, v: ArrayLike, every: int = 1
 ) -> Separations:
-    """Follow points of a curve and its tangent vectors through N kicks.
+    """Follow points on a curve and its tangent vectors through N kicks.
 
     Parameters
     ----------
@@ -174,9 +174,9 @@ def separations(
     u, v = (np.broadcast_to(floats(name, each), x.shape) for name, each in (("u", u), ("v", v)))
     lengths = np.hypot(u, v)
     if x.size == 0:
-        raise ValueError("x and y are empty; an ensemble has at least one point")
+        raise ValueError("x and y are empty; an ensemble needs at least one point")
     if not (np.isfinite(lengths) & (lengths > 0)).all():
-        raise ValueError("u and v must be finite, and not both zero: components of tangent vectors")
+        raise ValueError("tangent vectors (u, v) must be finite and nonzero")
     every = count("every", every, 1, kappa.size)
     distance = np.zeros(kappa.size)
     first, separated, stretched = (np.full(x.size, np.inf) for _ in range(3))

@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # hashlib's type of all hash objects
+if TYPE_CHECKING:  # the type of hashlib's hash objects
     from hashlib import _Hash
 
 __all__ = ["are_unchanged", "digest"]

@@ -470,7 +470,7 @@ def _divisors(n: int) -> list[int]:
 def per_period(
     omega: RotationNumber, profile: FloatArray, short: FloatArray, zero: RotationNumber
 ) -> RotationNumber:
-    """Convert ω of a shortened forcing to ω per period of the long forcing, in [0, P/2].
+    """Convert ω under a shortened forcing to ω per period of the long forcing, in [0, P/2].
 
     Parameters
     ----------

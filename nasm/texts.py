@@ -1,7 +1,7 @@
 """Numbers as text: parse "0.525", "3/8" and "1e-3", and write values with their errors.
 
 Strings may come from untrusted sources, and a short string can denote a number too large to
-compute with: 1e-99999999 has a denominator of 10⁸ digits. Digits are therefore counted before a
+compute with: 1e-99999999 has a denominator with 10⁸ digits. Digits are therefore counted before a
 string is converted.
 """
 
@@ -22,7 +22,7 @@ __all__ = [
 ]
 
 MAX_DIGITS = 100
-"""Maximum number of digits of an integer, or on either side of a decimal point."""
+"""Maximum number of digits in an integer, or on each side of a decimal point."""
 
 _DIGITS = rf"\d{{1,{MAX_DIGITS}}}"
 _DECIMAL = rf"(?:{_DIGITS}(?:\.(?:{_DIGITS})?)?|\.{_DIGITS})"
@@ -104,12 +104,12 @@ def short_repr(value: object) -> str:
     """
     try:
         return abbreviate(repr(value))
-    except ValueError:  # Python refuses to write integers of more than 4300 digits
-        return "an integer of thousands of digits"
+    except ValueError:  # Python refuses to write integers with more than 4300 digits
+        return "an integer with thousands of digits"
 
 
 def abbreviate(text: str) -> str:
-    """Shorten a text of more than 80 characters to its beginning, and add its length."""
+    """Shorten a text longer than 80 characters to its beginning, and add its length."""
     return text if len(text) <= _MAX_LENGTH else f"{text[:40]}… ({len(text)} characters)"
 
 

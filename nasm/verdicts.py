@@ -54,15 +54,15 @@ class VerdictSettings:
         Limits on the number of steps of converse KAM. A run of max_steps takes a second or two; it
         suffices if the forcing is at least 4·10⁻⁶ above the boundary.
     max_points : int
-        Maximum number of points of a circle that is farther from its breakup than the first of
+        Maximum number of points on a circle that is farther from its breakup than the first of
         `tols`.
     min_distance : float
         Distance below the boundary within which attempts to certify a circle fail, after 5 s.
     proof_seconds : float
         CPU seconds for a proof.
     n_orbits, n_kicks : int
-        Number of orbits for direct iteration of forcings with long periods, and number of kicks for
-        each orbit; the iteration takes a few CPU seconds.
+        Number of orbits for direct iteration under forcings with long periods, and number of kicks
+        per orbit; the iteration takes a few CPU seconds.
 
     Examples
     --------
@@ -153,10 +153,10 @@ class Verdict(Result):
         Steps (periods of the forcing) within which converse KAM eliminated all starts; inf if
         some starts survived.
     proof : BarrierProof, TransportProof or None
-        The proof that was tried, whether or not it succeeded.
+        The proof that was attempted, whether or not it succeeded.
     proved_below : float
         A barrier is proved to exist under s·kappa for 0 ≤ s ≤ proved_below. 0 if no
-        proof succeeded in the time given, NaN if none was tried.
+        proof succeeded in the time allowed, NaN if none was attempted.
 
     Notes
     -----
@@ -201,7 +201,7 @@ class Verdict(Result):
             rows["proof"] = self.proof.reason
         if isfinite(self.proved_below):
             below = f"{self.proved_below:.10g} times the forcing"
-            nothing = "no scale, in the time given"
+            nothing = "no scale, in the time allowed"
             rows["barrier proved up to"] = below if self.proved_below else nothing
         return html_table(rows, f"Verdict: {self.answer.name}")
 
@@ -230,7 +230,7 @@ def verdict(
         Strengths of the kicks, first kick first. Beyond 64 kicks no circle is sought: the answer is
         either UNDECIDED, or TRANSPORT by converse KAM or by an orbit that escapes.
     prove : bool
-        Whether to try proofs. If one succeeds, evidence is CIRCLE_PROVED or TRANSPORT_PROVED.
+        Whether to attempt proofs. If one succeeds, evidence is CIRCLE_PROVED or TRANSPORT_PROVED.
     settings : VerdictSettings
         Settings that determine the effort.
 
@@ -246,7 +246,7 @@ def verdict(
     ValueError
         If kappa is not finite or too large.
     ImportError
-        If a circle is to be proved and python-flint is not installed.
+        If `prove` is True, a circle is found, and python-flint is not installed.
 
     Examples
     --------
@@ -323,8 +323,8 @@ def verdict(
 def _kicks_to_eliminate(kappa: FloatArray, boundary: float, settings: VerdictSettings) -> float:
     """Return the number of kicks in which converse KAM eliminates all starts; inf if some survive.
 
-    Try the number of steps that usually suffices, then 4 and 16 times as many: next to bands in
-    which circles break and reappear, starts survive longer.
+    Try the number of steps that usually suffices, then 4 and 16 times as many: close to bands
+    in which circles break and reappear, starts survive longer.
     """
     max_steps = settings.max_steps
     first = max(survivors.LONGEST_LIFETIME / (1 / boundary - 1), settings.min_steps)
@@ -338,7 +338,7 @@ def _kicks_to_eliminate(kappa: FloatArray, boundary: float, settings: VerdictSet
 def _verdict_on_long_period(
     kappa: FloatArray, short: FloatArray, prove: bool, settings: VerdictSettings
 ) -> Verdict:
-    """Judge a forcing of more than 64 kicks by converse KAM and direct iteration alone."""
+    """Judge a forcing with more than 64 kicks by converse KAM and direct iteration alone."""
     size = float(np.abs(kappa).max())
     unit = critical_scale(kappa / size)
     boundary = replace(unit, upper=unit.upper / size)
@@ -392,13 +392,13 @@ def _circle_under(
     omega, distance = boundary.omega, 1 - 1 / boundary.value
     if omega is not None and settings.min_distance <= distance < settings.tols[0]:
         scale, u = continuation.certified_circle(omega, kappa, boundary.value, distance)
-        if u is None or not scale > 1 - 1e-12:  # certified at weaker kicks only
+        if u is None or not scale > 1 - 1e-12:  # certified for weaker kicks only
             return None
         error = np.abs(circles.residual(omega, kappa, u)).max()
         return circles.InvariantCircle(omega, kappa, u, error, Status.OK)
     if omega is not None:
         omegas = [omega]
-    else:  # e.g. next to a cusp, where residues give no value
+    else:  # e.g. close to a cusp, where residues give no value
         beyond = boundary.upper * kappa
         start = survivors.longest_lived(beyond, 2 * settings.min_steps)
         omegas = survivors.candidates(beyond, start)

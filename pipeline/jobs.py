@@ -1,8 +1,8 @@
 """Jobs for `pipeline.fill`: each consists of one cube and the functions that compute its tiles.
 
-The functions of this module check their arguments. The cubes have the same names and settings as
-those of the commands, so `fill` can complete a cube that `python -m workflows.NAME` has begun, and
-vice versa.
+The functions in this module check their arguments. The cubes have the same names and settings as
+those computed by the commands, so `fill` can complete a cube that `python -m workflows.NAME` has
+started, and vice versa.
 
 A plane is given as a Plane, or as a string that the --plane option accepts, like "rotating:1/3"
 (see `nasm.planes.parse`). Angles are directions of rays in the plane, in degrees.
@@ -143,7 +143,7 @@ def over_plane(
     first, second : Axis or str
         Cells along the two axes of the plane, "LO:HI:N".
     variables : mapping of str to str, optional
-        Name and description of each variable; by default there is a single one, with the name of
+        Name and description of each variable; by default there is only one, with the name of
         the function and the first line of its docstring.
     seconds : float
         Expected CPU seconds per forcing; if the time is short, many forcings share a tile.
@@ -217,9 +217,9 @@ def frequency_map(
 def last_barrier(angles: ArrayLike, tol: float = 2e-5, plane: Plane | str = "two-kicks") -> Job:
     """Return the Job for the cube `barrier`: the last barrier on rays, bracketed from both sides.
 
-    Of rays that are images of each other under the symmetries of the plane, the cube contains only
-    one. `pipeline.cubes.barrier.unfolded(cube, angles)` returns all rays, with the last circles as
-    strings.
+    If rays are images of each other under the symmetries of the plane, the cube contains only one
+    of them. `pipeline.cubes.barrier.unfolded(cube, angles)` returns all rays, with the last circles
+    as strings.
 
     Parameters
     ----------
@@ -367,7 +367,7 @@ def diffusion(
     Parameters
     ----------
     barrier : xr.Dataset
-        As for `flux`; its plane must be that of two kicks.
+        As for `flux`; its plane must be `two-kicks`.
     excesses : array_like
         Relative distances s/s_c - 1 > 0 beyond the breakup at s_c.
     n_orbits : int
@@ -392,7 +392,7 @@ def diffusion(
 
 @_recorded
 def tori(vectors: Iterable[tuple[float, float]], angles: ArrayLike, tol: float = 1e-3) -> Job:
-    """Return the Job for the cube `tori`: breakup of tori in rotating maps of irrational frequency.
+    """Return the Job for the cube `tori`: breakup of tori in rotating maps with irrational Ω.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Valid arguments of the public functions of nasm, by name."""
+"""Valid arguments for the public functions of nasm, by name."""
 
 import inspect
 
@@ -54,7 +54,7 @@ TOLERANCES = {"distance": 0.01, "budget": 0.1}
 AXES = {"lo": 0, "hi": 1, "text": "0:1:4"}
 GOOD = FORCINGS | NUMBERS | STARTS | COUNTS | TOLERANCES | AXES
 
-# Arguments of functions that need values other than those above.
+# Arguments for functions that need values other than those above.
 OTHERS = {
     escape.first_escape: {"x": np.zeros(5)},
     orbits.orbit: {"x": np.zeros(2)},

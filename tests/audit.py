@@ -1,4 +1,4 @@
-"""Audits of the proof programs: copies with changed lines, and checks that must detect changes."""
+"""Audits of the proof programs: copies with changed lines, and checks that must detect them."""
 
 import ast
 import inspect
@@ -86,7 +86,7 @@ class Kernel:
     functions : the last one applies one kick; it calls the others. names : names of the numbers in
     a state. known : for each term of the known displacement of an orbit, Σ factor·displacement, the
     names of the displacement, of its last difference, and of its sum in Q. The factors are the
-    parameters and then their products. places : the orbits of a box to be tested, as (σ,) or, for
+    parameters and then their products. places : the orbits to be tested in a box, as (σ,) or, for
     cells, (σ, σ_0, σ_1). rounding : bound on the rounding error of x̂ in one kick, as (coefficient
     of |κ|, constant).
     """
@@ -155,7 +155,7 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
     k + σ_α f + σ_β g. Returns, by name, the fraction of each bound that is used; it exceeds 1 if
     the bound is too small. For a bad box, these fractions are not computed.
 
-    1. Any orbit of the box satisfies the chain up to a defect; A and B grow by its components.
+    1. Any orbit in the box satisfies the chain up to a defect; A and B grow by its components.
     2. `rest` grows by whatever may increase Q beyond the sums; the payments cover sums and `rest`.
     3. A box that is too large, or whose Wronskian is no longer accurate, is reported as bad.
     4. The kick changes y and the last differences of all solutions by the right amounts.
@@ -199,7 +199,7 @@ def audit_of_a_kick(kernel, kick, strengths, scale, numbers):
             line -= 2 * pi * k * (sine * known + pi * cosine * straight**2)
             more = more.max(abs(change - line))
 
-    # Worst-case rounding errors: of x̂, of the solutions at this site and the next, of cos, of V.
+    # Worst-case rounding errors in x̂, in the solutions at this site and the next, in cos, in V.
     rounded = a["A"] * (abs(b["w"]) + abs(b["v"]) + abs(a["v"]))
     rounded += a["B"] * (abs(b[steps[0]]) + abs(b["t"]) + abs(a["t"]))
     rounded += sum(abs(a[name]) for name in moves)

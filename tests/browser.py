@@ -41,7 +41,7 @@ def served(store):
 
 @pytest.fixture(scope="session")
 def store(tmp_path_factory, here, workers):
-    """Return a directory with escape times of a small plane, and a stand-in for the boundary."""
+    """Return a directory with escape times on a small plane, and a stand-in for the boundary."""
     from nasm.planes import two_kicks
     from pipeline.cubes.barrier import last_barrier
     from workflows.explore.field import View
@@ -164,7 +164,7 @@ def spots(tab, label, *parts):
 
 
 def columns(tab, name):
-    """Return the columns of a data source of the page, as lists; nested arrays are flattened."""
+    """Return the columns of a data source on the page, as lists; nested arrays are flattened."""
     # Columns are passed as text: Playwright's own conversion of lists of numbers is slower.
     return json.loads(tab.evaluate("""(name) => {
         const data = Bokeh.documents[0].get_model_by_name(name)?.data ?? {}

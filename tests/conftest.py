@@ -37,14 +37,14 @@ def drawn_as_sketches():
 
 @pytest.fixture(scope="session")
 def here():
-    """Yield a function that returns a Client with one worker, of two threads, in this process."""
+    """Yield a function that returns a Client with one two-threaded worker in this process."""
     with toy.workers_here() as client:
         yield client
 
 
 @pytest.fixture(scope="session")
 def workers(here):
-    """Return the options that make all commands of a session compute on the worker of `here`."""
+    """Return the options that make all commands in a session compute on the worker of `here`."""
     return ["--scheduler", here().scheduler.address]
 
 

@@ -3,8 +3,8 @@
 RUNS is the number of times each command runs, in the same folder; after the first run, functions
 that compute raise an error. HIDDEN lists packages that cannot be imported, as if an extra were not
 installed. The script prints a JSON object {command: [exit code, what it printed, whether it tried
-to import python-flint, faults of its figures as drawn for the screen and for a journal column]},
-for the last run of each command, or for the run that failed. All sweeps share one worker, which has
+to import python-flint, faults in its figures, drawn for the screen and for a journal column]}, for
+the last run of each command, or for the run that failed. All sweeps share one worker, which has
 two threads in this process. Unless Bokeh is hidden, the explorer runs until it is stopped.
 """
 

@@ -137,7 +137,7 @@ def _cut_markers(figure):
 
 
 def look(handle):
-    """Return the properties that distinguish an entry of a legend from other entries."""
+    """Return the properties that distinguish a legend entry from the others."""
     if isinstance(handle, Line2D):
         marker = handle.get_marker()
         inside = str(handle.get_markerfacecolor()) if marker != "None" else ""

@@ -1,4 +1,4 @@
-"""Check an installed copy: run this file with the Python of that copy, outside the checkout.
+"""Check an installed copy: run this file with that copy's Python, outside the checkout.
 
 Every file that the packages need must be installed and be identical to the file in the checkout;
 the command `ask` must print an answer.
@@ -16,7 +16,7 @@ NEEDED = ".py", ".pyi", ".html", ".md", ".toml", "py.typed"
 
 
 def check_files() -> int:
-    """Compare the files of the three packages with those of the checkout; return their number."""
+    """Compare the files of the three packages with those in the checkout; return their number."""
     n = 0
     for name in "nasm", "pipeline", "workflows":
         folder = Path(str(import_module(name).__file__)).parent

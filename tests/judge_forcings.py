@@ -1,14 +1,14 @@
 """Judge rows of `judged_forcings.csv`: `python tests/judge_forcings.py ROW ROW ...`.
 
-An image of another row is compared with that row. Rows from the literature are accepted unchecked.
-In every other row the script checks three statements, by methods independent of the search for the
-last barrier:
+A row that is the image of another row is compared with it. Rows from the literature are accepted
+unchecked. In every other row the script checks three statements, by methods independent of the
+search for the last barrier:
 
 1. A circle exists at `lower`. Newton's method in Fourier space must converge, also on a finer grid
    (`nasm.circles`), starting from circles continued along the ray or from the sites of a long
    periodic orbit.
-2. No circle exists at `upper`, or at some scales up to 1% above it. Converse KAM must eliminate all
-   starts that it tries within 10⁵ periods (`nasm.converse_kam`). In rows with the method "proof",
+2. No circle exists at `upper`, or at five scales up to 1% above it. Converse KAM must eliminate all
+   sampled starts within 10⁵ periods (`nasm.converse_kam`). In rows with the method "proof",
    interval arithmetic must also prove transport at `upper` (`nasm.proofs.transport`).
 3. In rows with the method "residues" or "proof", the circle `omega` breaks at `value`. This script
    computes, with its own code, Greene's residues of the minimax orbits of the convergents of
@@ -45,7 +45,7 @@ HULL = 60_000  # maximum number of sites of the orbit from which Newton's method
 
 
 def eliminated(kappa, steps=STEPS):
-    """Return True if converse KAM eliminates all starts that it tries."""
+    """Return True if converse KAM eliminates all sampled starts."""
     if symmetry_line.has_dominant_line(kappa):
         return symmetry_line.longest_lived(kappa, steps)[1] < inf
     return transversal.longest_lived(kappa, steps).kicks < inf
@@ -308,7 +308,7 @@ def _has_circle(omega, start, profile, scale, breakup):
 
 
 def doubts(row):
-    """Return a list of texts, one for each statement of a row that the methods do not confirm."""
+    """Return messages, one for each statement in a row that the methods do not confirm."""
     start = np.zeros(len(row.profile)) if row.start is None else np.array(row.start)
     profile, result = np.array(row.profile), []
     if row.image_of is not None:
@@ -333,7 +333,7 @@ def doubts(row):
 
 
 def new_row(kind, profile, omega, near, start=None):
-    """Return the Row of a ray whose last circle, `omega`, is claimed to break near a scale.
+    """Return the Row for a ray whose last circle, `omega`, is claimed to break near a scale.
 
     Return None if the methods do not confirm the claim.
     """
@@ -350,7 +350,7 @@ def new_row(kind, profile, omega, near, start=None):
 
 
 def new_bracket(kind, profile, omega, lower, upper, start=None):
-    """Return the Row of a ray for a stated bracket; None if the methods do not agree.
+    """Return the Row for a ray with a stated bracket; None if the methods do not agree.
 
     The claim is that the circle `omega` exists at `lower`, and no circle exists at `upper`.
     """

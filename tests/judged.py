@@ -36,7 +36,7 @@ class Row:
 
     @property
     def image_of(self):
-        """The number of the row whose exact image this row is, and the operations; or None."""
+        """The number of the original row and the operations that map it to this image, or None."""
         if not self.method.startswith("image of "):
             return None
         number, operations = self.method.removeprefix("image of ").split(": ")

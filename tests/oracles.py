@@ -105,7 +105,7 @@ def invariance_error(circle):
 
 @njit
 def _residue_along(kappa, x, y, p):
-    """Return R of the product of tangent maps along an orbit, and the largest error of a step.
+    """Return R of the product of tangent maps along an orbit, and the largest error in a step.
 
     R is inf if the product overflows.
     """
@@ -124,7 +124,7 @@ def _residue_along(kappa, x, y, p):
 
 
 def residue(kappa, p, q):
-    """Return R of the ordered minimax orbit of p/q; NaN if `action` does not find it.
+    """Return R of the ordered p/q minimax orbit; NaN if `action` does not find it.
 
     How `action` finds the orbit does not matter, because the orbit is checked here: it closes, its
     points are in the order of the rotation, and R > 0 up to rounding, whereas no minimizing orbit
@@ -144,7 +144,7 @@ def residue(kappa, p, q):
     return value
 
 
-RESOLVED = 1e-4  # error of residues computed in floats, for orbits of some 10⁴ kicks
+RESOLVED = 1e-4  # error of residues computed in floats, for orbits of about 10⁴ kicks
 
 
 def residues_fall(omega, kappa, q):

@@ -24,7 +24,7 @@ _SERVERS = "master", "volume", "filer", "s3"  # each has two ports, one of them 
 def serving(folder):
     """Serve objects stored in a folder, with the environment set so that obstore uses the server.
 
-    Yield two functions: one kills the server as a crash would, the other starts it again.
+    Yield two functions: one kills the server as a crash would, the other restarts it.
     """
     config = folder / "identities.json"
     credentials = [{"accessKey": "somebody", "secretKey": SECRET}]

@@ -82,7 +82,7 @@ def test_the_residue_of_period_two_is_kappa_squared_over_4_on_every_call():
 
 
 def test_a_minimax_orbit_that_is_not_a_maximum_along_any_site_is_found():
-    # These are the orbits 2/5 of the standard map, traversed twice in five periods of two equal
+    # These are the 2/5 orbits of the standard map, traversed twice in five periods of two equal
     # kicks. As R > 1/2 for five kicks of the minimax orbit, its action has a direction of negative
     # curvature whichever site is held fixed.
     kappa, p, q = (1.1723, 1.1723), 4, 5

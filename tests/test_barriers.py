@@ -169,7 +169,7 @@ def test_hiding_symmetries_of_random_forcings_does_not_change_results(monkeypatc
     assert decided >= 0.9 * 24
 
 
-# So close to a forcing of shorter period, the boundary falls steeply, as at a cusp. For
+# So close to a forcing with a shorter period, the boundary falls steeply, as at a cusp. For
 # (1, 1, 1.0001), both on the line x = 1/2 and on a transversal, some start survives 64 000 steps
 # at scale 0.967, but none does at 0.968.
 @pytest.mark.parametrize(

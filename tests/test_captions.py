@@ -1,4 +1,4 @@
-"""Captions of results with little to report contain no nan and give percentages in plain digits."""
+"""Captions for sparse results contain no nan and give percentages in plain digits."""
 
 import numpy as np
 import pytest
@@ -85,7 +85,7 @@ def test_no_power_law_is_fitted_to_too_few_or_increasing_biases():
     assert "nan" not in caption
 
 
-def test_a_plane_without_transport_has_a_caption_without_boundary_cells():
+def test_the_caption_for_a_plane_without_transport_says_so():
     dims = {"n": [100], "angle": [0.0, 45.0]}
     scale = xr.DataArray(np.full((1, 2), np.nan), dims, ("n", "angle"))
     barrier = xr.Dataset({"critical_scale": ("angle", [0.486, 1.374])}, {"angle": dims["angle"]})

@@ -16,7 +16,7 @@ from nasm.proofs import certificate_checker as checker
 
 
 def random_box(rng):
-    """Return a of the line x = a, and a random box on that line for a forcing of two kicks.
+    """Return a for a line x = a, and a random box on this line for a forcing of two kicks.
 
     The sizes vary so widely that each part of a bound dominates in some boxes.
     """
@@ -49,7 +49,7 @@ def orbit(a, box, place, n):
 
 
 def variation(eta, cosines):
-    """Return half the second variation Q: the terms of one side, and half the term of site 0."""
+    """Return half the second variation Q: the terms on one side, and half the term at site 0."""
     around = [2 * eta[1], *(a + b for a, b in zip(eta, [*eta[2:], 0.0], strict=False))]
     terms = [x * ((2 + c) * x - y) for x, c, y in zip(eta, cosines, around, strict=True)]
     return terms[0] / 2 + sum(terms[1:])
@@ -159,7 +159,7 @@ def test_the_error_of_a_grid_of_points_is_bounded_in_the_best_strip():
         assert float(more - less) == pytest.approx(k / (2 * np.pi) * float(missed))
 
 
-def test_the_checker_runs_as_a_program_on_files_of_certificates(tmp_path):
+def test_the_checker_runs_as_a_program_on_certificate_files(tmp_path):
     certificate = barrier.prove("gamma", (0.3,)).certificate()
     contents = {
         "one.json": json.dumps(certificate).encode(),

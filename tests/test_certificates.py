@@ -75,7 +75,7 @@ def test_a_claim_refers_to_the_forcing_that_was_given(made):
     }
 
 
-def test_certificates_identify_the_statements_of_the_readme_by_digest():
+def test_certificates_identify_the_statements_in_the_readme_by_digest():
     text = (Path(nasm.__file__).parent / "proofs" / "README.md").read_text(encoding="utf-8")
     statements = re.findall(r"```text\n(.*?)\n```", text, re.DOTALL)
     digests = {s.split(".")[0]: hashlib.sha256(s.encode()).hexdigest() for s in statements}
@@ -132,8 +132,8 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("fan", {"tilt": in_hex(9.9, 9.9)}, "claimed"),
     ("fan", {"kappa": in_hex(9.9, 9.9)}, "shortened"),
     ("fan", {"constants": {}}, "unknown"),
-    # (0.5, 0) equals (0.5, -0), under which the circle of ω + 1 is the circle of ω shifted by half
-    # a turn. Neighbouring forcings lack this symmetry.
+    # (0.5, 0) equals (0.5, -0); under this forcing the circle with rotation number ω + 1 is the one
+    # with ω, shifted by half a turn. Neighbouring forcings lack this symmetry.
     ("fan", {"shortened_from": {"omega": "[1;(1)]", "kappa": in_hex(0.5, 0)}}, "omega"),
     ("fan", of_another("[0;3,(1)]", 0.5, 0), "inequality"),
     ("fan", of_another("[0;(1)]", 0.51, 0), "inequality"),
@@ -222,7 +222,7 @@ def test_boxes_that_are_eliminated_too_late_or_leave_a_gap_are_refused(name):
         changes += [other_box(2, other) for other in (slope + 0.5, slope / 3)]
         changes += [other_life(life[:1]), {"points": right["points"][:-1]}]
         changes += [{"points": [in_hex(x + 2.0**-10, y), *right["points"][1:]]}]
-        # If a site's weights in the halves of Q were rounded, both halves could be 0, but Q 2⁻⁵³.
+        # If a site's weights in the halves of Q were rounded, both halves could be 0 for Q = 2⁻⁵³.
         refuted(right, other_box(2, -(2.0**-53)), "a part of the site is")
     for change in changes:
         refuted(right, change)
@@ -230,7 +230,7 @@ def test_boxes_that_are_eliminated_too_late_or_leave_a_gap_are_refused(name):
 
 @pytest.mark.parametrize("name", PROOFS)
 @pytest.mark.parametrize("key", ["version", "sha256", "name"])
-def test_a_certificate_of_another_statement_is_refused(name, key, made):
+def test_a_certificate_for_another_statement_is_refused(name, key, made):
     names = list(certificate_checker.THEOREMS)
     following = names[names.index(made[name]["theorem"]["name"]) - 1]
     other = {"version": 2, "sha256": "0" * 64, "name": following}[key]
@@ -257,7 +257,7 @@ def test_the_checker_accepts_the_shorter_form_of_a_forcing(kappa):
     check(proofs.barrier.prove(parse("gamma"), np.array(kappa) / 10).certificate())
 
 
-# --- single lines without which the checker would accept a false certificate ---------------------
+# --- individual lines without which the checker would accept a false certificate -----------------
 
 
 def polygon_at_one_height():
@@ -270,7 +270,7 @@ def polygon_at_one_height():
 
 
 def box_across_a_corner():
-    """Certify, although circles exist, a box on two pieces; all circles cross the second piece."""
+    """Certify a box on two pieces although circles exist; all of them cross the second piece."""
     kappa, slopes = 0.5 * np.array(SEVERAL), np.array([0.25])
     straight, whole = np.array([[0.5, 0.0], [0.5, 2.0**-8]]), np.array([[0.25, 0.25]])
     cycle = np.tile(kappa, 3)
@@ -348,8 +348,8 @@ LARGE = [  # a certificate, what is changed in it, and why it is refused
     *(("transport", {"lives": first(x)}, "from 1 to") for x in (10**9, 0, -1, 1.0, True, "9", [2])),
     ("transport", {"lives": [10**5] * 101, "boxes": ["0" * 1616] * 2}, "in all"),
     ("transport", {"lives": []}, "lives is not a list"),
-    ("transport", {"boxes": ["0"] * 10**5}, "boxes are not 2 texts"),
-    ("transport", {"boxes": first("0" * 10**6)}, "boxes are not 2 texts"),
+    ("transport", {"boxes": ["0"] * 10**5}, "boxes are not 2 strings"),
+    ("transport", {"boxes": first("0" * 10**6)}, "boxes are not 2 strings"),
     ("transport", {"kappa": in_hex(*range(65))}, "1 to 64"),
     ("transport", {"kappa": []}, "1 to 64"),
     ("transport", {"kappa": ["1e-99999999"]}, "is not a number"),

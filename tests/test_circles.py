@@ -218,7 +218,7 @@ def test_no_circle_is_certified_at_strengths_of_two_or_more(kappa):
         (LIOUVILLE, (0.3, 0.2), Status.NEARLY_RATIONAL),
     ],
 )
-def test_a_circle_of_nearly_rational_omega_has_the_right_status(prefix, kappa, status):
+def test_a_circle_with_nearly_rational_omega_has_the_right_status(prefix, kappa, status):
     circle = circles.invariant_circle(RotationNumber(prefix, (1,)), kappa)
     assert circle.status is status
 

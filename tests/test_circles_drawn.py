@@ -153,7 +153,7 @@ def no_circle(omega, kappa):
     """Return True if converse KAM excludes a circle of rotation number ω.
 
     It must eliminate all starts at which the circle could cross the dominant line. These starts lie
-    between orbits of lower and higher rotation numbers.
+    between orbits with lower and higher rotation numbers.
     """
     low, high, (site, a) = [], [], dominant_centre(kappa)
     for fraction in takewhile(lambda f: f.denominator < 400, convergents(omega)):

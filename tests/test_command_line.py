@@ -97,8 +97,8 @@ def test_full_changes_defaults_but_not_explicit_options():
     assert [len(short_or_long["phase"]) for short_or_long in phases] == [3, 6]
 
 
-def test_each_command_except_explore_status_verify_has_its_own_folder():
-    """A command uses the same folder whether run as a module, by the overview or from Python."""
+def test_each_command_except_explore_status_and_verify_has_its_own_folder():
+    """A command uses the same folder whether run as a module, by the overview, or from Python."""
     folders = {name: main_of(name).make_context(name, ["1"] * (name == "ask")) for name in COMMANDS}
     folders = {name: context.params["out"] for name, context in folders.items()}
     shared = {"explore": "out/critical_boundary", "status": "out", "verify": "out"}
@@ -112,7 +112,7 @@ def test_each_command_except_explore_status_verify_has_its_own_folder():
     assert "[default: out/ramp]" in result.stdout
 
 
-def test_files_of_different_commands_have_different_names():
+def test_different_commands_write_files_with_different_names():
     """Only names written as literals are checked here; `test_every_command` checks all names."""
     assert not [(a, b) for a in COMMANDS for b in COMMANDS if a != b and b.startswith(a)]
     for name in COMMANDS:
@@ -168,7 +168,7 @@ def test_the_error_for_a_mistyped_option_names_the_intended_one(name):
 @pytest.mark.parametrize(
     "text", ["0.3 -.5\n1e-2", "\ufeff0.3\r\n-.5\r\n1e-2\r\n", "0.3, -.5,\t1e-2"]
 )
-def test_kicks_are_read_from_files_of_all_operating_systems(text):
+def test_kicks_are_read_from_files_written_on_any_operating_system(text):
     assert numbers_in(text.encode()) == [0.3, -0.5, 0.01]
 
 
@@ -262,7 +262,7 @@ def test_each_option_has_one_name_and_no_two_names_differ_only_by_an_s():
     assert not names & {f"{name}s" for name in names}
 
 
-def test_an_option_of_several_commands_takes_the_same_kind_of_value():
+def test_an_option_shared_by_several_commands_takes_one_kind_of_value():
     kinds = {}
     for option in (option for name in commands() for option in main_of(name).params):
         kinds.setdefault(option.opts[0], set()).add(type(option.type).__name__)

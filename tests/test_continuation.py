@@ -69,7 +69,7 @@ def test_near_an_unresolved_cusp_the_error_includes_its_depth():
 
 
 @pytest.mark.parametrize("tail", thirds([(2,), (3,), (1, 2), (5,), (1, 4)]))
-def test_breakups_for_tails_other_than_golden_have_adequate_errors(tail):
+def test_breakups_for_tails_that_are_not_golden_have_adequate_errors(tail):
     omega = RotationNumber((0,), tail)
     compared = 0
     for angle in (10, 30, 80, 110, 160):
@@ -87,8 +87,8 @@ def test_breakups_for_tails_other_than_golden_have_adequate_errors(tail):
     assert compared >= 3
 
 
-# In some of these cases, the path of circles ends before it reaches the tail of ω, or the next
-# circle on it would be 3 units of scale away. In the other cases, ω is close to a fraction, or the
+# In some of these cases, the path of circles ends before it reaches the tail of ω, or the scale of
+# the next circle on it would differ by 3. In the other cases, ω is close to a fraction, or the
 # circle breaks almost at once. If a circle is certified nevertheless, its scale must be between
 # `low` and `high`. Two values of `high` come from residues of minimizing orbits with q up to
 # 60 000; their errors are 5e-7 and 2.3e-5.
@@ -104,7 +104,7 @@ def test_breakups_for_tails_other_than_golden_have_adequate_errors(tail):
         ("[0;2,1000,(1)]", ray(30), 1e-6, None, 0, 0.3),
     ],
 )
-def test_without_enough_circles_there_is_a_status_and_no_value(
+def test_with_too_few_circles_a_status_is_returned_but_no_value(
     omega, profile, tol, status, low, high
 ):
     result = continuation.critical_scale(omega, profile, tol)

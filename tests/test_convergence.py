@@ -39,7 +39,7 @@ def test_the_bias_is_the_excess_above_which_orbits_always_escape():
     assert np.isnan(direct_iteration.direct_bias(everything, steps)).all()
 
 
-def test_the_diagonal_has_an_exponent_for_each_half_of_the_range_of_n():
+def test_on_the_diagonal_an_exponent_is_fitted_to_each_half_of_the_n_range():
     n = np.geomspace(100, 1e6, 40)
     excess = np.where(n <= 1e4, n ** (-1 / 2.7), 1.5 * n ** (-1 / 3.3))
     coords = {"n": n, "ensemble": [10, 1000], "angle": [20.0, 45.0]}
@@ -65,7 +65,7 @@ def test_breakups_are_computed_on_rays_from_zero_in_any_plane():
 
 
 @pytest.mark.slow
-def test_any_profile_can_be_studied_as_a_ray_of_a_plane(tmp_path, workers):
+def test_any_profile_can_be_studied_as_a_ray_in_a_plane(tmp_path, workers):
     (tmp_path / "plane.json").write_text(json.dumps(json.loads(PLANE.record["plane"])))
     effort = ["--angle", "0", "--n-max", "10000", "--n-orbits", "30"]
     succeed("convergence", tmp_path, "--plane", str(tmp_path / "plane.json"), *effort, *workers)

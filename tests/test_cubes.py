@@ -187,7 +187,7 @@ def test_the_boundary_at_any_angle_is_computed_on_the_folded_ray():
 
 
 def test_the_cost_of_a_tile_is_predicted_to_within_an_order_of_magnitude():
-    # Nothing escapes near the origin: every orbit of every cell takes n_max steps.
+    # Nothing escapes near the origin: every orbit in every cell takes n_max steps.
     costs = []
     for lo, hi in ((-0.1, 0.1), (2, 2.2)):
         axis = Axis(lo, hi, 8)

@@ -205,7 +205,7 @@ def test_rerunning_the_command_restores_edited_metadata_without_recomputing_tile
     toy.assert_complete(on_disk, plan)
 
 
-def test_other_settings_are_refused_even_if_the_metadata_were_edited(on_disk):
+def test_different_settings_are_refused_even_if_metadata_were_edited(on_disk):
     fill(on_disk, toy.cube(depth=3))
     put(on_disk, ROOT, get(on_disk, ROOT).replace(b'"depth": 3', b'"depth": 5'))
     for depth in (5, 7):

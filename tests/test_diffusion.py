@@ -1,4 +1,4 @@
-"""Compare diffusion rates with theory, for equivalent forcings, and for other orbits."""
+"""Compare diffusion rates with theory, between equivalent forcings, and between sets of orbits."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_diffusion_rates_of_equivalent_forcings_agree():
         assert abs(one.value - factor * other.value) < 4 * error < 0.5 * one.value
 
 
-def test_the_error_matches_the_scatter_of_results_from_other_orbits():
+def test_the_error_matches_the_scatter_of_results_from_different_orbits():
     results = [diffusion((1.6, 1.1 + 1e-7 * i), 256) for i in range(60)]
     scatter = np.std([each.value for each in results], ddof=1)
     assert scatter == pytest.approx(np.mean([each.error for each in results]), rel=0.3)

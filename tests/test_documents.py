@@ -32,12 +32,12 @@ CALLS += [line for line in LINES if line.startswith("python -m workflows.")]
 
 
 def blocks(language, text):
-    """Return the code blocks of a language in a Markdown text."""
+    """Return the code blocks in a given language from a Markdown text."""
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.S | re.M)
 
 
 def test_the_pipeline_page_starts_a_cluster_as_the_readme_does():
-    """The lines must be the same, because the tests run only the lines of the README."""
+    """The lines must be identical, because the tests run only those in the README."""
     pipeline = (ROOT / "pipeline" / "README.md").read_text(encoding="utf-8")
     assert blocks("sh", pipeline) == blocks("sh", README.partition("## On a cluster")[2])[:1]
 
@@ -101,7 +101,7 @@ def test_python_code_in_the_readme_prints_the_output_shown(capsys):
     assert len(shown) == 2
 
 
-def test_relative_links_in_documents_lead_to_existing_files():
+def test_relative_links_in_documents_point_to_existing_files():
     documents = [ROOT / "README.md", *ROOT.glob("*/README.md"), *(ROOT / ".github").rglob("*.md")]
     for document in documents:
         text = document.read_text(encoding="utf-8")
@@ -146,7 +146,7 @@ def test_a_copy_that_is_not_installed_shows_its_versions_too(monkeypatch, capsys
 
 
 @pytest.mark.parametrize("page", sorted((ROOT / ".docs").rglob("*.md")), ids=lambda path: path.stem)
-def test_python_on_a_page_is_run_by_the_build(page):
+def test_python_code_on_a_page_is_run_by_the_build(page):
     """Pages have no plain Python blocks, because nothing would run them; cells are valid Python."""
     text = page.read_text(encoding="utf-8")
     assert blocks("python", text) == []
@@ -173,7 +173,7 @@ wait $!"""
 
 
 def shell_lines(page):
-    """Return the shell lines of a page that are run here."""
+    """Return the shell lines on a page, except those run elsewhere."""
     result = blocks("sh", page.read_text(encoding="utf-8"))
     lines = [line for block in result for line in block.splitlines()]
     return [line for line in lines if not line.startswith(RUN_ELSEWHERE)]
@@ -190,7 +190,7 @@ def folders(tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_SHELL, ids=lambda path: path.stem)
-def test_the_shell_lines_of_a_page_run_in_order(page, folders):
+def test_the_shell_lines_on_a_page_run_in_order(page, folders):
     """All lines run in one folder, which contains the page's JSON as a file.
 
     The processes of the cluster run on this machine. The explorer's page is requested once, then

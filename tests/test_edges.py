@@ -118,7 +118,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("function", "name"), CASES)
-def test_masked_values_and_strings_are_refused_and_the_argument_is_named(function, name):
+def test_refusals_of_masked_values_and_strings_name_the_argument(function, name):
     value = np.asarray(good(function)[name])
     mask = np.zeros(value.shape, bool)
     mask.flat[0] = True

@@ -1,4 +1,4 @@
-"""With unusual settings of a session, machine or site, no command crashes or loses a result."""
+"""With unusual session, machine or site settings, no command crashes or loses a result."""
 
 import os
 import subprocess
@@ -24,7 +24,7 @@ def python(*words, shell="", **environment):
 def test_characters_that_an_encoding_lacks_are_escaped(encoding):
     result = python(*HELP, PYTHONIOENCODING=encoding)
     assert (result.returncode, result.stderr) == (0, b"")
-    # click writes UTF-8 where the encoding is ASCII.
+    # click writes UTF-8 if the encoding is ASCII.
     read = result.stdout.decode("utf-8" if "ascii" in encoding else encoding)
     assert "κ" in read or r"\u03ba" in read
     assert "Options:" in read
@@ -157,8 +157,8 @@ SETTINGS = {
 
 
 @pytest.mark.slow
-def test_a_sweep_runs_under_the_settings_of_other_programs(tmp_path):
-    """All SETTINGS apply at once; a sitecustomize.py changes other settings of the session."""
+def test_a_sweep_runs_despite_settings_for_other_programs(tmp_path):
+    """All SETTINGS apply at once; a sitecustomize.py changes further session settings."""
     (tmp_path / "sitecustomize.py").write_text(SESSION)
     (tmp_path / "matplotlibrc").write_bytes("# größer\nfont.size: 20".encode("latin-1"))
     paths = {"PYTHONPATH": f"{tmp_path}:{ROOT}", "MATPLOTLIBRC": f"{tmp_path}/matplotlibrc"}

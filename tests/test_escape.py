@@ -57,7 +57,7 @@ def scalar_times(kappa, x, y, n_max, window, precision="double"):
 
 
 @pytest.mark.parametrize("strength", [0.3, -2.0])
-def test_a_kick_of_the_kernel_is_accurate_to_rounding(strength):
+def test_a_kick_in_the_kernel_is_accurate_to_within_rounding(strength):
     rng = np.random.default_rng(3)
     x, y = rng.uniform(-0.5, 0.5, 2000), rng.uniform(-0.5, 0.5, 2000)
     c = escape.kick_series(np.array([strength]))

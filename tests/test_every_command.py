@@ -1,4 +1,4 @@
-"""Every command runs to its end or, if an extra is missing, says what to install."""
+"""Every command runs to completion or, if an extra is missing, says what to install."""
 
 import json
 import re

@@ -95,7 +95,7 @@ def test_expensive_pixels_are_computed_only_along_the_boundary(monkeypatch):
     assert (times == own)[near].all()
     blocks, apart = (x.reshape(18, 3, 18, 3) for x in (times, ~near))
     alike = (blocks == blocks[:, 1:2, :, 1:2]).all(axis=(1, 3))
-    # Away from the boundary, the pixels of a block share one escape time.
+    # Away from the boundary, the pixels in a block share one escape time.
     assert alike[apart.all(axis=(1, 3))].mean() > 0.9
     # For fewer steps the boundary is elsewhere, so its pixels are not among the known ones.
     known = Field(*beyond.centres(), times, 300, apart=3)
@@ -480,7 +480,7 @@ REQUESTS = [  # path, headers, and the expected HTTP status
     ("/ws", WEBSOCKET | {"Host": OTHER, "Origin": f"http://{OTHER}"}, 403),
     *(("/ws", WEBSOCKET | {"Origin": origin}, 403) for origin in (f"http://{ELSEWHERE}", "null")),
     ("/ws", WEBSOCKET | {"Origin": "http://["}, 403),
-    ("/ws", WEBSOCKET | {"Origin": "http://localhost:1"}, 403),  # a page of another local server
+    ("/ws", WEBSOCKET | {"Origin": "http://localhost:1"}, 403),  # a page from another local server
     ("/?k1=%ff", {}, 200),  # the answer is a page with a message
     ("/?plane=%c3%28&n=%00", {}, 200),
     ("/?omega=0.5000000000000000000000000000000", {}, 200),
@@ -742,4 +742,4 @@ def test_orbits_that_are_not_found_are_named_and_short_ones_are_drawn(monkeypatc
 
 def test_missing_lobes_of_a_resonance_are_explained():
     _, words = on_demand.resonance((0.0, 0.0), Fraction(1, 2), (0.0, -0.5, 1.0, 1.0))
-    assert "No turnstile at its upper edge: the minimizing orbit of 1/2 is not hyperbolic" in words
+    assert "No turnstile at the upper edge: the minimizing orbit of 1/2 is not hyperbolic" in words

@@ -118,7 +118,7 @@ def test_orbits_are_coloured_by_rotation_number_and_the_circle_is_drawn(opened):
     order = np.argsort(lift % 1)
     on_circle = np.interp(x[there], lift[order] % 1, height[order] % 1, period=1)
     assert there.sum() > 2000
-    assert abs((y[there] - on_circle + 0.5) % 1 - 0.5).max() < 1e-3  # error of the interpolation
+    assert abs((y[there] - on_circle + 0.5) % 1 - 0.5).max() < 1e-3  # interpolation error
     assert f"ω = {expected.boundary.omega} =" in words
     assert "certified on a finer grid" in words
     assert re.search(r"This took \d\.\d\d s", words)
@@ -373,7 +373,7 @@ def test_play_moves_the_forcing_along_the_ray_and_draws_curves(opened):
     type_in(tab, "κ₁", "0.9")
     tab.get_by_label("manifolds").check()
     type_in(tab, "Orbits of a fraction", "1/2")
-    assert "through its upper edge" in message_with(tab, "Turnstiles of 1/2")
+    assert "through the upper edge" in message_with(tab, "Turnstiles of 1/2")
     wait(tab, "Bokeh.documents[0].get_model_by_name('unstable')?.data.x.length > 100")
     tab.get_by_role("button", name="spread an ensemble").click()
     message_with(tab, "after 8192 periods")
@@ -390,7 +390,7 @@ def test_play_moves_the_forcing_along_the_ray_and_draws_curves(opened):
     type_in(tab, "Orbits of a fraction", "")
 
 
-def test_bad_input_is_explained_below_its_field_and_dead_workers_are_replaced(opened, served):
+def test_bad_input_is_explained_below_its_field_and_workers_are_replaced(opened, served):
     tab, _ = opened
     good = {"κ₁": "-0.3", "κ₂": "0.125", "where the circle": "0.618", "Orbits added": "0.5 0.3"}
     good["Orbits of a fraction"] = ""

@@ -62,7 +62,7 @@ NEAR_THE_CUSP = ["[0;1,3,4,3,(1)]", "[0;1,3,4,4,(1)]", "[0;1,3,4,4,2,(1)]", "[0;
 
 
 def lab(colour, seen_by):
-    """Return CIE L*a*b*, with white point D65, of an sRGB colour as a dichromat sees it."""
+    """Return the CIE L*a*b* coordinates (white point D65) of an sRGB colour seen by a dichromat."""
     rgb = np.array(to_rgb(colour))
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
     seen = np.clip(np.array(DICHROMATS[seen_by]) @ linear, 0, 1)
@@ -291,7 +291,7 @@ def test_a_saved_figure_has_no_blank_strips_and_its_legend_is_close_by(tmp_path,
 
 @pytest.fixture(scope="module")
 def around():
-    """Return CB_gt of a plane without symmetry; by default some of its circles look alike."""
+    """Return CB_gt in a plane without symmetry; by default some of its circles look alike."""
     angles = np.linspace(0, 360, 25)
     texts = [
         *ON_THE_BOUNDARY,
@@ -314,7 +314,7 @@ def around():
 
 
 @pytest.mark.parametrize("column", [False, True])
-def test_last_barriers_of_any_plane_are_named_and_no_two_look_alike(around, column):
+def test_last_barriers_in_any_plane_are_named_and_no_two_look_alike(around, column):
     with style.sheet(column):
         figure = draw_last_barrier(around)
         style.finish(figure)

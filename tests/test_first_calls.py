@@ -1,4 +1,4 @@
-"""A worker's first call compiles all kernels of a job; tiles computed later load no kernel."""
+"""A worker's first call compiles all kernels of a job; later tiles do not load any kernels."""
 
 import json
 import subprocess
@@ -37,7 +37,7 @@ def jobs_of(command, out, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", SWEEPING)
-def test_tiles_load_no_kernel_after_the_first_call(command, tmp_path, monkeypatch):
+def test_tiles_do_not_load_kernels_after_the_first_call(command, tmp_path, monkeypatch):
     missed, file = {}, tmp_path / "job"
     for job in jobs_of(command, str(tmp_path), monkeypatch):
         file.write_bytes(cloudpickle.dumps(job))

@@ -30,7 +30,7 @@ def test_the_map_has_the_symmetry_of_the_forcing():
     assert (np.abs(omega + omega[::-1, ::-1])[both] < 2 * 10.0**-few).mean() > 0.98
 
 
-def test_omega_of_a_cell_agrees_with_the_time_series_of_its_orbit():
+def test_omega_in_a_cell_agrees_with_the_time_series_of_its_orbit():
     kappa = (0.4, 0.1, 0.2)
     coords, arrays = computed(kappa, "0:1:6", "0:0.5:6", 2000)
     x, _ = orbits.orbit(kappa, *np.meshgrid(coords["x"], coords["y"]), 2000)

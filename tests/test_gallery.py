@@ -55,7 +55,7 @@ def page(tmp_path_factory, workers):
         patch.setattr(gallery, "EXHIBITS", SMALL)
         for _ in range(2):
             output = succeed("gallery", out, *workers)
-    assert "3 figures of 2 commands on one page. Of 4 claims 1 hold." in output
+    assert "3 figures from 2 commands on one page. Of 4 claims 1 hold." in output
     return out / "index.html"
 
 

@@ -59,12 +59,12 @@ def test_nasm_imports_only_allowed_libraries_and_the_checker_only_flint(module):
 
 
 @pytest.mark.parametrize("module", PIPELINE)
-def test_pipeline_imports_no_workflow(module):
+def test_pipeline_does_not_import_workflows(module):
     assert "workflows" not in packages(module)
 
 
 @pytest.mark.parametrize("module", WORKFLOWS)
-def test_neither_commands_nor_shared_packages_import_other_commands(module):
+def test_commands_and_shared_packages_do_not_import_other_commands(module):
     inside = {name.split(".")[1] for name in imports(module) if name.startswith("workflows.")}
     own = module.split(".")[1]
     assert inside <= {"shared", "figures", own}
@@ -88,7 +88,7 @@ def test_figures_compute_no_physics_directly_or_through_their_imports(module):
 
 
 def home(name):
-    """Return the subpackage or top-level module of nasm to which a name belongs."""
+    """Return the subpackage or top-level module of nasm that a name belongs to."""
     return ".".join(name.split(".")[:2])
 
 
@@ -102,7 +102,7 @@ def test_nasm_has_no_circular_import_of_modules_or_subpackages():
 
 
 @pytest.mark.parametrize("room", sorted({home(m) for m in NASM if home(m) in PACKAGES}))
-def test_imports_within_a_package_have_no_cycle_and_avoid_its_init(room):
+def test_imports_within_a_package_form_no_cycle_and_avoid_its_init(room):
     own = {module for module in NASM if home(module) == room and "__init__" not in module}
     graph = {}
     for module in own:

@@ -1,4 +1,4 @@
-"""Plain xarray can join cubes of different rays; strings are preserved or become missing values."""
+"""Plain xarray can join cubes with different rays; strings survive or become missing values."""
 
 import json
 from pathlib import Path
@@ -19,7 +19,7 @@ TIED = {0.0: "[0;2,(1)]"}
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """Return a store with two cubes of the boundary, in which one ray has no answer."""
+    """Return a store with two boundary cubes; the first has a ray without an answer."""
     place = store.place_of(tmp_path_factory.mktemp("cubes"))
     for name, angles in RAYS.items():
         result = barrier.boundary(angles, 0.1)
@@ -46,7 +46,7 @@ def only(expected, angles):
     return {angle: expected.get(angle) for angle in angles}
 
 
-def test_cubes_of_different_rays_merge_and_missing_circles_stay_missing(opened):
+def test_cubes_with_different_rays_merge_and_missing_circles_stay_missing(opened):
     one, other = opened
     merged = xr.merge(
         [one[["critical_scale"]], other[["upper"]]], join="outer", compat="no_conflicts"

@@ -1,6 +1,6 @@
 """Test the table of judged forcings and the script that judges them.
 
-The results of the search must agree with the table.
+The search for the last barrier must also agree with the table.
 """
 
 from collections import Counter
@@ -71,7 +71,7 @@ def test_shortening_undoes_repetition_and_pauses_rescale_y():
 
 
 @pytest.mark.parametrize(("kappa", "p", "q"), [((0.97,), 8, 13), ((0.68, 0.15), 5, 8)])
-def test_residues_of_the_judge_agree_with_those_on_symmetry_lines(kappa, p, q):
+def test_the_judge_and_shooting_on_symmetry_lines_agree_on_residues(kappa, p, q):
     """Residues on symmetry lines are computed by shooting, to 25 digits."""
     omega = numbers.parse("gamma")
     zero, kappa = np.zeros(len(kappa)), np.array(kappa)
@@ -82,7 +82,7 @@ def test_residues_of_the_judge_agree_with_those_on_symmetry_lines(kappa, p, q):
     assert orbits.residue(i, 1.0) == pytest.approx(expected, abs=1e-9)
 
 
-def test_residues_of_the_judge_reproduce_the_breakup_of_the_standard_map():
+def test_the_judge_reproduces_the_breakup_of_the_golden_circle():
     profile = np.ones(1)
     value, error, _ = judge_forcings.breakup(numbers.parse("gamma"), 0 * profile, profile, 0.9716)
     assert abs(value - oracles.KAPPA_G) < error < 1e-7
@@ -149,7 +149,7 @@ CHEAP = [row for row in ROWS.values() if row.kind in ("one kick", "two kicks")]
 
 
 @pytest.mark.parametrize("row", thirds({row.number: row for row in CHEAP}))
-def test_the_search_contradicts_no_row_of_one_or_two_kicks(row):
+def test_the_search_contradicts_no_row_with_one_or_two_kicks(row):
     result = score_search.score(barriers.critical_scale, row, 1e-3)
     assert result.false == ()
     assert result.answered

@@ -72,7 +72,7 @@ assert "sources of nasm have changed" in str(given[0].message)
 
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
-    """Yield the kernel directory that a new process would use, and a function that sets another."""
+    """Yield the kernel directory that a new process would use, and a function that changes it."""
 
     def at(folder):
         monkeypatch.setattr(config, "CACHE_DIR", str(folder))
@@ -123,7 +123,7 @@ def test_only_one_process_compiles_a_kernel_and_all_signatures_are_saved(
     assert reader.communicate(timeout=120)[0] == "2.5 2.5 2\n"
 
 
-def test_a_kernel_is_compiled_again_only_if_its_files_have_changed(half, kept):
+def test_a_kernel_is_recompiled_only_if_its_files_have_changed(half, kept):
     directory, _ = kept
     assert kernels.are_missing()
     assert [half(5.0) for _ in range(2)] == [(2.5, 0), (2.5, 1)]
@@ -193,7 +193,7 @@ def test_only_this_user_can_read_or_write_kernels_whatever_the_umask(half, kept)
     assert modes == {0o600}
 
 
-def test_kernels_of_other_versions_are_deleted_when_they_are_a_month_old(kept, tmp_path):
+def test_kernels_from_other_versions_are_deleted_after_a_month(kept, tmp_path):
     names = {"old": "kernels-0000000000000000", "young": "kernels-1111111111111111"}
     for name in (*names.values(), "of_others"):
         (tmp_path / "cache" / name).mkdir()
@@ -205,7 +205,7 @@ def test_kernels_of_other_versions_are_deleted_when_they_are_a_month_old(kept, t
     assert left == {kept[0].name, names["young"], "of_others"}
 
 
-def test_an_edit_of_an_inlined_function_changes_what_a_kernel_computes(tmp_path):
+def test_editing_an_inlined_function_changes_what_a_kernel_computes(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SINE)
     shutil.copytree(ROOT / "nasm", tmp_path / "copy" / "nasm")

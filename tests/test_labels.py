@@ -1,4 +1,4 @@
-"""Labelled forcings: splits, exact regions, rules of the indicators, scores and findings."""
+"""Labelled forcings: splits, exact regions, indicator rules, scores and findings."""
 
 from fractions import Fraction
 from itertools import product
@@ -35,7 +35,7 @@ def drawn():
     return study.drawn(rays([5.0, 20.0, 40.0], 0.6), MARGINS, seed=3)
 
 
-def test_each_ray_has_a_forcing_in_every_class_on_either_side(drawn):
+def test_each_ray_has_a_forcing_in_every_class_on_each_side(drawn):
     scale = np.hypot(drawn.kappa1, drawn.kappa2) / 0.6 - 1
     assert_allclose(scale, drawn.margin, atol=1e-14)
     angle = np.rad2deg(np.arctan2(drawn.kappa2, drawn.kappa1))
@@ -71,7 +71,7 @@ def test_a_cell_contains_its_corners_and_no_float_beyond_them():
     assert not covers(0.75, np.nextafter(0.3125, 1))
 
 
-def test_a_patch_contains_the_forcings_of_its_statement_and_no_others():
+def test_a_patch_contains_exactly_the_forcings_its_statement_covers():
     numbers = {"kappa": (0.5, 0.1), "tilt": (0.0, 0.1), "scales": (0.25, 0.75)}
     fields = {key: [float(each).hex() for each in row] for key, row in numbers.items()}
     covers = regions.patch_of(fields)
@@ -105,7 +105,7 @@ def test_no_answer_is_proved_on_the_wrong_side_of_the_critical_scale():
             assert proved.uncertified_forcing(tile, certificates) == ""
 
 
-def test_a_proved_forcing_needs_a_certificate_of_the_same_statement():
+def test_a_proved_forcing_needs_a_certificate_for_the_same_statement():
     tile, certificates = one_forcing(0.6, 0.0, 0.2, "gamma", 5.0)
     assert proved.uncertified_forcing(tile, certificates) == ""
     assert "no certificate" in proved.uncertified_forcing(tile, [])
@@ -156,7 +156,7 @@ def test_strong_kicks_leave_no_orbit_that_looks_regular_and_rotational():
     assert values["escape"] < 100
 
 
-def test_the_rules_for_orbits_answer_barrier_far_below_the_boundary():
+def test_orbits_look_more_regular_far_below_the_boundary_than_beyond_it():
     values, chaotic = values_of((0.3, 0.2), 1000), values_of((1.0, 0.9), 1000)
     assert values["digits"] > 8 > chaotic["digits"]
     assert values["exponent"] < chaotic["exponent"] / 2
@@ -228,13 +228,13 @@ def verdicts(labels):
 
 
 def as_claimed():
-    """Return labels on which each indicator errs exactly where the first claim says it does."""
+    """Return labels for which each indicator errs exactly where the first claim says it does."""
     labels = labels_of(lambda barrier, margin: float(barrier))
     barrier, near = labels.label == study.BARRIER, abs(labels.margin) < 0.1
     wrong_beyond, wrong_below = ~barrier & near, barrier & near
     labels["escape"] = labels.escape.where(~wrong_beyond, np.inf)
     labels["digits"] = labels.digits.where(~wrong_below, 0.0)
-    # Half of the near forcings of each kind get the value of the other kind.
+    # For half of the forcings near the boundary, the values of the two kinds are swapped.
     mixed = near & (labels.forcing % 2 == 0)
     for name in ("exponent", "fli"):
         labels[name] = xr.where(mixed, -1 - labels[name], labels[name])

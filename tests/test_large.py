@@ -1,4 +1,4 @@
-"""Sweeps of many tiles.
+"""Sweeps over many tiles.
 
 Run as a program, `python test_large.py OUT TILES`, this file sweeps tiles that cost nothing to
 compute, with dask's scheduler in the same process. It prints how many tiles were committed, and the

@@ -65,7 +65,7 @@ def test_short_escape_times_agree_with_nasm(page):
     pytest.param(200, marks=pytest.mark.slow),
     pytest.param(1000, marks=pytest.mark.release),
 ])  # fmt: skip
-def test_the_page_never_contradicts_a_verdict_of_nasm(page, n):
+def test_the_page_never_contradicts_a_verdict_from_nasm(page, n):
     """The page may answer UNDECIDED close to the boundary, for up to a tenth of the forcings."""
     kappas = np.random.default_rng(n).uniform(-1.2, 1.2, (n, 2))
     seen = page.evaluate("(kappas) => kappas.map(verdict)", kappas.tolist())
@@ -78,7 +78,7 @@ def test_the_page_never_contradicts_a_verdict_of_nasm(page, n):
 
 @pytest.mark.parametrize("n", [6, pytest.param(60, marks=pytest.mark.slow)])
 def test_forcings_that_the_page_calls_proved_can_be_proved(page, n):
-    """The page uses regions computed by `workflows.proved_map`; the test checks single forcings."""
+    """The page uses regions from `workflows.proved_map`; the test checks individual forcings."""
     random = np.random.default_rng(n)
     kappas = random.uniform(-1.125, 1.125, (20 * n, 2))
     seen = page.evaluate("(kappas) => kappas.map(proved)", kappas.tolist())

@@ -146,7 +146,7 @@ def test_the_scales_of_the_three_methods_are_in_the_expected_order(finished):
         (["--plane", "rotating:1/2"], "plane is two-kicks, not rotating:1/2; plane_hash is"),
     ],
 )
-def test_other_settings_are_refused_and_no_file_is_changed(finished, other, difference):
+def test_different_settings_are_refused_and_no_file_is_changed(finished, other, difference):
     before = snapshot(finished)
     result = invoke("critical_boundary", finished, *MAIN, *other)
     assert result.exit_code == 2

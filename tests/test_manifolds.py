@@ -72,7 +72,7 @@ def test_spacings_that_cannot_resolve_a_lobe_are_refused(spacing):
         manifolds.turnstile((1.0,), 1, 6, True, spacing=spacing)
 
 
-def test_the_turnstile_is_correct_if_a_symmetric_guess_misses_the_orbit():
+def test_the_turnstile_is_correct_even_if_a_symmetric_guess_fails():
     result = manifolds.turnstile((1.0,), 1, 6, True)
     up, down = (np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2 for x, y in result.lobes)
     assert [abs(up), abs(down)] == pytest.approx([result.area] * 2, rel=0.02)

@@ -69,6 +69,6 @@ def test_strengths_and_frequencies_are_accepted_in_any_usual_form():
 
 
 @given(st.integers(1, 400), st.integers(2, 400))
-def test_rotating_forcing_of_phase_zero_is_a_palindrome_to_the_last_bit(p, q):
+def test_rotating_forcing_with_phase_zero_is_a_palindrome_to_the_last_bit(p, q):
     strengths = rotating_forcing(0.3, 0.7, Fraction(p, q))
     assert np.array_equal(strengths[1:], strengths[:0:-1])

@@ -86,7 +86,7 @@ def test_the_golden_circle_of_the_standard_map_in_all_its_disguises(profile, exa
 
 
 def images(profile, omega):
-    """Yield each image of a forcing under symmetries, and the ω of the image of the circle."""
+    """Yield each image of a forcing under symmetries, and the ω of the circle's image."""
     profile, period = np.array(profile), len(profile)
     yield np.roll(profile, 1), omega
     yield profile[::-1], omega
@@ -99,7 +99,7 @@ def images(profile, omega):
 
 
 # The flux is computed 20% beyond the breakup, but for two circles only 7% to 12% beyond it.
-# Even at these strengths, the gaps of their cantori cover the whole circle to within rounding:
+# Even at these strengths, the gaps in their cantori cover the whole circle to within rounding:
 # sites of the minimizing orbit are 1e-17 apart.
 @pytest.mark.parametrize(
     ("name", "profile", "size"),
@@ -134,7 +134,7 @@ def test_symmetric_images_of_a_forcing_have_the_same_answer(name, profile, size)
 
 
 @pytest.mark.parametrize("offset", thirds([0.05, 5e-3, 1e-4, 1e-6, 0.5, 5e-4, 1]))
-def test_next_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
+def test_close_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
     for name, cusp, side in (("2gamma", 45, -1), ("2gamma+1", 135, 1), ("gamma", 45, 1)):
         omega, profile = parse(name), ray(cusp + side * offset)
         judge = periodic.critical_scale(omega, profile, 10_000)

@@ -151,7 +151,7 @@ def test_portrait_shows_one_cell():
 
 
 @pytest.mark.parametrize("every", [None, 1])
-def test_passages_are_the_points_of_orbits_that_lie_in_the_box(every):
+def test_passages_are_the_orbit_points_inside_the_box(every):
     y = np.arange(30) / 31
     left, bottom, width, height = box = (0.8, -0.3, 0.45, 0.4)  # crosses edges of the cell
     which, xs, ys, (x_next, y_next) = passages(KAPPA, np.full(30, 0.1), y, 40, box, every)

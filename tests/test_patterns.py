@@ -25,7 +25,7 @@ def test_findings_on_patterns_follow_from_the_numbers():
 
 
 @pytest.mark.parametrize("q", [2, 3, 4, 5])
-def test_pairs_drive_resonances_of_the_strength_that_the_command_states(q):
+def test_pairs_drive_resonances_with_the_strength_that_the_command_states(q):
     """The first-order strength is 2K|cos πk/q|: orbits of period one have |R| = K|cos πk/q|/2."""
     K = 0.01
     results = [periodic.residue(K / q * np.array(study.pair(1, q)), k, 1) for k in range(q)]

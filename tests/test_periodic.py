@@ -118,7 +118,7 @@ def test_starts_survive_where_a_circle_is_claimed_near_a_shorter_forcing(distanc
 
 
 @pytest.mark.parametrize("which", thirds(range(6)))
-def test_residues_give_a_value_at_a_shorter_forcing_but_not_next_to_it(which):
+def test_residues_give_a_value_at_a_shorter_forcing_but_not_close_to_it(which):
     profile, _, omega = next_to_a_shorter_one(1e-7)[which]
     assert periodic.critical_scale(omega, profile).status is Status.NEAR_CUSP
     profile, short, omega = next_to_a_shorter_one(0.0)[which]

@@ -1,4 +1,4 @@
-"""The text of the progress line and the predicted remaining time, on a clock set by the tests."""
+"""The text of the progress line and the predicted remaining time, with a clock set by the tests."""
 
 import io
 import re
@@ -28,9 +28,9 @@ class Terminal(io.StringIO):
 def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
     """Simulate a sweep; yield (Progress, actual seconds remaining) after each tile.
 
-    tiles, later : predicted CPU seconds of the tiles, and of a later sweep. error : ratio of
+    tiles, later : predicted CPU seconds for the tiles, and for a later sweep. error : ratio of
     actual to predicted CPU seconds. slowness : ratio of elapsed to CPU seconds. after : CPU seconds
-    of the driver after the sweeps.
+    that the driver uses after the sweeps.
     """
     clock = Clock()
     line = Progress("run", None, {"one": sum(tiles), "two": later}, after, clock)
@@ -52,7 +52,7 @@ def follow(tiles, workers=2, slowness=1.0, error=1.0, later=0.0, after=0.0):
 @pytest.mark.parametrize("slowness", [1.0, 4.0])
 @pytest.mark.parametrize("error", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("later", [0.0, 60.0])
-def test_after_a_tenth_of_the_work_the_prediction_is_within_a_factor_1_5(slowness, error, later):
+def test_after_a_tenth_of_the_work_predictions_are_within_a_factor_of_1_5(slowness, error, later):
     """This holds even if the machine is 4 times slower and predictions are off by a factor of 3."""
     tiles = np.sort(np.random.default_rng(0).lognormal(0, 0.7, 100))[::-1]
     ratios = [
@@ -66,7 +66,7 @@ def test_after_a_tenth_of_the_work_the_prediction_is_within_a_factor_1_5(slownes
 def test_the_workers_do_not_slow_down_the_driver_that_runs_after_them():
     """Two workers and another program share two processors: each gets two thirds of a processor.
 
-    After the sweep, the driver and the other program have a processor each.
+    After the sweep, the driver and the other program get a processor each.
     """
     clock = Clock()
     line = Progress("run", None, {"one": 10.0}, after=10.0, clock=clock)
@@ -210,7 +210,7 @@ def test_a_thread_writes_while_the_driver_is_busy(monkeypatch):
             time.sleep(0.01)
 
 
-def test_a_log_has_a_line_for_each_sweep_that_has_ended():
+def test_a_log_has_a_line_for_each_sweep_that_computed_tiles():
     stream = io.StringIO()
     line = Progress("run", stream, {"one": 4.0}, clock=Clock())
     line.begin_sweep("sweep 1 of 2, complete", "complete")

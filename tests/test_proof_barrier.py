@@ -273,7 +273,7 @@ def test_above_the_breakup_nothing_is_proved_under_random_kicks(seed):
             assert not any(proofs_above(profile, omega, result.value, n, beyond))
 
 
-def test_more_time_proves_a_circle_nearer_to_the_breakup(monkeypatch):
+def test_more_time_proves_a_circle_closer_to_the_breakup(monkeypatch):
     # The clock counts predicted work, so that no other process can make a proof run out of time.
     refined, now = barrier.refined, [0.0]
 

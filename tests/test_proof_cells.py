@@ -72,7 +72,7 @@ def test_transport_is_not_proved_in_cells_that_reach_below_the_breakup():
 
 
 @pytest.mark.parametrize("kappa", [(3, 3), (1.999, 0.5), (0.5, -1.999)])
-def test_cells_outside_the_theorem_are_not_proved(kappa):
+def test_cells_outside_the_scope_of_the_theorem_are_not_proved(kappa):
     kappa = np.rint(np.array(kappa) * 2**10) / 2**10
     assert prove_cell(kappa, 2.0**-7).outcome is Outcome.SCOPE
 
@@ -99,7 +99,7 @@ KERNEL = audit.Kernel(
 @pytest.mark.parametrize("a", [0, 0.5])
 @pytest.mark.parametrize("k0", [0.25, 0.0, -0.25])
 def test_half_of_a_kick_on_the_symmetry_line_counts_whatever_its_sign(a, k0):
-    """In a box of a wide cell, kicks on the line may differ in sign from the kick at the centre."""
+    """In a box in a wide cell, kicks on the line may differ in sign from the kick at the centre."""
     start, kicks = np.zeros((proofs.transport_cells._ROWS, 1)), np.zeros((8, 4, 1))
     box = np.array([0.3, 2.0**-12, k0, 2.0**-8, 0.5, 2.0**-8, 0, 0, 0, 0])
     line, plane = np.array([[a, 0.0], [a, 0.5]]), np.eye(3)[1:]
@@ -112,7 +112,7 @@ def test_half_of_a_kick_on_the_symmetry_line_counts_whatever_its_sign(a, k0):
     assert after["W"] == pytest.approx(k0 * cosine / 2 + 2.0**-8 / 2)  # plus the payment for h0
 
 
-def test_a_kick_of_cells_allows_for_what_it_has_to_and_no_more():
+def test_bounds_for_a_kick_in_a_cell_are_sufficient_and_nearly_sharp():
     shares = audit.audit_of_kicks(KERNEL)
     assert all(0.9 < share <= 1 for share in shares.values())
 

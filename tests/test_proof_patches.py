@@ -194,7 +194,7 @@ def by_values(strength, values, others=(1,), profile=(1e-4, 1e-4), tilt=(0.0, 0.
 
 
 def complex_modes(tilt, shape):
-    """Return random modes, at three sites, of functions that are not odd."""
+    """Return random modes, at three sites, for functions that are not odd."""
     rng = np.random.default_rng(5)
     moves = [
         [[[0, *rng.integers(-(2**20), 2**20, 3).tolist()] for _ in "ri"] for _ in range(3)]
@@ -310,7 +310,7 @@ def too_large(case, rho, bounds):
 
 @pytest.mark.parametrize("case", thirds([*CASES]))
 @pytest.mark.parametrize("program", [proved_constants, checked_constants])
-def test_constants_are_bounds_for_all_forcings_of_a_patch(program, case):
+def test_constants_are_bounds_for_all_forcings_in_a_patch(program, case):
     result = program(case)
     assert too_small(case, *result) == too_large(case, *result) == []
 

@@ -114,7 +114,7 @@ def test_transport_is_not_proved_in_cells_that_reach_below_the_breakup(place):
 
 
 def test_boxes_that_a_circle_crosses_are_not_eliminated():
-    """Each box contains a point of a circle that exists under one forcing of the box's cell.
+    """Each box contains a point of a circle that exists under one forcing in the box's cell.
 
     The point is not at the centre of the box, and the forcing is not at the centre of the cell.
     Most of these boxes are eliminated under much stronger kicks, so the test is not vacuous.
@@ -177,7 +177,7 @@ def test_changed_certificates_of_cells_are_refuted(cell):
     below = {**plane, "first": in_hex(0.5, 0, 0), "second": in_hex(0, 0.5, 0)}
     changes = [
         ({"plane": below}, "half of Q may be"),
-        ({"plane": {**plane, "second": in_hex(0, 1)}}, "equally many"),
+        ({"plane": {**plane, "second": in_hex(0, 1)}}, "equal length"),
         ({"plane": {**plane, "third": in_hex(0, 1, 0)}}, "three rows"),
         ({"plane": {**plane, "origin": in_hex(0, 1.9, 1.9)}}, "does not apply"),
         ({"half_width": in_hex(2**-7, 2**-8)}, "do not tile"),

@@ -1,4 +1,4 @@
-"""Test the mode-by-mode bounds on v_j = g_j'w_j, the first step of the proof of a circle."""
+"""Test the mode-by-mode bounds on v_j = g_j'w_j, the first step in proving that a circle exists."""
 
 import json
 from functools import cache
@@ -23,7 +23,7 @@ RHO = 0.004
 
 
 def near_breakup(omega, profile, value, n, distance=0.05):
-    """Return a proof of a circle on so few points that the first step must be computed."""
+    """Prove that a circle exists, on so few points that the first step must be computed."""
     omega, profile = parse(omega), np.array(profile)
     scale, u = continuation.certified_circle(omega, profile, value, distance)
     return barrier.prove(omega, scale * profile, start=u, n=n)
@@ -71,7 +71,7 @@ def functions(rng, sites, modes, rest):
 
 
 def constants_of_both(module, seed, sites, rest, omega="gamma"):
-    """Return the constants of both programs, computed from the same bounds."""
+    """Return the constants that the two programs compute from the same bounds."""
     rng = np.random.default_rng(seed)
     u, E, near, (rest_E, missing) = functions(rng, sites, 12, rest)
     kappa = [arb(float(x)) for x in rng.uniform(0.2, 0.9, sites)]
@@ -202,7 +202,7 @@ CHANGES = [
 
 @pytest.mark.alters_sources
 @pytest.mark.parametrize("change", thirds(CHANGES))
-def test_a_changed_line_of_the_step_is_noticed(change):
+def test_a_changed_line_in_the_bounds_on_the_step_is_noticed(change):
     changed = mutant(barrier, change)
     with pytest.raises((AssertionError, ValueError)):
         audit(changed)
@@ -212,7 +212,7 @@ def test_a_changed_line_of_the_step_is_noticed(change):
 
 
 def pairs_of(case, module=barrier):
-    """Return the strip's half width, majorants and bounds on w of a case in test_proof_patches."""
+    """Return the strip's half width, majorants and bounds on w for a case in test_proof_patches."""
     profile, tilt, high, shape, moves = made_case(case)
     seen = []
 
@@ -271,7 +271,7 @@ STEPPED += ["kicks in t", "between", "complex", "complex in t"]
 
 
 @pytest.mark.parametrize("case", thirds(STEPPED))
-def test_bounds_of_modes_hold_under_all_forcings_of_a_patch(case):
+def test_bounds_on_modes_hold_under_all_forcings_in_a_patch(case):
     assert not lacking(case)
 
 
@@ -294,7 +294,7 @@ WRONG = {  # a changed line: the case in which a bound becomes too small
 
 @pytest.mark.alters_sources
 @pytest.mark.parametrize("changes", thirds([*WRONG]))
-def test_an_omission_in_a_bound_of_modes_is_noticed(changes):
+def test_an_omission_in_a_bound_on_modes_is_noticed(changes):
     right, wrong = (text.replace("'", '"') for text in changes)
     assert lacking(WRONG[changes], mutant(barrier, (right, wrong)))
 
@@ -326,7 +326,7 @@ def test_bounds_outside_their_strip_are_refused():
 
 
 @pytest.mark.parametrize("name", ["one kick", "a ray"])
-def test_a_step_of_another_circle_or_theorem_is_refused(name):
+def test_a_step_for_a_different_circle_or_theorem_is_refused(name):
     good = json.loads(json.dumps(made(name).certificate()))
     body = {key: value for key, value in good.items() if key != "sha256"}
     weaker = good["theorem"]["name"].partition(" by ")[0]
@@ -340,7 +340,7 @@ def test_a_step_of_another_circle_or_theorem_is_refused(name):
 
 
 @pytest.mark.parametrize("beyond", [1e-5, 1e-3, 0.02])
-def test_above_the_breakup_no_step_proves_a_circle(beyond):
+def test_beyond_breakup_no_step_proves_that_a_circle_exists(beyond):
     omega, profile, value = GAMMA, np.array([1.0]), 0.971635406
     for distance in (0.01, 0.05):
         _, u = continuation.certified_circle(omega, profile, value, distance)

@@ -176,7 +176,7 @@ def test_both_directions_of_a_box_start_at_its_place_on_the_polygon():
         assert ahead["V"] - ahead["W"] == behind["V"] == 1 - Fraction(slope)
 
 
-def test_the_error_bounds_of_a_kick_suffice_and_are_over_90_percent_used():
+def test_the_error_bounds_of_a_kick_hold_and_are_sharp_to_10_percent():
     shares = audit.audit_of_kicks(KERNEL)
     assert all(0.9 < share <= 1 for share in shares.values())
 
@@ -457,7 +457,7 @@ def test_proved_upper_is_above_the_breakup_and_near_it_for_any_estimate():
 
 
 def tried(profile, excess, checks):
-    """Try a proof beyond the breakup found by `barriers`, then proofs below it; return the first.
+    """Attempt a proof beyond the breakup found by `barriers`, then below it; return the first.
 
     Below the breakup nothing may be proved, on the polygon of the first proof or on any other.
     """

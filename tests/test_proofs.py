@@ -59,7 +59,7 @@ BREAKUPS = [(angle, 0.4858 / np.cos(np.deg2rad(angle))) for angle in (0.0, 44.0)
 
 
 def map_of_two_tiles():
-    """Return the job of a map, and the indices and coordinates of two of its tiles."""
+    """Return the job for a map, and the indices and coordinates of two of its tiles."""
     job = proved_map(two_kicks(), BREAKUPS, 32, 0.1)
     axes = {name: job.cube.template[name].values for name in ("kappa2", "kappa1")}
     tiles = {}
@@ -70,13 +70,13 @@ def map_of_two_tiles():
 
 
 def one_triangle():
-    """Return a job of triangles, and the index and coordinates of its first triangle."""
+    """Return a job for triangles, and the index and coordinates of its first triangle."""
     job = proved_triangles(two_kicks(), [(10.0, 0.5), (20.0, 0.55)], ["[0;(1)]"] * 2, 0.4)
     return job, {(0,): {"triangle": np.array([0])}}
 
 
 def rays_of_one_tile():
-    """Return a job of proved rays, and the index and coordinates of one ray."""
+    """Return a job for proved rays, and the index and coordinates of one ray."""
     job = proved_barrier(two_kicks(), [20.0], 0.1)
     return job, {(0,): {"angle": np.array([20.0])}}
 

@@ -18,7 +18,7 @@ def test_lifetimes_are_as_renormalisation_predicts_except_in_slow_ramps(rate, ra
 
 @pytest.mark.parametrize("rate", [1e-3, 1e-5])
 def test_the_first_crossing_occurs_at_a_total_flux_between_0_1_and_0_5(rate):
-    """The flux grows like (κ - κ_G)^3.01, so its sum is its last value times kicks/4.01."""
+    """The flux grows like (κ - κ_G)^3.01, so its sum is its final value times kicks/4.01."""
     kicks = study._escape(KAPPA_G + rate * np.arange(int(6 * rate**-study.ESCAPES)))
     end = flux.flux(parse("gamma"), (KAPPA_G + rate * kicks,)).value
     assert 0.1 < end * kicks / 4.01 < 0.5

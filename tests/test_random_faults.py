@@ -2,7 +2,7 @@
 
 A driver is a program that starts workers, by default two, and sweeps with them. After each run with
 faults, the store is compared with its contents before the run, and with a serial computation. A
-last run without faults completes the cube.
+final run without faults completes the cube.
 """
 
 import os
@@ -44,7 +44,7 @@ def driver(out, n_workers=2):
 
 
 def begun(out):
-    """Return the tiles in the order in which workers began them."""
+    """Return the tiles in the order in which workers started them."""
     log = out.parent / "log"
     lines = log.read_text().splitlines() if log.exists() else []
     places = [map(float, line.split()) for line in lines]
@@ -70,7 +70,7 @@ ENDS = {kill_worker: 1, kill_driver: 137, interrupt: 130}
 
 
 def in_session(leader):
-    """Return True if a process of a driver's session remains: workers may outlive the driver."""
+    """Return True if a process from a driver's session remains: workers may outlive the driver."""
     for pid in psutil.pids():
         with suppress(OSError):
             if os.getsid(pid) == leader:
@@ -79,7 +79,7 @@ def in_session(leader):
 
 
 def run(out, faults, choose, n_workers=2):
-    """Run a driver, and cause each fault after workers have begun some of the missing tiles."""
+    """Run a driver, and cause each fault after workers have started some of the missing tiles."""
     place, log_before, codes = store.place_of(out), len(begun(out)), {0}
     before = whole(place)
     with driver(out, n_workers) as process:

@@ -16,7 +16,7 @@ from workflows.figures.rotating import where_above
 from workflows.rotating import VECTORS
 
 
-def test_circle_boundaries_agree_with_computations_on_single_rays(tmp_path, workers):
+def test_circle_boundaries_agree_with_computations_on_individual_rays(tmp_path, workers):
     rays = ["--n-rays", "5", "--n-cusp-rays", "1", "--tol", "0.1"]
     options = [*rays, "--omega", "gamma", "--omega", "2gamma"]
     succeed("circle_boundaries", tmp_path / "out", *options, *workers)

@@ -48,7 +48,7 @@ def values(name):
 
 
 def tell(*names):
-    """Print, as JSON, digests of the results of jobs, and of results of NumPy itself."""
+    """Print, as JSON, digests of the jobs' results, and of results from NumPy itself."""
     x = np.linspace(0.1, 3, 1001)
     rays = direct_iteration.bias_job(two_kicks(), {45.0: 1.0}, [64], 100)
     output = {"numpy": digest(np.exp(x), np.dot(x, x))}
@@ -59,7 +59,7 @@ def tell(*names):
 
 
 @pytest.mark.parametrize("names", [SOME, pytest.param(ALL, marks=pytest.mark.slow)])
-def test_cubes_are_bit_identical_if_numpy_and_blas_use_other_loops(names):
+def test_cubes_are_bit_identical_if_numpy_and_blas_use_different_loops(names):
     here = Path(__file__).parent
     program = [sys.executable, "-c", f"import test_reproducible as this; this.tell(*{names})"]
     output = []
@@ -69,7 +69,7 @@ def test_cubes_are_bit_identical_if_numpy_and_blas_use_other_loops(names):
         assert run.returncode == 0, run.stderr
         output.append(json.loads(run.stdout))
     if output[0].pop("numpy") == output[1].pop("numpy"):
-        pytest.skip("NumPy and its BLAS have no other loops on this processor")
+        pytest.skip("NumPy and its BLAS have no alternative loops on this processor")
     assert output[0] == output[1]
 
 

@@ -54,7 +54,7 @@ def test_transversals_that_contain_arrays_are_compared_without_an_error():
     assert one != other
 
 
-def test_a_critical_scale_prints_with_the_digits_of_its_error():
+def test_a_critical_scale_prints_the_digits_that_its_error_justifies():
     result = CriticalScale(
         0.97163540631, 2.13e-8, 0.9715431, 0.9717168, GAMMA, Status.OK, "residues"
     )
@@ -106,7 +106,7 @@ PRINTED = [  # a result, the line it prints, and a cell of its table
         "<Turnstile: lobes of area 0.25, with 3 and 5 points>",
         "3 and 5",
     ),
-    (RECORD, "<Record: 3 kicks of 1 particles; at the end κ = 0.5, θ = 0 turns>", "0.5 to 0.5"),
+    (RECORD, "<Record: 3 kicks, 1 particles; at the end κ = 0.5, θ = 0 turns>", "0.5 to 0.5"),
 ]
 
 

@@ -20,7 +20,7 @@ GAMMA = float(parse("gamma"))
 
 
 def test_the_response_is_the_derivative_of_circles_under_a_weak_ripple():
-    """Two phases of a ripple of three kicks yield the real and the imaginary part of w'."""
+    """Two phases of a ripple of period three yield the real and the imaginary part of w'."""
     kappa, d = 0.5, 1e-4
     plain = circles.invariant_circle("gamma", kappa)
     n = 4 * plain.u.shape[1]
@@ -51,7 +51,7 @@ def test_the_bound_for_slow_ripples_grows_from_one_with_frequency():
         assert 1 < bound[0] < 1.01
 
 
-def test_a_ripple_of_two_kicks_is_a_forcing_of_the_paper():
+def test_a_ripple_of_period_two_is_a_forcing_from_the_paper():
     """With Ω = 1/2 and d = 1 the forcing is (2κ, 0): every second kick is missing."""
     coords = {"fraction": ["1/2"], "depth": np.array([1.0])}
     found = rotating_maps._ripples(coords, {"tol": 1e-3})
@@ -109,7 +109,7 @@ def test_findings_are_judged_by_the_numbers(loss, upper, verdicts):
     assert tuple(claims) == verdicts
 
 
-def test_arrows_are_drawn_only_at_frequencies_that_have_only_a_bound():
+def test_arrows_are_drawn_only_where_nothing_but_a_bound_is_known():
     figure = draw_ripple_spectrum(*results((np.nan, 0.25, 0.1, 0.3, 0.2), (1.05, 1.02)))
     for axes, marker in zip(figure.axes, "^v", strict=True):
         arrows = [line for line in axes.lines if line.get_marker() == marker]
@@ -117,7 +117,7 @@ def test_arrows_are_drawn_only_at_frequencies_that_have_only_a_bound():
 
 
 @pytest.mark.slow
-def test_above_64_kicks_only_an_upper_bound_is_known():
+def test_above_64_kicks_per_period_only_an_upper_bound_is_known():
     job = rotating_maps.ripples([Fraction(1, 65)], [0.3], 0.1)
     found = job.compute({"fraction": ["1/65"], "depth": np.array([0.3])}, job.cube.settings)
     assert np.isnan([found[name].item() for name in ("critical_scale", "lower", "omega")]).all()

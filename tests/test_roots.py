@@ -44,7 +44,7 @@ def test_after_max_steps_the_best_point_so_far_is_returned():
     assert abs(f(result)) == min(abs(f(x)) for x in points[:5])
 
 
-def test_root_refuses_an_interval_without_a_change_of_sign():
+def test_root_refuses_an_interval_without_a_sign_change():
     for f in (lambda x: 1 + x**2, lambda x: np.nan):
         with pytest.raises(ValueError, match="must have different signs"):
             root(f, -1, 1)

@@ -1,4 +1,4 @@
-"""Runs of commands: existing results are not computed again, and long runs require --yes."""
+"""Runs of commands: existing results are not recomputed, and long runs require --yes."""
 
 import re
 import shlex
@@ -62,7 +62,7 @@ def test_a_study_is_computed_once_and_then_read(tmp_path, study):
     xr.testing.assert_identical(xr.open_zarr(tmp_path / "toy.zarr").load(), result)
 
 
-def test_a_study_with_other_settings_is_refused_before_it_is_computed(tmp_path, study):
+def test_a_study_with_different_settings_is_refused_before_it_is_computed(tmp_path, study):
     with driven(tmp_path) as one:
         one.kept(untiled("toy", n=9), study)
     before = snapshot(tmp_path)
@@ -72,7 +72,7 @@ def test_a_study_with_other_settings_is_refused_before_it_is_computed(tmp_path, 
 
 
 @pytest.mark.parametrize("by", ["computed_by", "studied_by"])
-def test_a_study_is_computed_again_if_its_code_has_changed(tmp_path, study, monkeypatch, by):
+def test_a_study_is_recomputed_if_its_code_has_changed(tmp_path, study, monkeypatch, by):
     with driven(tmp_path) as one:
         one.kept(untiled("toy"), study)
     monkeypatch.setitem(run._CODE, by, "other code")
@@ -103,7 +103,7 @@ def test_a_study_records_the_command_that_first_computed_it(tmp_path):
     assert cube.references == "arXiv:1606.04824, Sec. IV.A and Fig. 3"
 
 
-def test_a_study_is_computed_again_if_it_is_damaged(tmp_path, study):
+def test_a_study_is_recomputed_if_it_is_damaged(tmp_path, study):
     chunk = tmp_path / "toy.zarr/square/c/0"
     for damage in (lambda: chunk.write_bytes(b"\0" + chunk.read_bytes()[1:]), chunk.unlink):
         with driven(tmp_path) as one:
@@ -116,7 +116,7 @@ def test_a_study_is_computed_again_if_it_is_damaged(tmp_path, study):
 
 
 @pytest.mark.parametrize("lost", ["tiles/commit/c/0/1/2", "sign/c/1/2"])
-def test_a_study_is_computed_again_while_its_sweep_lacks_tiles(here, tmp_path, study, lost):
+def test_a_study_is_recomputed_while_its_sweep_lacks_tiles(here, tmp_path, study, lost):
     toy.run(here, tmp_path, toy.cube())
     for is_complete in (True, False):
         if not is_complete:
@@ -137,9 +137,9 @@ def test_a_stored_study_adds_nothing_to_the_predicted_time(tmp_path, study):
         pass
 
 
-def test_a_command_without_sweeps_computes_nothing_when_it_is_run_again(tmp_path, monkeypatch):
+def test_a_command_without_sweeps_computes_nothing_when_rerun(tmp_path, monkeypatch):
     def refuse(*_, **__):
-        raise AssertionError("existing results are computed again")
+        raise AssertionError("existing results are recomputed")
 
     from workflows.portraits import study
 
@@ -193,7 +193,7 @@ def test_each_command_names_options_that_shorten_a_run():
     assert cli.shortening(full).startswith("leave --full out; reduce ")
 
 
-def test_the_full_gallery_takes_hours_and_therefore_also_requires_yes(tmp_path):
+def test_the_full_gallery_takes_hours_and_therefore_requires_yes(tmp_path):
     result = CliRunner().invoke(main_of("gallery"), ["--full", "--out", str(tmp_path / "out")])
     assert (result.exit_code, (tmp_path / "out").exists()) == (2, False)
     assert "add --yes" in result.output

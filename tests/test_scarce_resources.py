@@ -34,7 +34,7 @@ def files_of_at_most(n_bytes):
 def test_a_study_on_a_full_disk_fails_with_a_message_and_can_be_completed(
     tmp_path, monkeypatch, exists, n_bytes
 ):
-    if exists:  # a store written by other code
+    if exists:  # a store written by different code
         with monkeypatch.context() as patch:
             patch.setitem(run._CODE, "studied_by", "other code")
             with driven(tmp_path) as one:

@@ -58,7 +58,7 @@ def ramp(rate, n_kicks):
     return KAPPA_G + rate * np.arange(-n_kicks, n_kicks + 1)
 
 
-def test_in_a_ramp_the_search_finds_almost_the_longest_lifetime_of_a_scan():
+def test_in_a_ramp_the_search_finds_nearly_the_longest_lifetime_in_a_scan():
     kappa, low, high, longest = ramp(1e-3, 600), 0.4, 0.41, 0.0
     while high - low > 1e-12:
         y = np.linspace(low, high, 20_001)

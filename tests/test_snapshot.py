@@ -1,4 +1,4 @@
-"""Test snapshot tori: mean distances, exponents and folds in known cases, and the findings."""
+"""Test snapshot tori: mean distances, exponents and folds in known cases; the study's findings."""
 
 import math
 
@@ -52,7 +52,7 @@ def test_distances_and_exponents_agree_with_a_pure_shear_without_kicks():
     assert np.isnan(along.exponents[0]).all()
 
 
-def test_exponents_at_a_hyperbolic_point_tend_to_ln_of_its_multiplier():
+def test_exponents_at_a_hyperbolic_point_tend_to_the_log_of_its_multiplier():
     strength, n = 0.8, 600  # σ_n reaches 10²²², so vectors and matrices are rescaled
     followed = snapshot.separations(np.full(n + 1, strength), 0.0, 0.0, 1.0, strength, every=n)
     with mpmath.workdps(30):
@@ -112,7 +112,7 @@ def test_folds_and_times_agree_with_plain_loops():
     shear = 2 * np.log(np.maximum(np.arange(kappa.size), 1))
     rows = [dumb_separations(kappa, *each) for each in np.transpose(start)]
     mean, largest = np.mean([row[0] for row in rows], axis=0), max(row[2].max() for row in rows)
-    # Each of the 100 kicks rounds by 10⁻¹⁶; these errors grow by a factor of up to σ_n.
+    # Each of the 100 kicks adds a rounding error of 10⁻¹⁶, which grows by a factor of up to σ_n.
     assert followed.distance == pytest.approx(mean, abs=1e-14 * math.exp(largest))
     for i, (logarithm, xi, stretch) in enumerate(rows):
         assert followed.folded[i] == (np.argmax(xi <= 0) if (xi <= 0).any() else np.inf)
@@ -173,7 +173,7 @@ def test_the_study_of_the_golden_torus_agrees_with_plain_loops():
 
 
 def made_up(lag, onset, island_onset, share):
-    """Return a cube of two winding tori and one in an island, under two ramps."""
+    """Return a cube with two winding tori and one in an island, under two ramps."""
     dims = "start", "rate"
     excluded = np.array([[-20.0, -30.0], [5.0, 10.0], [-90.0, -200.0]])
     kicks = {"excluded": excluded, "folded": excluded - 3, "exceeds": excluded + lag}

@@ -67,7 +67,7 @@ def test_escape_kernels_are_over_25_times_faster_than_plain_numba():
     assert converse_kam < 3 * lanes
 
 
-def test_a_newton_step_of_a_circle_costs_n_log_n():
+def test_a_newton_step_for_a_circle_costs_n_log_n():
     omega, kappa, modes = parse("gamma"), (0.3, 0.3), 2 ** np.arange(8, 15)
     exact = circles.invariant_circle(omega, kappa).u
     starts = [fourier.resample(exact, n) for n in modes]

@@ -151,10 +151,10 @@ def killed_at_put(monkeypatch, n):
 
 @pytest.mark.parametrize("n", thirds([0, 1, 2, 5, 8, *range(13, 20)]))
 def test_a_run_killed_before_any_of_its_writes_is_completed_by_the_next(on_disk, monkeypatch, n):
-    plan, other = (toy.cube(tile=10, depth=depth) for depth in (1, 2))  # cubes of two tiles
+    plan, other = (toy.cube(tile=10, depth=depth) for depth in (1, 2))  # cubes with two tiles
     with killed_at_put(monkeypatch, n):
         fill(on_disk, plan)
-    if n:  # part of the cube exists; other settings are refused
+    if n:  # part of the cube exists; different settings are refused
         with pytest.raises(store.Refused, match="depth is 1, not 2"):
             store.create(on_disk, other, US)
     records = [key for key in contents(on_disk) if f"/{COMMIT}/c/" in key]
@@ -205,7 +205,7 @@ def test_a_cube_records_the_program_and_the_call_that_made_it(place):
     assert store.read(place, "squares").attrs["history"].endswith("+00:00 nasm-transport squares")
 
 
-def test_a_cube_of_an_earlier_version_keeps_the_record_of_its_origin(on_disk, monkeypatch):
+def test_a_cube_from_an_earlier_version_keeps_the_record_of_its_origin(on_disk, monkeypatch):
     """Earlier cubes name the paper as their source and have no history."""
     earlier = {"source": "arXiv:1606.04824", "computed_by": US, "created": "2026-01-01"}
     plan = toy.cube()
@@ -226,7 +226,7 @@ def test_a_cube_of_an_earlier_version_keeps_the_record_of_its_origin(on_disk, mo
     toy.assert_complete(on_disk, plan)
 
 
-def test_other_settings_or_other_code_are_refused_for_an_incomplete_cube(place):
+def test_different_settings_or_code_are_refused_for_an_incomplete_cube(place):
     plan, unlike = toy.cube(depth=1), "coordinates, tiles, variables or format differ"
     fill(place, plan, [(0, 0)])
     before = contents(place)
@@ -264,7 +264,7 @@ def test_a_second_driver_or_one_that_cannot_write_is_refused(on_disk, tmp_path):
     [NotImplementedError("use SoftFileLock")]
     + [OSError(number, "no locks") for number in (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)],
 )
-def test_a_file_system_that_supports_no_locks_is_used_without_a_lock(tmp_path, monkeypatch, error):
+def test_a_file_system_without_locks_is_used_without_a_lock(tmp_path, monkeypatch, error):
     def acquire(*_, **__):
         raise error
 
@@ -275,7 +275,7 @@ def test_a_file_system_that_supports_no_locks_is_used_without_a_lock(tmp_path, m
 
 
 def test_global_zarr_settings_do_not_change_a_cube(tmp_path):
-    """A user's settings may select another codec pipeline, which may support only local files."""
+    """A user may select a different codec pipeline, which may support only local files."""
     theirs = {"codec_pipeline.path": "nowhere.Pipeline", "default_zarr_format": 2}
     with zarr.config.set(theirs | {"array.order": "F", "array.write_empty_chunks": False}):
         fill(place := store.place_of(tmp_path), toy.cube())
@@ -304,12 +304,12 @@ def test_if_several_threads_create_a_cube_at_once_exactly_one_succeeds(place):
     assert fill(place, toy.cube(depth=won[0])) == 20
 
 
-def of_another_program(place, zarr_format=3):
+def from_another_program(place, zarr_format=3):
     precious = xr.Dataset({"precious": ("x", [1.0])})
     precious.to_zarr(place.cube("toy"), consolidated=False, zarr_format=zarr_format)
 
 
-def of_an_earlier_format(place):
+def in_an_earlier_format(place):
     fill(place, toy.cube())
     key = "toy.zarr/zarr.json"
     put(place, key, get(place, key).replace(b"store_format", b"other_format"))
@@ -317,19 +317,19 @@ def of_an_earlier_format(place):
     assert np.array_equal(store.read(place, "toy").wave, toy.serial(toy.cube())["wave"])
 
 
-def of_pickles(place):
+def with_pickles(place):
     """Write a store in zarr format 2, whose arrays may name a codec that unpickles their data."""
-    of_another_program(place, 2)
+    from_another_program(place, 2)
     with pytest.raises(store.StoreFailed):
         store.read(place, "toy")
 
 
 @pytest.mark.filterwarnings("ignore:Failed to open Zarr store with consolidated metadata")
-@pytest.mark.parametrize("make", [of_another_program, of_pickles, of_an_earlier_format])
-def test_a_group_of_another_program_or_version_is_refused_and_not_changed(on_disk, make):
+@pytest.mark.parametrize("make", [from_another_program, with_pickles, in_an_earlier_format])
+def test_a_group_from_another_program_or_version_is_refused_and_unchanged(on_disk, make):
     make(on_disk)
     before = contents(on_disk)
-    message = "or format differ" if make is of_an_earlier_format else "not a cube of this program"
+    message = "or format differ" if make is in_an_earlier_format else "not a cube from this program"
     for refuse in (store.check, store.create, store.replace):
         with pytest.raises(store.Refused, match=message):
             refuse(on_disk, toy.cube(), US)
@@ -463,7 +463,7 @@ def test_replacing_a_cube_stores_the_new_one_and_leaves_others_unchanged(place):
     after = contents(place)
     store.replace(place, squares(2), US)  # the same numbers
     assert contents(place) == after
-    store.replace(place, squares(2), "mathematics 2")  # the same numbers, by other code
+    store.replace(place, squares(2), "mathematics 2")  # the same numbers, from different code
     assert store.read(place, "squares").attrs["computed_by"] == "mathematics 2"
     assert before.items() <= contents(place).items()
     with pytest.raises(store.Refused, match="depth is None, not 1"):
@@ -518,7 +518,7 @@ def test_a_lost_server_is_awaited_and_finally_reported_in_one_message(tmp_path, 
         place = store.place_of("s3://cubes/run")
         fill(place, plan, [(0, 0)])
         kill()
-        # The server is started again after 5 s and needs another 5 to 20 s to become ready; with
+        # The server is restarted after 5 s and needs another 5 to 20 s to become ready; with
         # its default of ten retries, obstore would give up after 2 to 8 s.
         back = Timer(5, start)
         back.start()

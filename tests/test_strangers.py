@@ -1,4 +1,4 @@
-"""Stores from untrusted sources can neither execute code nor exhaust the memory."""
+"""Stores from untrusted sources can neither execute code nor exhaust memory."""
 
 import json
 import lzma
@@ -113,7 +113,7 @@ REFUSED = [
     ("more than 10000000 chunks", extend("tiles/commit", shape=[2, int("9" * 4000), 1])),
     ("more than 64 MB", lambda arrays: resize(arrays["row"], 10**11, 10**11)),
     ("more than 10000000 labels", lambda arrays: resize(arrays["row"], 10**8, 10**4)),
-    ("more than 100000 texts", extend("cell", **TEXTS, shape=[10**3, 10**3])),
+    ("more than 100000 strings", extend("cell", **TEXTS, shape=[10**3, 10**3])),
     ("more than 1000 arrays", many_arrays),
     ("the codecs 'bytes, zstd, zstd'", extend("row", codecs=[*ZSTD, ZSTD[1]])),
     ("the codecs 'numcodecs.pickle'", extend("row", codecs=[{"name": "numcodecs.pickle"}])),
@@ -126,7 +126,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("words", "edit"), REFUSED)
-def test_metadata_that_no_cube_has_are_refused_in_one_sentence(place, words, edit):
+def test_metadata_that_no_cube_can_have_are_refused_in_one_sentence(place, words, edit):
     change(place, edit)
     assert all(words in sentence for sentence in messages_about(place))
 
@@ -161,10 +161,10 @@ def claim(n):
 
 BOMBS = {
     "claims 8 GB": (ZSTD, claim(2**33)),
-    "says nothing of its size": (ZSTD, endless()),
-    "is cut": (ZSTD, claim(80)[:4]),
-    "is of 10^8 texts": (TEXTS["codecs"], (10**8).to_bytes(4, "little")),
-    "is of a long text": (TEXTS["codecs"], b"\x0a\0\0\0" + bytes(2**21)),
+    "declares no size": (ZSTD, endless()),
+    "is truncated": (ZSTD, claim(80)[:4]),
+    "contains 10^8 texts": (TEXTS["codecs"], (10**8).to_bytes(4, "little")),
+    "contains one long text": (TEXTS["codecs"], b"\x0a\0\0\0" + bytes(2**21)),
 }
 
 
@@ -269,7 +269,7 @@ def test_the_longest_function_in_a_certificate_determines_its_cost():
     assert cost["first"] == cost["last"] > 100 * cost["none"]
 
 
-def test_certificates_that_are_damaged_or_unpack_to_too_much_are_refused(monkeypatch):
+def test_certificates_that_are_damaged_or_too_large_are_refused(monkeypatch):
     many = b"[" + b",".join([b'{"kappa": ["0x1.8p+1"]}'] * 100) + b"]"
     assert len(proved.unpack_certificates(lzma.compress(many))) == 100
     for bomb in (lzma.compress(bytes(10**8)), lzma.compress(many)[:-9], b"no file of xz"):

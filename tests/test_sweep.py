@@ -166,7 +166,7 @@ class Full(io.StringIO):
 
 @pytest.mark.parametrize("n_workers", [2, 1024])
 def test_one_driver_keeps_a_thousand_workers_busy(n_workers):
-    """Simulate tiles of 0.5 s, two minutes of work per worker, and 2 ms to schedule a batch."""
+    """Simulate 0.5-s tiles, two minutes of work per worker, and 2 ms to schedule a batch."""
     tiles = 240 * n_workers
     batches = list(_pack(np.full(tiles, 0.5), n_workers))
     assert np.array_equal(np.sort(np.concatenate(batches)), np.arange(tiles))
@@ -185,7 +185,7 @@ def test_the_most_expensive_tiles_come_first_and_cheap_ones_share_batches():
     assert max(map(len, others)) < 200  # committing tiles takes time, too
 
 
-def test_tiles_of_the_same_cost_come_in_random_order():
+def test_tiles_of_equal_cost_come_in_random_order():
     batches = list(_pack(np.full(1000, 0.5), 2))
     rank = np.concatenate(batches)
     assert np.array_equal(np.sort(rank), np.arange(1000))
@@ -214,7 +214,7 @@ def test_sweeps_in_a_series_share_one_progress_line_and_repeat_no_tile(here, tmp
 
 def test_a_store_deleted_during_a_sweep_ends_it_with_one_message(here, tmp_path):
     plan, out, away = toy.cube(5, 5, tile=1), tmp_path / "out", tmp_path / "away"
-    # A worker may find that another worker has created `out` again, without metadata.
+    # A worker may find that another worker has recreated `out`, without metadata.
     message = "out: .* does not exist|was moved, or deleted|out/toy.zarr are damaged"
     with pytest.raises((store.StoreFailed, store.Refused), match=message):
         toy.watched_sweep(here, out, plan, {5: partial(out.rename, away)})
@@ -425,7 +425,7 @@ def during(out, act):
     return thread
 
 
-def test_ctrl_c_stops_no_worker(client):
+def test_ctrl_c_does_not_stop_workers(client):
     """Ctrl-C stops neither a worker that is starting nor one that has started."""
     (nanny,) = client().cluster.workers.values()
     worker = client().submit(os.getpid, pure=False).result(timeout=60)
@@ -447,7 +447,7 @@ def messages(monkeypatch):
     return printed
 
 
-def test_a_sweep_waits_for_new_workers_of_a_scheduler_elsewhere(client, tmp_path, messages):
+def test_a_sweep_waits_for_new_workers_of_a_remote_scheduler(client, tmp_path, messages):
     processes = client().cluster
 
     def leave_and_join():
@@ -489,7 +489,7 @@ def test_workers_that_are_slow_to_stop_do_not_make_their_work_fail(monkeypatch):
         work(partial(fail, TimeoutError("of the work")))
 
 
-def test_a_worker_with_other_library_versions_or_another_disk_is_unfit(tmp_path, monkeypatch):
+def test_a_worker_with_different_libraries_or_a_different_disk_is_unfit(tmp_path, monkeypatch):
     place, ours = store.place_of(tmp_path), store.COMPUTED_BY
     for library in ("numba", "xarray", "zarr"):
         driver = re.sub(rf"\b{library} [^,]+", f"{library} 0.1", ours)

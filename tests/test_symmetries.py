@@ -15,7 +15,7 @@ coordinates = st.floats(-1, 1)
 
 @st.composite
 def cases(draw, periods):
-    """Draw a forcing, a start, and the largest number of steps that fits into six kicks."""
+    """Draw a forcing, a start, and the largest number of steps that fit into six kicks."""
     P = draw(st.sampled_from(periods))
     kappa = draw(st.lists(strengths, min_size=P, max_size=P))
     return kappa, draw(coordinates), draw(coordinates), 6 // P

@@ -35,8 +35,8 @@ def _one_by_one(c, x0, w0, y0, n_max):
 @pytest.mark.parametrize("kappa", FORCINGS)
 @pytest.mark.parametrize("n_starts", [1, 63, 300])
 def test_lifetimes_do_not_depend_on_how_starts_and_kicks_are_grouped(kappa, n_starts):
-    # Compare with the same kicks applied to single floats, one start at a time. The last block may
-    # be incomplete.
+    # Compare with the same kicks applied to individual floats, one start at a time. The last block
+    # may be incomplete.
     line = symmetry_line._line_coefficients(
         0.9 * critical_scale(kappa, 100).value * np.array(kappa)
     )
@@ -76,7 +76,7 @@ def test_the_last_circle_breaks_where_its_residue_predicts(case):
 
 
 @pytest.mark.parametrize("degrees", [45 - 1e-1, 45 - 1e-2, 45 - 1e-3, 45 - 1e-5])
-def test_error_estimates_next_to_the_cusp_cover_the_true_errors(degrees):
+def test_error_estimates_close_to_the_cusp_cover_the_true_errors(degrees):
     better = critical_scale(ray(degrees), 20_000)
     for n_max in (100, 400, 1600):
         result = critical_scale(ray(degrees), n_max)

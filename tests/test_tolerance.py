@@ -18,8 +18,8 @@ GAMMA = float(parse("gamma"))
 def test_responses_of_golden_residues_agree_with_finite_differences():
     """Change all kicks by the same factor, and then by a ripple of period 3.
 
-    Under (1, 1, 1) there is one minimax orbit of 2/3 for each phase. Under the ripple, one of these
-    orbits is the minimax over all phases, and periodic.residue returns its residue.
+    Under (1, 1, 1) there is one minimax orbit with ω = 2/3 for each phase. Under the ripple, one of
+    these orbits is the minimax over all phases, and periodic.residue returns its residue.
     """
     for n, p, q in ((4, 2, 3), (5, 3, 5), (7, 8, 13)):
         up, down = (periodic.residue((KAPPA_G * (1 + h),), p, q) for h in (1e-5, -1e-5))
@@ -51,7 +51,7 @@ def test_finer_circles_approach_the_golden_one_and_modes_form_cycles():
 
 
 def test_the_measured_and_predicted_laws_of_alternating_ripples_agree():
-    """The law is measured on the last circles, and on the `finer` circle of each of them."""
+    """The law is measured on the last circles, and on the circle that `finer` returns for each."""
     ripples = [("cosine", d, 1 + d * study.ripple(2)) for d in (1e-2, 1e-3)]
     circles = [str(barriers.critical_scale(profile, 1e-3).omega) for *_, profile in ripples]
     laws = study.laws(xr.Dataset(coords=labels(ripples, "") | {"circle": ("forcing", circles)}))

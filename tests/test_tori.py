@@ -35,7 +35,7 @@ def test_at_zero_amplitude_the_torus_is_the_circle_of_the_standard_map():
     assert np.abs(rows - circle.u[0, :: circle.u.shape[1] // 64]).max() < 1e-11
 
 
-def test_the_circles_of_all_phases_form_the_torus_of_a_rational_frequency():
+def test_circles_for_all_phases_form_the_torus_for_a_rational_frequency():
     # u(θ + jω, φ0 + j/3) is site j of the circle of T³ with phase φ0.
     mean, amplitude, n = 0.1, 0.1, 512
     u, omega, worst = np.empty((24, n)), float(GAMMA), 0.0
@@ -121,7 +121,7 @@ def test_no_torus_is_computed_for_a_resonant_rotation_vector(omega, frequency):
     assert np.isnan([result.value, result.error, result.lower]).all()
 
 
-def test_the_torus_of_zero_amplitude_breaks_where_the_circle_does():
+def test_at_zero_amplitude_the_torus_breaks_where_the_circle_does():
     result = tori.critical_scale(GAMMA, np.e, 1.0, 0.0, 0.02)
     assert abs(result.value - KAPPA_G) < result.error < 0.02
     assert 0.9 < result.lower < KAPPA_G

@@ -92,7 +92,7 @@ def test_each_method_is_judged_by_its_own_runs(page, monkeypatch):
     }
 
 
-def test_only_changes_of_code_mark_rows_as_outdated(page):
+def test_only_changes_to_code_mark_rows_as_outdated(page):
     code = page("measure_trust").code_alone
     function = 'def f(x):\n    """Add."""\n    return "#" + x\n'
     same = f'"""Two."""\n\nX = 1  # one\n"""About X."""\n\n\n{function}'

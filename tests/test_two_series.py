@@ -57,7 +57,7 @@ def test_the_rotation_number_of_an_image_is_q_over_2_minus_omega():
 @pytest.mark.parametrize("delay", ["1/3", "2/5", "1/4"])
 @pytest.mark.parametrize("ratio", study.RATIOS.values())
 def test_resonances_have_the_strength_that_the_command_states(delay, ratio):
-    """A standard map of strength S has |R| = S/4 for its orbits of period one."""
+    """A standard map of strength S has |R| = S/4 for its period-one orbits."""
     K, q = 0.01, Fraction(delay).denominator
     kappa = pairs(delay).forcing(K, ratio * K)
     residues = [abs(periodic.residue(kappa, k, 1)) for k in range(q)]
@@ -68,7 +68,7 @@ def test_resonances_have_the_strength_that_the_command_states(delay, ratio):
     assert study.weakest_resonance(float(Fraction(delay)), ratio, q // 2) == weakest
 
 
-def test_wider_windows_contain_weaker_resonances_of_an_irrational_delay():
+def test_wider_windows_contain_weaker_resonances_at_an_irrational_delay():
     tau = float(numbers.parse(study.IRRATIONAL))
     seen = [study.weakest_resonance(tau, 1.0, n) for n in (0, 1, 4, 17, 72, 305)]
     assert seen == sorted(seen, reverse=True)

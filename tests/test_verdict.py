@@ -200,7 +200,7 @@ def test_the_answer_is_given_in_words_and_as_a_figure(monkeypatch, tmp_path, poi
     assert (tmp_path / f"out/{name}.txt").read_text(encoding="utf-8") in result.output
 
 
-def test_strengths_and_a_point_of_a_plane_can_specify_the_same_forcing(tmp_path, monkeypatch):
+def test_strengths_and_a_point_in_a_plane_can_specify_the_same_forcing(tmp_path, monkeypatch):
     kappas, answer = [], verdict((0.3, 0.3, 0.3))
     seen = (
         "workflows.ask.period.verdict",
@@ -311,7 +311,7 @@ def test_the_circle_is_drawn_over_the_whole_period():
 
 
 @pytest.mark.slow
-def test_beyond_bands_of_breakup_more_steps_eliminate_the_survivors():
+def test_beyond_bands_where_circles_reappear_more_steps_eliminate_starts():
     answer = verdict(0.62708 * np.array((1, 0.63, 1)))
     assert (answer.answer, answer.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
 
@@ -320,4 +320,4 @@ def test_a_table_states_if_no_scale_was_proved():
     result = verdict((0.3, 0.2))
     assert "barrier proved up to" not in result._repr_html_()
     assert "0.5 times the forcing" in replace(result, proved_below=0.5)._repr_html_()
-    assert "no scale, in the time given" in replace(result, proved_below=0.0)._repr_html_()
+    assert "no scale, in the time allowed" in replace(result, proved_below=0.0)._repr_html_()

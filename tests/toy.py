@@ -52,7 +52,7 @@ def job(*args, compute=None, predict=None, **settings):
 def of_one_code(job):
     """Return the job, with all modules declared as its code.
 
-    Jobs with other functions can then share its cube.
+    Jobs with different functions can then share its cube.
     """
     vars(job)["code"] = EVERYTHING
     return job

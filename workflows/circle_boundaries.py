@@ -36,7 +36,7 @@ _TOL = "Target error; where continuation does not reach it, residues are used."
 @plane_option
 @ray_options(361)
 @real("--tol", 1e-4, 1e-7, 0.1, _TOL)
-@whole("--q-max", 6000, 10, 10**6, "Longest period of the orbits of the residue method.")
+@whole("--q-max", 6000, 10, 10**6, "Longest period of the orbits whose residues are used.")
 @sweeps
 def main(run, omega, plane, n_rays, n_cusp_rays, tol, q_max):
     from nasm.planes import two_kicks

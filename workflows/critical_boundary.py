@@ -19,7 +19,7 @@ from workflows.shared.cli import command, plane_option, plane_options, ray_optio
 
 @command()
 @plane_option
-# Cells of the last level are as wide as the scatter of a ray's boundary, 1.2% of the scale.
+# Cells at the last level are as wide as the scatter of the boundary on a ray, 1.2% of the scale.
 @plane_options(n_max=100_000, tile=4, levels=3, precision="single")
 @ray_options(181)
 @real(

@@ -8,7 +8,7 @@ symmetries of the plane are added.
 Writes three cubes and a figure to OUT; needs the extra `proof`. The defaults take about twelve CPU
 minutes. In other planes, choose larger cells and distances: `--plane pairs:1/3 --cells 32
 --cpu-seconds 0.2 --distance 0.3` takes five CPU minutes. With three or more kicks per period,
-transport is proved only where strong kicks do not follow each other too closely.
+transport is proved only where strong kicks are far enough apart.
 """
 
 from workflows.shared.cli import command, plane_option, preset, proof_options, sweeps

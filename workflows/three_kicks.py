@@ -1,4 +1,4 @@
-"""Where do the barriers of three kicks outlast those of two? The rotating map with Ω = 1/3.
+"""Where do barriers under three kicks outlast those under two? The rotating map with Ω = 1/3.
 
 Compares the boundary of this map in the (κ̄, Δκ) plane, for several phases φ0, with that of
 T_{κ1κ2}, the case Ω = 1/2 (arXiv:1606.04824, Sec. VII). Boundaries are bracketed from both sides,

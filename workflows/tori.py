@@ -28,7 +28,7 @@ _VECTOR["help"] = "Rotation vector: turns of θ and φ per kick. May be repeated
 @whole("--n-rays", 13, 2, 10**5, "Rays from 0 to 90 degrees; the sign of Δκ only shifts φ0.")
 @real("--tol", 1e-3, 1e-5, 0.2, "Target error of the scales.")
 @real(
-    "--picture-angle", 45.0, 0, 90, "Ray, in degrees, on which tori of the first vector are drawn."
+    "--picture-angle", 45.0, 0, 90, "Ray, in degrees, for pictures of tori with the first vector."
 )
 @preset("--quick", "A preview", n_rays=3, tol=0.05)
 @sweeps
@@ -48,7 +48,8 @@ def main(run, vector, n_rays, tol, picture_angle):
         run.figure("tori", figures.draw_breakups, breakups, caption=caption)
         known = float(breakups.lower.isel(vector=0).sel(angle=picture_angle))
         if np.isnan(known):
-            run.say(f"On the ray at {picture_angle:g}° no torus of the first vector was certified.")
+            ray = f"On the ray at {picture_angle:g}°"
+            run.say(f"{ray} no torus with the first vector was certified.")
             return
         scales = [part * known for part in (0.7, 0.95, 0.99)]
         drawn = untiled(

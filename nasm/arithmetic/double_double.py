@@ -1,4 +1,4 @@
-"""Double-double arithmetic: numbers of about 32 digits as unevaluated sums of two floats.
+"""Double-double arithmetic: numbers with about 32 digits as unevaluated sums of two floats.
 
     x = x_hi + x_lo,   |x_lo| ≤ ulp(x_hi)/2
 

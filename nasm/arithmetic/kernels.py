@@ -54,7 +54,7 @@ from nasm import sources
 __all__ = ["are_missing", "begin_without_scipy", "directory", "kernel"]
 
 _EXPIRY_SECONDS = 30 * 24 * 3600
-"""Age at which the kernels of another version are deleted."""
+"""Age at which kernels from another version are deleted."""
 
 _LOCK_TIMEOUT = 60
 """Seconds to wait for another process that is compiling the same kernel."""
@@ -220,7 +220,7 @@ class _Files(IndexDataCacheFile):
 def _check(path, start=0):
     """Raise OSError if the file is damaged or `_is_trusted` rejects it.
 
-    The last 32 bytes must be the digest of the bytes from `start` up to them.
+    The last 32 bytes must be the digest of everything from `start` up to that point.
     """
     with open(path, "rb") as file:
         if not _is_trusted(os.fstat(file.fileno())):

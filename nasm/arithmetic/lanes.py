@@ -26,8 +26,8 @@ __all__ = ["LANES", "load", "own_frame", "store"]
 
 if config.DISABLE_JIT:  # type: ignore[attr-defined]
     raise ImportError(
-        "NUMBA_DISABLE_JIT is set, but orbits are advanced in vectors, which only compiled code "
-        "has; unset it",
+        "NUMBA_DISABLE_JIT is set, but orbits are advanced in vectors, which require compiled "
+        "code; unset it",
         name="numba",
     )
 

@@ -1,4 +1,4 @@
-"""Functions whose results agree to the last bit on processors of different kinds.
+"""Functions whose results agree to the last bit on different kinds of processors.
 
 NumPy computes exp, log, powers and `geomspace` of arrays by different formulas on processors with
 AVX-512, and BLAS adds the terms of a matrix product in an order that depends on the processor. The

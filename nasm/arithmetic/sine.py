@@ -2,8 +2,8 @@
 
     sin 2πu = 2πu · (1 + c₁v + c₂v² + … + c₇v⁷),   v = u²,   |u| ≤ 1/4.
 
-An angle in turns is reduced by x - rint(x), which is exact for every x below 2⁵². In radians the
-product 2πx is rounded before it is reduced, so that libm's sin(2π·x) is wrong by 7e-10 at x = 10⁶.
+The reduction of an angle in turns, x - rint(x), is exact for every x below 2⁵². In radians the
+product 2πx is rounded before it is reduced, so libm's sin(2π·x) is wrong by 7e-10 at x = 10⁶.
 
 Of all such polynomials whose constant term is exactly 1, this one has the smallest maximum
 *absolute* error in sin 2πu on |u| ≤ 1/4. Its coefficients were found by Remez exchange in 60-digit
@@ -12,7 +12,7 @@ arithmetic with the weight 2πu, then rounded to double. The error is 1.10e-16 b
 |error of sin2pi| ≤ 4e-16.
 
 Both functions take floats or arrays, in plain NumPy and inside Numba kernels. sin2pi is odd and
-cos2pi even to the last bit, so that the map's reflection symmetry is not broken by rounding.
+cos2pi even to the last bit, so the map's reflection symmetry is not broken by rounding.
 """
 
 import numpy as np

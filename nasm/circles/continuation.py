@@ -12,7 +12,7 @@ Near the breakup the circle is self-similar. For ω with the tail (b_1, …, b_m
 up to terms that vanish as d → 0. Λ is the factor by which the denominators of the convergents grow
 over m partial quotients, and δ is the unstable eigenvalue of renormalisation; both are the same for
 all circles with that tail. So M blows up like d^(-ν), ν = log Λ / log δ, times a function that is
-periodic in log M. This function is constant for golden tails, and varies by ±10% for the tail of
+periodic in log M. This function is constant for golden tails, and varies by ±10% for tails of
 fours. Three scales at which M differs by factors of Λ and Λ² are in phase, and yield s_c by
 Richardson extrapolation with the ratios δ and δ².
 
@@ -78,7 +78,7 @@ class ContinuationSettings:
         Error assigned to s_c if it is extrapolated from two scales, divided by the distance from
         s_c to the last circle; the largest ratio observed was 2.3.
     error_without_delta : float
-        Minimum error of s_c if δ is not known, divided by the distance from s_c to the last circle.
+        Minimum error of s_c if δ is unknown, divided by the distance from s_c to the last circle.
     test_distance : float
         Minimum relative distance beyond the estimate at which `farey.circle_exists` tests, by
         residues, whether the circle exists.
@@ -160,8 +160,8 @@ def critical_scale(
     third scale plus the change due to the highest modes, whichever is larger. Near a forcing of
     shorter period the error includes the depth of the boundary's cusp there, until the circles
     resolve the cusp. The error is three times the distance from the last circle to the value if M
-    has not grown by Λ² yet, and at least a fifth of that distance if δ is not known for the tail
-    of ω.
+    has not yet grown by a factor of Λ², and at least a fifth of that distance if δ is unknown for
+    the tail of ω.
 
     Examples
     --------
@@ -225,7 +225,7 @@ def certified_circle(
     start : array_like, shape (P,), optional
         Start of the segment; default 0.
     until : float
-        The `time.thread_time` after which no circle nearer to the breakup is tried.
+        The `time.thread_time` after which no circle closer to the breakup is attempted.
     settings : ContinuationSettings
         Numbers of modes, and settings of Newton's method.
 
@@ -239,8 +239,8 @@ def certified_circle(
     Notes
     -----
     The number of modes grows like 1/distance, and the time faster: it is 0.1 s at a distance of
-    10⁻⁴, and 9 s at 10⁻⁵, with 1 GB of memory. Rounding limits the distance: next to a cusp, the
-    smallest attainable one may be 3·10⁻⁵.
+    10⁻⁴, and 9 s at 10⁻⁵, with 1 GB of memory. Rounding limits the distance: close to a cusp,
+    the smallest attainable distance may be 3·10⁻⁵.
 
     Examples
     --------
@@ -390,7 +390,8 @@ def _estimate(omega, scales, log_m, growth, delta, settings):
     """Estimate s_c and its error from three scales, at M, M/Λ and M/Λ², or from the first two.
 
     The growth of M is measured from the wave number at which the tail of ω begins: the denominator
-    of the last convergent of its prefix. Returns NaN and inf if M has not grown by Λ yet.
+    of the last convergent of its prefix. Returns NaN and inf if M has not yet grown by
+    a factor of Λ.
     """
     decreases = np.flatnonzero(np.diff(log_m[0]) <= 0)  # far from the breakup M may decrease
     start = decreases[-1] + 1 if decreases.size else 0
@@ -464,8 +465,8 @@ def _distance(nodes, value):
 def _scaling(tail):
     """Return Λ and δ of a tail.
 
-    If δ is not known, δ = Λ is used, because ν = log Λ / log δ is close to 1: for the ten tails
-    tried it is 0.987 to 1.04.
+    If δ is unknown, δ = Λ is used, because ν = log Λ / log δ is close to 1: for the ten tails
+    tested it is 0.987 to 1.04.
     """
     (a, b), (c, d) = (1.0, 0.0), (0.0, 1.0)
     for quotient in tail:  # multiply by the matrix [[quotient, 1], [1, 0]]

@@ -56,12 +56,12 @@ __all__ = [
 ]
 
 MIN_POINTS, MAX_POINTS = 64, 2**16
-"""Number of points of the first grid, and of the finest one."""
+"""Number of points on the first grid, and on the finest one."""
 
 
 @dataclass(frozen=True)
 class NewtonSettings:
-    """Criteria for the convergence of Newton's method, and requirements of a certificate.
+    """Convergence criteria for Newton's method, and requirements for certification.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class NewtonSettings:
         Smallest divisor accepted among the modes in use. Smaller ones turn rounding errors of 10⁻¹⁷
         into updates of u above `max_update`.
     certificate_ratio : int
-        Number of points of the certificate's grid, divided by that of the circle's grid.
+        Number of points on the certification grid, divided by the number on the circle's grid.
     polished_residual : float
         max |E_j| below which `polish` ends.
     max_residual : float
@@ -174,8 +174,8 @@ def invariant_circle(
     1. Newton's method starts from `start`, or the circle is continued from κ = 0 along s·kappa: the
        step in s is doubled after a success and halved after a failure.
     2. The number of modes is doubled while the highest modes carry more than 0.3% of the H³ norm.
-    3. For the certificate, Newton's method must converge again, with h' > 0, on a grid four times
-       finer.
+    3. To certify the circle, Newton's method must converge again, with h' > 0, on a grid four
+       times finer.
 
     Parameters
     ----------
@@ -184,11 +184,11 @@ def invariant_circle(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     n_max : int
-        Maximum number of grid points, 64 to 65536; the certificate uses 4 times as many.
+        Maximum number of grid points, 64 to 65536; certification uses 4 times as many.
     start : array_like, shape (P, n), optional
         Deviations near the circle; n is a power of 2, at least 16.
     settings : NewtonSettings
-        Criteria for convergence, and requirements of the certificate.
+        Criteria for convergence, and requirements for certification.
 
     Returns
     -------
@@ -198,7 +198,7 @@ def invariant_circle(
     Notes
     -----
     An existing circle may be missed with too few modes or a bad start; `barriers.last_circle` finds
-    the circle next to a known breakup, on 10⁵ points or more. Certification is strong evidence, in
+    the circle close to a known breakup, on 10⁵ points or more. Certification is strong evidence, in
     floating-point arithmetic on 4n points, that a circle exists. This is not a proof: resonances of
     ω beyond the modes of that grid are not detected, for example if ω is very close to a fraction.
 
@@ -260,7 +260,7 @@ def certified(
     u: FloatArray,
     settings: NewtonSettings = DEFAULT_NEWTON_SETTINGS,
 ) -> InvariantCircle:
-    """Return the InvariantCircle of the deviations u, with the error and status from `certify`."""
+    """Return the InvariantCircle for the deviations u, with the error and status from `certify`."""
     return InvariantCircle(omega, kappa, u, *certify(omega, kappa, u, settings))
 
 

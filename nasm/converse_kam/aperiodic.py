@@ -72,7 +72,7 @@ HORIZON = 200
 If kicks grow beyond the breakup, rounding errors drive computed orbits away from a minimizing
 orbit: before the kick of strength κ_G in the ramp κ_G + 0.003·n, the longest lifetime found is 233
 kicks, while an orbit segment found by Newton's method survives 279. On lines before later kicks,
-the lifetimes found agree with those of a search for such segments, or are up to 6% longer
+the lifetimes found agree with those found by a search for such segments, or are up to 6% longer
 (29 lines, in ramps in which the strength grows by 10⁻² to 10⁻⁷ per kick)."""
 
 DEFAULT_SEARCH = SearchSettings(resolution=0.0)
@@ -80,7 +80,7 @@ DEFAULT_SEARCH = SearchSettings(resolution=0.0)
 
 @dataclass(frozen=True)
 class AperiodicSettings:
-    """Settings of the lines on which survivors are sought, and of the search on them.
+    """Settings for the lines on which survivors are sought, and for the search on them.
 
     Attributes
     ----------
@@ -264,7 +264,7 @@ def last_survivor(
     effort : int
         As for `longest_lived`.
     settings : AperiodicSettings
-        Settings of the lines and of the search on them.
+        Settings for the lines and for the search on them.
 
     Returns
     -------
@@ -331,7 +331,7 @@ def critical_scale(
     1. Bisect between a scale at which a start survives the middle quarter of the kicks and a scale
        at which no start does. Using a quarter leaves a margin: a start that a search misses may
        have a longer lifetime than the longest-lived one found, but seldom one four times as long.
-    2. Starts next to orbits that minimize the action have longer lifetimes than others, and may
+    2. Starts close to orbits that minimize the action have longer lifetimes than others, and may
        survive even above a scale without survivors. Therefore search up to 15% lower, and begin
        again from the lowest scale without survivors.
     3. At the end, search for survivors of all N kicks with an effort of 8.

@@ -150,7 +150,7 @@ class LineSettings:
         Maximum number of scales that `critical_scale` tries; it usually needs 10.
     min_slope, max_slope : float
         Bounds on slope/s_c in the law s - s_c = slope/T, with T in kicks; the upper bound is
-        multiplied by the period P. On 63 random rays of 2 to 4 kicks and 88 rays next to the
+        multiplied by the period P. On 63 random rays of 2 to 4 kicks and 88 rays close to the
         diagonal, slope/s_c was at least 0.68, and at most 1.01 P.
 
     Examples
@@ -177,7 +177,7 @@ class LongestLived:
     Attributes
     ----------
     site : int
-        Index, from 0, of the kick before which the start is taken.
+        Index, from 0, of the first kick applied to the start.
     x, y : float
         The start, in turns.
     kicks : float
@@ -254,8 +254,8 @@ def longest_lived(
     y : float
         The start, in [0, 1/2] up to the size of a cell.
     time : float
-        Its elimination time in steps; inf if the start survives n_max steps. It is then a survivor,
-        but not necessarily the longest-lived one.
+        Its elimination time in steps; inf if the start survives n_max steps, in which case other
+        starts may survive even longer.
 
     Notes
     -----
@@ -307,7 +307,7 @@ def critical_scale(
     -------
     CriticalScale
         upper : no start was found to survive n_max steps at this scale. error : a third of
-        upper - value, or all of it next to a cusp that lifetimes do not resolve. lower is NaN and
+        upper - value, or all of it near a cusp that lifetimes do not resolve. lower is NaN and
         omega is None, because the method does not find circles. The status is NOT_CONVERGED if
         `max_scales` is too small, or if lifetimes contradict each other or the law, e.g. because
         a search missed a survivor.
@@ -320,7 +320,7 @@ def critical_scale(
     Notes
     -----
     The factor 4.2 is (1/γ)³: the ripple repeats when T grows by a factor of 1/γ, if the last circle
-    has a golden tail. True errors were typically 3% of upper - value, and at most 15%; next to a
+    has a golden tail. True errors were typically 3% of upper - value, and at most 15%; near a
     cusp, at most 80%.
 
     Examples
@@ -380,7 +380,7 @@ def _lower_scale(lifetime, scale, time, slope, n_kicks, max_scales):
 
 
 def _gap(lifetime, scale, time, slope, min_slope, max_slope):
-    """Return the distance from `scale` down to the breakup, by the law; NaN if the law fails."""
+    """Return the distance from `scale` down to the breakup, from the law; NaN if the law fails."""
     higher = scale + (_LIFETIME_RATIO - 1) * slope / time
     if np.isnan(higher):
         return np.nan
@@ -540,11 +540,11 @@ def _replay(c, state, lane):
 def _elimination_times(c, x, w, y, n_max, times):
     """Write into `times`, for every start, the number of kicks until v ≤ 0; inf if above n_max.
 
-    A lane that has finished its start takes the next one.
+    A lane whose start is finished is assigned the next start.
     """
-    # An idle lane has v = NaN, which raises no alarm. If x and y have no rounding errors, an orbit
-    # may stay on an unstable periodic orbit forever; v then overflows to NaN, and the start
-    # correctly counts as a survivor.
+    # An idle lane has v = NaN, which does not trigger the alarm. If x and y have no rounding
+    # errors, an orbit may stay on an unstable periodic orbit forever; v then overflows to NaN, and
+    # the start correctly counts as a survivor.
     state, before = np.full((5, LANES), np.nan), np.empty((5, LANES))
     start, age = np.full(LANES, -1), np.zeros(LANES, np.int64)
     next_start, n_active = 0, 0

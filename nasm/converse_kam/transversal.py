@@ -15,7 +15,7 @@ The combination ξ_n v_{n+1} - ξ_{n+1} v_n = ξ_0 is constant, so v_n > 0, and 
 ξ_0/(v_n v_{n+1}) from each site to the next: ξ_1 > ξ_0 Σ 1/(v_n v_{n+1}). The same holds backwards,
 and ξ_1 + ξ_{-1} is ξ_0 times the right-hand side.
 
-Every rotational circle crosses any curve that leads from y = -∞ to y = ∞. If all starts on one such
+Every rotational circle crosses any curve that runs from y = -∞ to y = ∞. If all starts on one such
 curve are eliminated, no circle exists. Orbits that minimize the action are never eliminated. So the
 curve must pass through the gaps between them, for every ω, and a *minimax* orbit of p/q is in the
 middle of such a gap: among the orbits of p/q that minimize the action for a fixed x_0, it has the
@@ -29,8 +29,8 @@ line, the transversal is that line.
    the minimax orbit of (p + p')/(q + q'), at the point of this orbit nearest to the piece, relative
    to the width of its gap.
 3. Repeat step 2 as long as the longest-lived start survives all N steps, and N is large enough to
-   resolve the new corner: q + q' ≤ 4√N. This leads down the Farey tree, to minimizing orbits on the
-   curve, and to the circle that breaks last.
+   resolve the new corner: q + q' ≤ 4√N. The new corners descend the Farey tree, towards minimizing
+   orbits on the curve and the circle that breaks last.
 
 On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the curve beyond the
 breakup obeys s/s_c - 1 ≈ C/T, as on a symmetry line, with C in EXCESS_BOUNDS. These results rest
@@ -308,11 +308,11 @@ def upper_scale(
         Steps (periods of the forcing), 30 to 10⁶.
     start : array_like, shape (P,), optional
         Start of the segment; default 0. From a nonzero start the scale is just above the first
-        breakup, s ≥ 0, found in steps of 0.1 in the largest strength.
+        breakup at s ≥ 0, found by a scan in steps of 0.1 in the largest strength.
     n_sites : int, optional
-        Number of sites, 1 to 8, whose transversals are searched for survivors; default 8, or P if
-        that is less. With two sites the search takes half the time, but the scale may be a few
-        per cent higher.
+        Number of sites, 1 to 8, whose transversals are searched for survivors; default: 8 or P,
+        whichever is smaller. With two sites the search takes half the time, but the scale may be a
+        few per cent higher.
     until : float
         The `time.thread_time` after which the scale is not lowered any further.
     settings : TransversalSettings
@@ -538,8 +538,8 @@ def elimination(
     """Compute when each start before kick 0 is eliminated, and its slope γ.
 
     When a start is eliminated, the solution V of the linearised chain with V_0 = 1, V_{-1} = 1 - γ
-    has become ≤ 0 in both directions, or will soon become so: the two sums in the docstring of the
-    module are at least 1 + κ_0 cos 2πx_0 + γ and 1 - γ, or v or u has become negative.
+    has become ≤ 0 in both directions, or will soon become so: the two sums in the module docstring
+    are at least 1 + κ_0 cos 2πx_0 + γ and 1 - γ, or v or u has become negative.
 
     Parameters
     ----------

@@ -90,15 +90,15 @@ class BarrierProof(Result):
         Forcing. The proof holds for exactly these floats.
     short_omega, short_kappa
         Rotation number and forcing after shortening (`symmetries.shorten`); the proof applies to
-        these. Forcings of a triangle, or in a plane, are not shortened.
+        these. Forcings in a triangle or a plane are not shortened.
     tilt : tuple of float
         For a patch, one float for each strength of short_kappa; otherwise empty.
     scales : tuple of 2 floats
         Bounds of s for a patch; otherwise empty.
     n : int
-        Number of points of the grid.
+        Number of grid points.
     rho : float
-        Half width ρ of the strip to which the constants refer; NaN if E was not bounded. If the
+        Half width ρ of the strip for which the constants hold; NaN if E was not bounded. If the
         first step is computed, E was bounded in the strip of half width 2ρ.
     constants : dict of float
         Upper bounds on the constants of the theorem for all s and t; see proofs/README.md. If the
@@ -109,10 +109,10 @@ class BarrierProof(Result):
     coefficients : list
         Entry [m][l][j] is [re, im], two lists of integers: C_jml has the modes
         (re[k] + i im[k])·2^unit, k ≥ 0, and modes beyond the lists are 0. These functions are the
-        coefficients of u_j = Σ C_jml T_m(σ) T_l(t) in Chebyshev polynomials; σ is s, rescaled to
-        [-1, 1]. For one forcing m = l = 0.
+        coefficients in the Chebyshev expansion u_j = Σ C_jml T_m(σ) T_l(t); σ is s, rescaled to
+        [-1, 1]. For one forcing, m = l = 0.
     plane : Plane, optional
-        For a patch of a plane; kappa and tilt are then coordinates, and s multiplies displacements
+        For a patch in a plane; kappa and tilt are then coordinates, and s multiplies displacements
         from the plane's origin.
     stepped : bool
         True if the proof computes the first step, and thus uses a different theorem.
@@ -208,7 +208,7 @@ def prove(
     start: ArrayLike | None = None,
     budget: float = 20.0,
 ) -> BarrierProof:
-    """Prove that the circle of rotation number omega exists under the forcing kappa.
+    """Prove that the circle with rotation number omega exists under the forcing kappa.
 
     1. Shorten the forcing if it repeats itself (`symmetries.shorten`).
     2. Compute the circle in doubles, by `circles.invariant_circle`, unless `start` is passed.
@@ -233,7 +233,7 @@ def prove(
         Approximate deviations u of the circle on a grid. If the forcing is shortened, only the
         first rows are used.
     budget : float
-        CPU seconds; grids that would take longer are not tried, unless n is given.
+        CPU seconds; grids that would take longer are not attempted, unless n is given.
 
     Returns
     -------
@@ -300,8 +300,8 @@ def proved_lower(
 ) -> tuple[float, BarrierProof | None]:
     """Search for a scale s, as large as possible, at which the circle of omega is proved to exist.
 
-    The forcing is s·profile. Proofs are tried closer and closer to the breakup until the budget is
-    spent; the work is proportional to the distance from the breakup to the power -1.2 to -1.4. A
+    The forcing is s·profile. Proofs are attempted closer and closer to the breakup until the budget
+    is spent; the work is proportional to the distance from the breakup to the power -1.2 to -1.4. A
     proof holds for exactly s·profile rounded to doubles. It implies nothing about smaller scales,
     at which the circle might not exist; `patches.proved_below` covers these scales.
 
@@ -321,7 +321,7 @@ def proved_lower(
     Returns
     -------
     scale : float
-        Scale of the proof; NaN if nothing was proved.
+        Scale at which the proof holds; NaN if nothing was proved.
     proof : BarrierProof or None
         Proof at that scale, or the last failed attempt; None if no circle was found in doubles.
 
@@ -442,8 +442,8 @@ def _divisors(omega: RotationNumber) -> list[tuple[int, Ball, bool]]:
 def _russmann(omega: RotationNumber, delta: Ball) -> Ball:
     """Bound C_R = sup δ'σ(δ') over 0 < δ' ≤ δ, σ(δ) = sup_k e^{-2πkδ}/|e^{2πikω} - 1|.
 
-    The terms of the last period are taken at their peaks, for any delta. Multiplied by 1 + 10⁻⁶,
-    they bound the terms of all later n. See README.md, "Small divisors".
+    For any delta, the terms of the last period are replaced by their peaks. Multiplied by 1 + 10⁻⁶,
+    these bound the terms of all later n. See README.md, "Small divisors".
     """
     worst, two_pi = arb(0), 2 * arb.pi()
     for q, divisor, ends in _divisors(omega):
@@ -473,7 +473,7 @@ class Grid:
         self.angles = [arb(2 * i) / n for i in range(half if self.odd else n)]
 
     def under(self, kappa: list[Ball]) -> Self:
-        """Return a copy of this grid with other strengths."""
+        """Return a copy of this grid with different strengths."""
         other = copy(self)
         other.kappa = kappa
         return other
@@ -589,7 +589,7 @@ def bound_of_the_inverse(
 
 
 def both_sides(half: list[Ball], odd: bool) -> Any:
-    """Return the polynomial whose coefficients are all modes of a real f, given those of k ≥ 0."""
+    """Return the polynomial with all modes of a real f as coefficients, given those with k ≥ 0."""
     if odd:
         return arb_poly(half[:0:-1] + half)
     return acb_poly([acb(x).conjugate() for x in half[:0:-1]] + half)
@@ -655,7 +655,7 @@ def verified(
     sizes
         For each degree (m, l), the absolute values of the modes of C_jml.
     apart
-        For each degree, a bound on the difference of T_m T_l from its value at the nearest point.
+        For each degree, a bound on the deviation of T_m T_l from its value at the nearest point.
     kappa
         The strengths κ_j; for a patch, bounds on |κ_j|.
     between : callable
@@ -670,8 +670,8 @@ def verified(
     -------
     dict
         Fields of a `BarrierProof`, and `estimated_ratio`, the left-hand side of (1) in README.md,
-        estimated in floats. Otherwise, floats are used only to choose ρ, ρ̂, the cut and the
-        polynomials near 1/g_j'.
+        estimated in floats. Apart from this, floats are used only to choose ρ, ρ̂, the cut and
+        the polynomials near 1/g_j'.
     """
     (grid, *_), two_pi = grids, 2 * arb.pi()
     bounds = [[[[x.abs_upper() for x in row] for row in t] for t in rows] for rows in (u, E)]
@@ -771,7 +771,7 @@ def bounds_of_the_step(
 ) -> list[Ball]:
     """Bound ‖w_j‖_ρ in the step v_j = g_j'w_j, from majorants of g_j', E_j, 1/g_j' in `outer`.
 
-    Up to phases, which do not affect the bounds, the step is that of README.md, "The step".
+    Up to phases, which do not affect the bounds, this is the step defined in README.md, "The step".
     """
     delta = (outer - rho) / 2
     middle, sigma = outer - delta, _russmann(omega, delta) / delta
@@ -790,8 +790,8 @@ def bounds_of_the_step(
 def modes_of_the_sine(n: int, rho: Ball, rho_hat: Ball, cut: int) -> Majorant:
     """Bound the error of E_j if only modes |k| < cut, computed on n points, are used.
 
-    The error consists of the aliases of these modes, and of the other modes. The bounds assume that
-    |sin 2πg_j| ≤ 1 in |Im φ| ≤ ρ̂ and |κ_j| = 2π; the caller rescales them. Modes |k| ≥ n are
+    The error consists of the aliases of these modes and of the omitted modes. The bounds assume
+    that |sin 2πg_j| ≤ 1 in |Im φ| ≤ ρ̂ and |κ_j| = 2π; the caller rescales them. Modes |k| ≥ n are
     bounded by `rest`, in the strip ρ.
     """
     if not (0 < cut <= n // 2 and 0 < rho < rho_hat):

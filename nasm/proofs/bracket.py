@@ -2,7 +2,7 @@
 
 `nasm.proofs.barrier` proves the lower bound: a barrier exists at one scale. `nasm.proofs.patches`
 proves that one exists at every scale from 0 up to a slightly smaller scale. The upper bound is
-proved by `nasm.proofs.transport`. `nasm.barriers` only chooses the scales at which to try proofs.
+proved by `nasm.proofs.transport`. `nasm.barriers` only chooses the scales for the proofs.
 """
 
 import time
@@ -43,7 +43,7 @@ class ProvedBracket(Result):
     transport : TransportProof or None
         Proof at `upper`, or the last failed attempt; None if no proof was attempted.
     below : float
-        A barrier is proved to exist at s·profile for all 0 ≤ s ≤ below; NaN if this was not tried.
+        A barrier is proved to exist at s·profile for all 0 ≤ s ≤ below; NaN if not attempted.
     below_proofs : list of BarrierProof
         Proofs for intervals of s that together cover 0 ≤ s ≤ below.
 

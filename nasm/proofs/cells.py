@@ -1,8 +1,8 @@
 """Proofs of global transport in cells of a plane of forcings, and of barriers in triangles.
 
-`nasm.proofs.transport_cells` proves transport for all forcings of a cell; a cell for which the
+`nasm.proofs.transport_cells` proves transport for all forcings in a cell; a cell for which the
 proof fails is divided into four. `nasm.proofs.patches` proves that a barrier exists for all
-forcings of a triangle with a corner at the plane's origin.
+forcings in a triangle with a corner at the plane's origin.
 """
 
 from collections.abc import Sequence
@@ -24,8 +24,8 @@ OPEN = 1
 TRANSPORT = 2
 """State of a cell for which transport is proved to be global."""
 
-# Minimum relative distance from the boundary at which a proof limited to 1 s is tried; of 128
-# closer cells tried, transport was proved in only 2.
+# Minimum relative distance from the boundary at which a proof limited to 1 s is attempted;
+# in 128 attempts closer to it, transport was proved in only 2 cells.
 _MIN_DISTANCE = 0.003
 _ANGLE_ERROR = 1e-9  # degrees; rays at the ends of a wedge may be outside it by this angle
 

@@ -8,18 +8,18 @@ nasm/proofs/README.md, "Certificates", describes the fields and states the ten t
 
 *Transport.* Given a forcing, or a cell of forcings, and boxes with their lifetimes N, the program
 verifies that the boxes cover the initial conditions on a curve, and that for each box there is a
-sequence η of finite support for which the second variation along every orbit of the box is
+sequence η of finite support for which the second variation along every orbit in the box is
 
     Q = Σ_k η_k ((2 + κ_k cos 2πx_k) η_k - η_{k+1} - η_{k-1}) ≤ 0.
 
 On a symmetry line η is even, and only half of Q is summed. On a polygon η = 1 at the site of the
-curve, and both halves are summed: the sites from there on, and the sites before. The orbits of a
+curve, and both halves are summed: the sites from there on, and the earlier ones. The orbits in a
 box are
 
     x_k = x̂_k + Σ_i σ_i ξ_ik + Σ_{i≤j} σ_iσ_j ξ_ijk + ρ_k,   |σ_i| ≤ 1,
 
-where x̂_k, ξ_ik, … are numbers of 128 bits that are treated as exact; the bound on ρ_k includes
-their rounding errors. One parameter σ_i describes the initial condition; in a cell there are two
+where x̂_k, ξ_ik, … are 128-bit numbers that are treated as exact; the bound on ρ_k includes their
+rounding errors. One parameter σ_i describes the initial condition; in a cell there are two
 more, for the strengths k + Σ_i σ_i h_i. Any sequence of floats may serve as η.
 
 *A barrier.* The claim is about one forcing or a whole patch (called a "fan" in certificates).
@@ -66,7 +66,7 @@ MAX_TOTAL_KICKS = 10**7  # kicks of all boxes: a quarter of an hour
 MAX_QUOTIENTS, MAX_DIGITS = 200, 50  # quotients of ω, and digits of each quotient
 MAX_DEGREES = 64  # in s, and in t
 MAX_UNIT = 10**4  # limit on |unit| in 2^unit, and on the bits of the integers in a function
-_MAX_SPREAD = 1000  # turns between orbits of a box; above it, bounds grow like 4 to the power 4^n
+_MAX_SPREAD = 1000  # turns between orbits in a box; above it, bounds grow like 4 to the power 4^n
 MAX_MODES = 3 * 10**7  # modes of the longest function, times points, times kicks: an hour
 
 _TRANSPORT = {"site", "boxes", "lives"}
@@ -169,8 +169,9 @@ def _checked(certificate: Certificate, max_kicks: float) -> str:
     demand(hashlib.sha256(text).hexdigest() == certificate.get("sha256"), "the seal is broken")
     name = data["theorem"]["name"]
     digest, fields = THEOREMS[name]
-    demand(data["theorem"] == {"name": name, "version": 1, "sha256": digest}, "another statement")
-    demand(type(data["theorem"]["version"]) is int, "another statement")
+    message = "the statement of the theorem differs from the checker's"
+    demand(data["theorem"] == {"name": name, "version": 1, "sha256": digest}, message)
+    demand(type(data["theorem"]["version"]) is int, message)
     demand(data.keys() == {"claim", "theorem", *fields}, "fields are missing or unknown")
     within_limits(data, max_kicks)
     demand(data["claim"] == claim(data), f"the statement claimed is not {claim(data)!r}")
@@ -214,9 +215,9 @@ def within_limits(data: Certificate, max_kicks: float) -> None:
 
 
 def within_limits_of_plane(plane: Any) -> None:
-    """Refute unless a plane consists of three rows of equally many numbers."""
+    """Refute unless a plane consists of three rows of equal length."""
     demand(type(plane) is dict and plane.keys() == {*_PLANE}, "the plane is not three rows")
-    message = f"the plane is not three rows of equally many numbers, 1 to {MAX_PERIOD}"
+    message = f"the plane is not three rows of equal length, of 1 to {MAX_PERIOD} numbers"
     demand(all(is_row(row, MAX_PERIOD) for row in plane.values()), message)
     demand(len({len(row) for row in plane.values()}) == 1, message)
 
@@ -240,7 +241,7 @@ def within_limits_of_boxes(data: Certificate, max_kicks: float) -> None:
     demand(all(is_whole(lifetime) and 1 <= lifetime <= MAX_LIFETIME for lifetime in kicks), message)
     demand(sum(kicks) <= max_kicks, f"boxes have more than {max_kicks} kicks in all")
     columns = 7 if "plane" in data else 3 if several else 9 if "half_width" in data else 2
-    message = f"boxes are not {columns} texts of 16 digits for each lifetime"
+    message = f"boxes are not {columns} strings with 16 digits for each lifetime"
     demand(type(boxes) is list and len(boxes) == columns, message)
     demand(all(type(column) is str and len(column) == 16 * len(lives) for column in boxes), message)
     if several:
@@ -276,7 +277,7 @@ def within_limits_of_moves(data: Certificate) -> None:
                 demand(all(is_whole(x) and x.bit_length() <= MAX_UNIT for x in part), message)
                 longest = max(longest, len(part))
     points = (len(numbers) + 3) * (max(map(len, numbers)) + 3)
-    demand(longest * points * n_kicks(data) <= MAX_MODES, "too many modes for their points")
+    demand(longest * points * n_kicks(data) <= MAX_MODES, "too many modes, points and kicks")
 
 
 def is_whole(x: Any) -> bool:
@@ -383,7 +384,7 @@ def product(quotients: list[int]) -> tuple[tuple[int, int], tuple[int, int]]:
 
 def exact(text: Any) -> Fraction:
     """Read a number in the format of `float.hex`; refute others: "0.5" would be read as 5/16."""
-    demand(type(text) is str and len(text) <= 24, "a number is not a text of at most 24 characters")
+    demand(type(text) is str and len(text) <= 24, "a number is not a string of up to 24 characters")
     try:
         number = float.fromhex(text)
         demand(number.hex() == text, f"{text!r} is not as float.hex writes it")
@@ -393,7 +394,7 @@ def exact(text: Any) -> Fraction:
 
 
 def rows(columns: list[str]) -> list[tuple[Fraction, ...]]:
-    """Return rows of exact numbers from the texts of their columns, 16 digits per number."""
+    """Decode columns, hexadecimal strings of 16 digits per number, into rows of exact numbers."""
     data = [bytes.fromhex(column) for column in columns]
     numbers = [map(Fraction, struct.unpack(f">{len(each) // 8}d", each)) for each in data]
     return list(zip(*numbers, strict=True))
@@ -484,7 +485,7 @@ def curve(
 def on_the_segment(
     points: list[tuple[Fraction, ...]], piece: int, s: Fraction, delta: Fraction
 ) -> tuple[tuple[Fraction, Fraction], tuple[Fraction, Fraction]]:
-    """Return x and y in the middle of a box between two corners, and their changes to its end."""
+    """Return x and y in the middle of a box on a segment, and the changes from there to its end."""
     (x, y), (x_end, y_end) = points[piece : piece + 2]
     dx, dy, part = x_end - x, y_end - y, 2 * s - piece
     return (x + part * dx, y + part * dy), (2 * delta * dx, 2 * delta * dy)
@@ -564,8 +565,8 @@ def halves(start: Any, split: Fraction) -> tuple[tuple[tuple[Any, Any], ...], ..
     before it. In the half that begins at the site of the curve, η at the site before is taken as
     1 - split, which is also η at the first site of the other half.
     """
-    # Any slope for which v and t are not parallel is valid. Take split, or split + 1 if they would
-    # be nearly parallel with split.
+    # Any slope for which v and t are not parallel is valid. Choose split, or split + 1 if split
+    # would make them nearly parallel.
     (x, y), (x_width, y_width) = start
     near = abs(y_width - split * x_width) < (abs(x_width) + abs(y_width)) / 10_000
     slope = split + near
@@ -577,7 +578,7 @@ def halves(start: Any, split: Fraction) -> tuple[tuple[tuple[Any, Any], ...], ..
 def cover_of_piece(
     boxes: list[tuple[Fraction, ...]], kappa: list[Fraction], widths: list[Fraction]
 ) -> tuple[Fraction, Fraction]:
-    """Return the interval of y that boxes with the same shear cover for every κ of the cell.
+    """Return the interval of y that boxes with the same shear cover for every κ in the cell.
 
     In the coordinates u = y - g_0 κ_0 - g_1 κ_1, κ_0 and κ_1 the boxes are cuboids, and they must
     tile a cuboid.
@@ -618,7 +619,7 @@ def ball(fraction: Fraction) -> Ball:
 
 
 def second_variation(a: Fraction, box: Sequence[Fraction], lifetime: int) -> Ball:
-    """Bound Q/2 from above on a box of a symmetry line, for an even η chosen here.
+    """Bound Q/2 from above in a box on a symmetry line, for an even η chosen here.
 
     box : ŷ, δ, then k and h of each strength, beginning with the kick at x = a; in a cell, the
     shears follow.
@@ -694,7 +695,7 @@ def orbits(
         curved = sum(map(upper, bends)) + rho
         straight = sum(map(upper, moves))
         largest = straight + curved
-        demand(largest < _MAX_SPREAD, f"after {n} kicks the orbits of a box are too far apart")
+        demand(largest < _MAX_SPREAD, f"after {n} kicks the orbits in a box are too far apart")
         squares = curved * (largest + straight)  # ≥ |(x - x̂)² - ξ²|
         products = [moves[a] * moves[b] * (1 if a == b else 2) for a, b in pairs]
         # The change of this kick's strength, times ξ.
@@ -835,10 +836,11 @@ def neumann(size: Ball, defect: Ball) -> Ball:
 
 
 def quotients(text: Any) -> tuple[list[int], list[int]]:
-    """Parse a text like "[0;2,(1)]" into the quotients before the period, and one period."""
+    """Parse a string like "[0;2,(1)]" into the quotients before the period, and one period."""
     most = MAX_QUOTIENTS * (MAX_DIGITS + 1)
     demand(
-        type(text) is str and len(text) <= most, f"omega is not a text of at most {most} characters"
+        type(text) is str and len(text) <= most,
+        f"omega is not a string of up to {most} characters",
     )
     match = re.fullmatch(r"\[((?:-?\d+;)?(?:\d+,)*)\(((?:\d+,)*\d+)\)\]", text, re.ASCII)
     demand(match, f"{text[:40]!r} is not a quadratic irrational")

@@ -81,7 +81,7 @@ def certificate(
     scales : tuple of float
         For a patch: the forcings are s·(kappa + t·half_width), scales[0] ≤ s ≤ scales[1], |t| ≤ 1.
     plane : Plane, optional
-        The plane to which the coordinates above refer.
+        The plane, if the numbers above are coordinates in a plane.
 
     Raises
     ------

@@ -89,8 +89,8 @@ _MIN_DISTANCE_RATIO, _MAX_DISTANCE_RATIO = 0.5, 0.9
 # last.
 _RESIDUAL_AT_1_PERCENT, _RESIDUAL_POWER = 1e-14, 4.6
 # If the inequalities fail, ε is multiplied by _REDUCTION, until it reaches _MIN_REDUCTION times its
-# first value; then shorter patches are tried. Triangles in which another circle breaks last need
-# one reduction.
+# first value; then shorter patches are tried. Triangles in which a different circle breaks last
+# need one reduction.
 _REDUCTION, _MIN_REDUCTION = 1e-2, 1e-4
 _MORE_POINTS = 2  # E is computed at this many more points than there are degrees
 _MAX_NEWTON_STEPS = 8  # 1 to 3 are needed
@@ -128,7 +128,7 @@ def proved_below(
         Direction of the ray, not zero.
     value : float
         Scale at which the circle breaks, e.g. from `periodic.critical_scale`; 1e-300 to 1e306. For
-        a triangle, the smallest such scale on its rays. It only determines where proofs are tried.
+        a triangle, the smallest such scale on its rays. It only determines where to attempt proofs.
     budget : float
         CPU seconds, approximately. For two kicks, 2 s suffice to reach 0.97 of the breakup and 12 s
         to reach 0.99; proofs/README.md has a table.
@@ -137,8 +137,8 @@ def proved_below(
     nearest : float
         Relative distance from the breakup at which to stop, from 0 to 1.
     plane : Plane, optional
-        A plane in whose coordinates profile and tilt are given; s is measured from its origin. The
-        proof holds for exactly the floats of plane, profile and tilt.
+        The plane, if profile and tilt are coordinates in one; s is measured from its origin. The
+        proof holds for exactly the floats in plane, profile and tilt.
 
     Returns
     -------
@@ -146,7 +146,7 @@ def proved_below(
         The circle exists under s·(profile + t·tilt) for all real 0 ≤ s ≤ scale, |t| ≤ 1. This is a
         statement about real numbers: forcings rounded to floats lie off the ray by about 10⁻¹⁶.
     proofs : list of BarrierProof
-        Proofs of the patches that fill the ray or the triangle.
+        Proofs for the patches that fill the ray or the triangle.
 
     Raises
     ------
@@ -227,7 +227,7 @@ def _proved_between(
 ) -> BarrierProof:
     """Try to prove that the circle exists for low ≤ s ≤ high, below the breakup at `value`.
 
-    `reduction` multiplies ε, the error of interpolation for which Q and R are chosen.
+    `reduction` multiplies ε, the interpolation error for which Q and R are chosen.
     """
     about = about | {"scales": (low, high)}
     omega, plane = about["short_omega"], about.get("plane")
@@ -303,7 +303,7 @@ def _points(Q: int) -> FloatArray:
 
 
 def _points_across(far: list[circles.InvariantCircle], n: int, max_error: float) -> int:
-    """Choose R such that the error of interpolation in t is at most max_error.
+    """Choose R so that the interpolation error in t is at most max_error.
 
     The error is estimated as in `_Patch._between`, from the norms of the coefficients of the
     circles at the far end.
@@ -491,7 +491,7 @@ class _Patch:
     def _between(self, error: Ball, rho: Ball, norms: list[Ball], j: int) -> Ball:
         """Bound ‖E_j‖ for all σ and t, from its bound `error` at the points.
 
-        The error of interpolating the sine, in σ and in t, is bounded on ellipses whose semi-axes
+        The interpolation error of the sine, in σ and in t, is bounded on ellipses whose semi-axes
         add up to r.
         """
         (Q, R), two_pi, misses = self.shape, 2 * arb.pi(), []

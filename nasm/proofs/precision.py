@@ -19,7 +19,7 @@ def working_precision(bits: int) -> Iterator[None]:
     """Set the precision in a `with` block; other threads that set it wait until the block ends.
 
     Bounds are valid at any precision, but if one thread lowered it while another was computing, the
-    bounds of the other would become too wide.
+    latter's bounds would become too wide.
     """
     with _LOCK, ctx.workprec(bits):
         yield

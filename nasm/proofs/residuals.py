@@ -1,4 +1,4 @@
-"""Residuals of the circles of a patch, as sums of two floats, with bounds on rounding errors.
+"""Residuals of the circles in a patch, as sums of two floats, with bounds on rounding errors.
 
     E_j(φ) = u_{j+1}(φ + α) - 2u_j(φ) + u_{j-1}(φ - α) - (κ_j/2π) sin 2π(φ + u_j(φ))
 
@@ -13,11 +13,11 @@ amplify rounding errors in the mean square:
 proofs/README.md, "Rounding in a patch", derives this bound, and the one on E that `residuals`
 returns. Both rely on IEEE arithmetic with rounding to nearest, gradual underflow and a fused
 multiply-add, which `nasm.proofs.transport.check_arithmetic` tests at run time, and on FLINT's
-balls, against which the tables of sines and cosines are checked.
+balls; the tables of sines and cosines are checked against these balls.
 
 Arrays of numbers have a first axis of length 2, for a' and a''. Only modes with k ≥ 0 are stored,
-as all functions are real. The axis before that of k has length 2, for real and imaginary parts; for
-odd functions it has length 1, for the imaginary part.
+as all functions are real. The axis before the k axis has length 2, for real and imaginary parts;
+for odd functions it has length 1, for the imaginary part.
 """
 
 from collections.abc import Iterable
@@ -93,7 +93,7 @@ def _minus(a):
 
 @njit
 def _complex_product(a, b):
-    """Return the real and imaginary part of ab, with an error of at most 14.2·2⁻¹⁰⁶ |ab|."""
+    """Return the real and imaginary parts of ab, with an error of at most 14.2·2⁻¹⁰⁶ |ab|."""
     real = _sum(_product(a[0], b[0]), _minus(_product(a[1], b[1])))
     return real, _sum(_product(a[0], b[1]), _product(a[1], b[0]))
 
@@ -130,8 +130,8 @@ def _combine(A, x, result):
 def _transform(x, turns, first, y):
     """Set y_k to Σ_i x_i turns_{ik mod n}, n = first · 2^m; turns are powers of a root of unity.
 
-    Begin with transforms of length `first`, each of every 2^m-th number; then repeatedly combine
-    two transforms, of the numbers with even and with odd index, into one of twice the length.
+    Begin with transforms of length `first`, each over every 2^m-th number; then repeatedly combine
+    two transforms, over the numbers with even and with odd index, into one of twice the length.
     """
     n = len(x)
     blocks = n // first
@@ -194,7 +194,7 @@ def _compute(u, strengths, shifts, turns, points, angles, first, E):
     n = len(turns)
     back, x, y = turns.copy(), np.empty((n, 4)), np.empty((n, 4))
     back[:, 2:] *= -1
-    together = 2 if parts == 1 else 1  # two odd functions, f + ig, need one transform
+    together = 2 if parts == 1 else 1  # two odd functions share one transform, as f + ig
     for node in range(n_nodes):
         for j in range(0, n_sites, together):
             both = parts == 1 and j + 1 < n_sites

@@ -122,7 +122,7 @@ class Outcome(Enum):
         "not proved: the shortened forcing must have one kick, or two kicks with one weaker than "
         f"2, or at most {MAX_PERIOD} kicks that are weak enough for a twist map"
     )
-    WEAK = "not proved, and not tried: the kicks are so weak that a circle certainly exists"
+    WEAK = "not proved, and not attempted: the kicks are so weak that a circle certainly exists"
 
     __repr__ = Enum.__str__  # Outcome.PROVED, without its text
 
@@ -295,7 +295,7 @@ def prove(kappa: ArrayLike, budget: float = 10.0) -> TransportProof:
 def _unproved(
     outcome: Outcome, original_kappa: tuple[float, ...], kappa: tuple[float, ...]
 ) -> TransportProof:
-    """Return the TransportProof of an attempt that ended before there were boxes."""
+    """Return the TransportProof for an attempt that ended before there were boxes."""
     nothing = np.empty((0, 2))
     lifetimes = np.empty((0, 2), int)
     return TransportProof(

@@ -1,6 +1,6 @@
 """A proof that transport is global for every forcing in a cell of a plane.
 
-The forcings of a plane are κ_i = o_i + αF_i + βG_i, and a cell is |α - a| ≤ h_a, |β - b| ≤ h_b. The
+The forcings in a plane are κ_i = o_i + αF_i + βG_i, and a cell is |α - a| ≤ h_a, |β - b| ≤ h_b. The
 method of `nasm.proofs.transport` is extended to three parameters, the initial condition and the two
 coordinates of the forcing, in which orbits are expanded to second order:
 
@@ -86,7 +86,7 @@ _MAX_SLOPE_KICKS = 20_000  # maximum number of kicks, in each direction, used to
 _MAX_PLANE_STRENGTH = 4  # largest |κ| for which the bounds on rounding hold on a polygon
 _MIN_DELTA, _MIN_STRENGTH_WIDTH = 2.0**-45, 2.0**-40
 _KICKS_PER_BLOCK = 8  # kicks between checks for events
-_STATE, _ROWS, _COLUMNS = 40, 41, 10  # numbers per lane that change, and in all; numbers per box
+_STATE, _ROWS, _COLUMNS = 40, 41, 10  # changing and all numbers per lane; numbers per box
 _OF_KICK = 4  # numbers that describe a kick: k, f, g, and a bound on their rounding
 _MAX_WAITING = 4096  # maximum number of boxes on the stack
 _KICKS_PER_CALL, _MAX_ELIMINATED = 200_000, 16_384  # per kernel call, between checks of the clock
@@ -315,14 +315,14 @@ def prove_cell_of_plane(
     centre : array_like, shape (2,)
         Centre of the cell, in coordinates of the plane, a multiple of 2⁻³⁰.
     half_width : float or array_like, shape (2,)
-        Half widths of the cell, positive multiples of 2⁻³⁰. The outcome is SCOPE if one kick may be
+        Half widths of the cell, positive multiples of 2⁻³⁰. The outcome is SCOPE if any kick can be
         stronger than 4, or if the largest |κ_j| in the cell violate the twist condition of
         `transport.prove`.
     budget : float
         CPU seconds. Without `curve`, the search for one may take as long again.
     curve : (int, ndarray), optional
-        Site and corners of a curve, e.g. from another proof. The default is the curve of a proof
-        for the forcing at the centre.
+        Site and corners of a curve, e.g. from another proof. The default is the curve from a
+        proof for the forcing at the centre.
 
     Returns
     -------
@@ -398,11 +398,11 @@ def _covered(
     half_width: Sequence[float],
     budget: float,
 ) -> tuple[Outcome, FloatArray, IntArray]:
-    """Cover a curve with boxes, for all forcings of a cell.
+    """Cover a curve with boxes, for all forcings in a cell.
 
     forcings : rows o_i, F_i, G_i, beginning with the kick at the curve. points : corners of the
     curve, as in PlaneCellProof. is_line : whether the curve is a symmetry line under all forcings
-    of the plane.
+    in the plane.
     """
     waiting, n_waiting = np.empty((_MAX_WAITING, _COLUMNS)), 0
     (a, b), (h_a, h_b) = centre, half_width
@@ -535,7 +535,7 @@ def _start(lanes, kicks, lane, forcings, points, is_line, box, way):
     x, t, x_error = _coordinate(points[:, 0], box)
     y, zt, y_error = _coordinate(points[:, 1], box)
     zp = zq = 0.0  # last differences of p and q at the curve, where p = q = 0
-    if is_line:  # η is even: with this γ both directions are the same
+    if is_line:  # η is even: with this γ both directions are equivalent
         weight = 0.5 if x == 0.5 else -0.5  # -cos 2πa/2
         slope = weight * kicks[0, 0, lane]
         zp, zq = box[6] * box[3], box[7] * box[5]
@@ -558,22 +558,22 @@ def _start(lanes, kicks, lane, forcings, points, is_line, box, way):
     state[0], state[1] = x - 0.25, y - rint(y)
     state[2], state[3] = v, last
     state[4], state[5] = 1 + way * slope, slope  # V
-    # σ changes its sign if v and t would otherwise have a negative Wronskian.
+    # σ changes sign if v and t would otherwise have a negative Wronskian.
     state[6], state[7], state[9], state[11] = sign * t, sign * zt, zp, zq
     state[24] = 1.002 * scale * (x_error * abs(zt) + y_error * abs(t))  # A
     state[25] = 1.002 * scale * (x_error * abs(last) + y_error * abs(v))  # B
     if is_line:
-        # Site c counts half: half of the terms of σ_α and σ_β there, f_c cos 2πa and g_c cos 2πa,
-        # is subtracted beforehand.
+        # Site c counts half: half of the σ_α and σ_β terms there, f_c cos 2πa and g_c cos 2πa, are
+        # subtracted beforehand.
         state[27], state[28] = weight * kicks[0, 1, lane], weight * kicks[0, 2, lane]
     state[_STATE] = scale
 
 
 @njit(nogil=True, error_model="numpy")
 def _coordinate(corners, box):
-    """Return x or y of the middle of a box on a polygon, its change with σ, and an error bound.
+    """Return x or y at the middle of a box on a polygon, its change with σ, and an error bound.
 
-    The bound covers the sum of the rounding errors of both results, of x - 1/4 and of y - x.
+    The bound covers the sum of the rounding errors in both results, in x - 1/4 and in y - x.
     """
     at = int(box[8])
     part, width, z = 2 * box[0] - at, 2 * box[1], corners[at]
@@ -601,7 +601,7 @@ def _advance(kicks, lanes, events):
 
 @njit(nogil=True, error_model="numpy")
 def _replay(kicks, lanes, lane):
-    """Repeat the block of one lane; return the kicks up to its event, the outcome, and `split`."""
+    """Repeat a lane's block; return the number of kicks to its event, the outcome, and `split`."""
     state, scale = load_state(lanes, lane, _STATE, 1), lanes[_STATE, lane]
     for n in range(kicks.shape[0]):
         k, f, g, blur = kicks[n, 0, lane], kicks[n, 1, lane], kicks[n, 2, lane], kicks[n, 3, lane]

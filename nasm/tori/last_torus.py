@@ -9,8 +9,8 @@ three steps:
 1. `upper`: the lowest scale found at which converse KAM eliminates all starts, using the kicks from
    -N to N (`nasm.converse_kam.aperiodic`): no torus that is a graph exists at this scale.
 2. Below `upper` some starts survive. Weighted Birkhoff averages distinguish the starts on tori from
-   starts next to orbits that minimize the action, and yield the ω of the tori.
-3. `lower`: the largest scale at which a torus of one of these ω is certified.
+   starts close to orbits that minimize the action, and yield the ω of the tori.
+3. `lower`: the largest scale at which a torus with one of these ω is certified.
 
 The last torus breaks inside the bracket. Its ω may differ from that of the torus at `lower`.
 """
@@ -34,7 +34,7 @@ _METHOD = "converse KAM, and continuation of surviving tori"
 
 @dataclass(frozen=True)
 class LastTorusSettings:
-    """Precision of `upper`, and settings of the search for candidates for the last torus.
+    """Precision of `upper`, and settings that control the search for candidates for the last torus.
 
     Attributes
     ----------
@@ -105,9 +105,9 @@ def last_critical_scale(
     n_kicks : int
         N, the number of kicks before and after the middle one; 100 to 10⁶.
     tol : float
-        Target relative error of the breakup of a torus.
+        Target relative error of the scale at which a torus breaks.
     settings : LastTorusSettings
-        Precision of `upper`, and settings of the search for candidates.
+        Precision of `upper`, and settings that control the search for candidates.
 
     Returns
     -------

@@ -130,7 +130,7 @@ DEFAULT_SETTINGS = TorusSettings()
 
 @dataclass(frozen=True, eq=False, repr=False)
 class InvariantTorus(Result):
-    """A torus of rotation vector (omega, frequency), or the last iterate of Newton's method.
+    """A torus with rotation vector (omega, frequency), or the last iterate of Newton's method.
 
     Attributes
     ----------

@@ -117,7 +117,7 @@ def last_circles(on: Labels) -> Labels:
 
 
 def cube_name(plane: Plane) -> str:
-    """Return the name of the cube of last barriers in a store of several planes.
+    """Return the name of the cube of last barriers in a store that covers several planes.
 
     Examples
     --------
@@ -234,7 +234,7 @@ def degenerate_circle(plane: Plane, circle: str, angle: float, scale: float) -> 
     plane : Plane
         The plane of forcings.
     circle : str
-        Rotation number as a string; "" if it is not known.
+        Rotation number as a string; "" if it is unknown.
     angle : float
         Direction of the ray, in degrees.
     scale : float

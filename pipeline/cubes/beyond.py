@@ -36,7 +36,7 @@ def escape_times(
     sizes: Sequence[int],
     n_max: int,
 ) -> Job:
-    """Return the Job of first escape times, dims (ensemble, angle, excess).
+    """Return the Job for first escape times, dims (ensemble, angle, excess).
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def flux(
     excesses: Sequence[float],
     q_max: int,
 ) -> Job:
-    """Return the Job of the flux through the broken last circle: the area ΔW per step.
+    """Return the Job for the flux through the broken last circle: the area ΔW per step.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def flux(
 def diffusion(
     scales: Mapping[float, float], excesses: Sequence[float], n_orbits: int, n_max: int
 ) -> Job:
-    """Return the Job of the diffusion coefficient D of momentum under two kicks, from ensembles.
+    """Return the Job for the momentum diffusion coefficient D under two kicks, from ensembles.
 
     Parameters
     ----------

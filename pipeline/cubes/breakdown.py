@@ -4,7 +4,7 @@ On a ray, κ = origin + s·(cos angle · first + sin angle · second); see `nasm
 cube are (row, angle), where a row is a circle or a frequency; a cube without rows has the dim
 (angle). Angles are in degrees. See arXiv:1606.04824, Sec. VI.
 
-Next to cusps, and for rotation numbers with large quotients, continuation runs out of modes before
+Close to cusps, and for rotation numbers with large quotients, continuation runs out of modes before
 it reaches the tolerance. In these cases, residues of long orbits may still reach it. The variable
 `method` names the method that produced the result.
 """
@@ -99,10 +99,10 @@ def by_continuation(
     tol: float,
     q_max: int = 6000,
 ) -> Job:
-    """Return the Job of the cube `breakdown`: circles continued to their breakup.
+    """Return the Job for the cube `breakdown`: circles continued to their breakup.
 
-    If continuation does not reach the error tol, residues for periods up to q_max are tried; see
-    `continued_or_by_residue`.
+    Where continuation does not reach the error tol, residues for periods up to q_max are used if
+    they are more accurate; see `continued_or_by_residue`.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def by_continuation(
 
 
 def _predict_continuation(seconds: float, coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds from the tail of ω and the mean time per ray of the paper's circles.
+    """Predict CPU seconds from the tail of ω and the mean time per ray for the paper's circles.
 
     Golden circles take two thirds as long as the mean. Circles with a tail of fours, whose breakup
     is resolved only with more modes, take 2.6 times as long as golden ones.
@@ -139,7 +139,7 @@ def _predict_continuation(seconds: float, coords: Coords, settings: Settings) ->
 def by_residue(
     plane: Plane, omegas: Sequence[RotationNumber], angles: Sequence[float], q_max: int
 ) -> Job:
-    """Return the Job of the cube `breakdown_residue`: Greene's residue for periods up to q_max.
+    """Return the Job for the cube `breakdown_residue`: Greene's residue for periods up to q_max.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def by_residue(
 
 
 def by_escape(plane: Plane, angles: Sequence[float], n_max: int, n_orbits: int) -> Job:
-    """Return the Job of the cube `transport`: the onset of transport within n_max steps.
+    """Return the Job for the cube `transport`: the onset of transport within n_max steps.
 
     Examples
     --------
@@ -187,7 +187,7 @@ def job_on_rays(
     title: str,
     more: Mapping[str, xr.Variable] | None = None,
 ) -> Job:
-    """Return the Job of a cube of critical scales; a tile contains several rays of one row.
+    """Return the Job for a cube of critical scales; a tile contains several rays of one row.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def _job(
     seconds: float,
     settings: Settings,
 ) -> Job:
-    """Return the Job of critical scales computed by the method named in the settings."""
+    """Return the Job for critical scales computed by the method named in the settings."""
     first_ray = {key: row.values[:1] for key, row in rows.items()} | {"angle": np.array(angles[:1])}
     settings = plane.record | settings
     warm_up = partial(_load, first_ray, settings | _METHODS[settings["method"]][1])
@@ -279,7 +279,7 @@ def _job(
 
 
 def _load(coords: Coords, settings: Settings) -> None:
-    """Compile the kernels of a method by running it with the least effort."""
+    """Compile the kernels of a method by running it with minimal effort."""
     if settings["method"] != escape.METHOD:
         load_orbits()
     _compute(coords, settings)

@@ -4,7 +4,7 @@ A cube consists of a lazy xarray template (variables, dims, coordinates, units),
 tile along each tiled dimension, and the settings that determine its values. Two cubes with the same
 `config_hash` contain the same numbers, no matter on which machine or in what order they are
 computed; see `nasm.arithmetic.reproducible`. The only exceptions are bounds that are proved within
-a time limit, which depend on the machine. A cube without tiles (see `untiled`) is identified by its
+a time limit; these depend on the machine. A cube without tiles (see `untiled`) is identified by its
 settings alone, which are known before it is computed.
 """
 
@@ -52,7 +52,7 @@ Labels: TypeAlias = dict[str, xr.Variable]
 
 @dataclass(frozen=True)
 class Cube:
-    """The plan of one cube. Every computed variable has all dims of a tile, in the same order.
+    """The plan of one cube. Every computed variable has all tiled dims, in the same order.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Cube:
     template : xr.Dataset
         Coordinates, and variables with dims, dtypes and attributes but without values.
     tile : dict of str to int
-        Number of cells of a tile along each tiled dim. A tile is the unit of work and of storage.
+        Number of cells per tile along each tiled dim. A tile is the unit of work and of storage.
     settings : dict
         Everything besides the coordinates that determines the values; must be JSON-serializable.
 
@@ -153,7 +153,7 @@ class Job:
     predict : callable
         (coordinates of a tile, settings) → CPU seconds that `compute` will take.
     warm_up : callable
-        () → anything; compiles the kernels of `compute`, once in each worker.
+        () → anything; compiles the kernels that `compute` uses, once in each worker.
     call : str
         The call that created the job; "" if no function of `pipeline.jobs` created it.
     """
@@ -325,7 +325,7 @@ def field_arrays(answers: Sequence[Any] | np.ndarray, names: Mapping[str, str]) 
     Returns
     -------
     dict of str to ndarray
-        {variable: array of its field}, and the codes of `status`, in the shape of `answers`.
+        {variable: array of its field}, and the codes of `status`, with the shape of `answers`.
     """
     table = np.array(answers, dtype=object)
     arrays = {name: np.vectorize(attrgetter(f), "d")(table) for name, f in names.items()}

@@ -99,7 +99,7 @@ def axes_of_plane(plane: Plane, axes: Sequence["Axis"]) -> Labels:
 
 
 def composed(cube: Cube, levels: int, follow: Sequence[int]) -> Cube:
-    """Return the Cube of a plane composed of levels of refinement.
+    """Return the Cube that combines the levels of refinement of a plane.
 
     Its variable `level` contains the refinement level of each value.
 
@@ -162,7 +162,7 @@ def _on_plane(coords: Coords, settings: Settings) -> Arrays:
 def _predict_plane(coords: Coords, settings: Settings) -> float:
     """Predict CPU seconds from 64 orbits in each of a few cells, over at most 2000 steps.
 
-    The cost of a cell is the number of orbits of the ensemble times the first escape time in this
+    The cost of a cell is the number of orbits in the ensemble times the first escape time in this
     sample, or times n_max if none of the 64 orbits escapes.
     """
     axes, n_max = {dim: coords[dim] for dim in plane_of(settings).axes}, settings["n_max"]

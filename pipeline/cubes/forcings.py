@@ -7,7 +7,7 @@ larger rms strength than under constant kicks.
 For the comparison, profiles are normalised to rms 1, so that the scale s is the rms strength. There
 is no barrier if one of 64 orbits escapes; orbits begin to escape a few percent above the last
 breakup. If no orbit escapes at 1.001 times the critical scale of constant kicks, converse KAM is
-tried at this scale: if no barrier exists, the method eliminates all starts, to within the
+applied at this scale: if no barrier exists, the method eliminates all starts, to within the
 resolution of its search. Within 100 periods it excluded a barrier for 225 of 229 such forcings. As
 a check, converse KAM was applied to ripples of 2 to 8 kicks, 0.1% below the scale at which a circle
 is certified: of 45 circles it wrongly excluded none within 100 periods, one within 300, and three
@@ -97,7 +97,7 @@ def profiles_of(coords: Coords) -> list[FloatArray]:
 
 
 def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
-    """Compute the last barriers for the forcings of a tile."""
+    """Compute the last barriers for the forcings in a tile."""
     brackets = [barriers.critical_scale(row, settings["tol"]) for row in profiles_of(coords)]
     return scale_fields(brackets) | circle_arrays(brackets)
 
@@ -158,7 +158,7 @@ def scale_without_barrier(profile: FloatArray, golden: float) -> float:
     golden : float
         The critical strength of constant kicks.
     """
-    low, high = _MIN_SCALE * golden, 1.001 * golden  # a barrier at `high` outlasts constant kicks
+    low, high = _MIN_SCALE * golden, 1.001 * golden  # above the breakup for constant kicks
     if not any_orbit_escapes(profile, high):
         is_excluded = any(survivors.eliminates(high * profile, n) for n in _MAX_PERIODS)
         return high if is_excluded else np.inf
@@ -188,7 +188,7 @@ def random_climb(profile: FloatArray, golden: float, tries: int, seed: int) -> F
     Returns
     -------
     ndarray, shape (P,)
-        The last accepted profile, of rms 1; the initial profile if none was accepted.
+        The last accepted profile, with rms 1; the initial profile if none was accepted.
     """
     random, scale, step = np.random.default_rng(seed), _MIN_SCALE * golden, 0.3
     for _ in range(tries):
@@ -207,7 +207,7 @@ def _normalised(profile: FloatArray) -> FloatArray:
 
 
 def _against_constant(coords: Coords, settings: Settings) -> Arrays:
-    """Compute scales without a barrier for the forcings of a tile."""
+    """Compute scales without a barrier for the forcings in a tile."""
     golden, upper, rows = settings["golden"], [], map(_normalised, profiles_of(coords))
     for row, family, seed in zip(rows, coords["family"], coords["parameter"], strict=True):
         tries = settings["tries"] if family == "climb" else 0

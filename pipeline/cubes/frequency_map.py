@@ -52,7 +52,7 @@ def frequency_map(kappa: Sequence[float], axes: Sequence["Axis"], n_max: int, ti
     shared = "by the averages over the whole orbit and over its halves; few in chaotic regions"
     variables = {
         "omega": blank(coords, "rotation number, in turns per step", comment=f"{kicks}; {chaotic}"),
-        "digits": blank(coords, "reliable digits of omega", comment=f"those shared {shared}"),
+        "digits": blank(coords, "reliable digits of omega", comment=f"digits shared {shared}"),
     }
     references = "arXiv:1606.04824, Eq. (23)"
     labels = {"title": "Rotation number over phase space", "references": references}

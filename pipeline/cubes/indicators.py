@@ -1,16 +1,16 @@
-"""Indicators of transport for a list of forcings of two kicks, after various numbers of steps.
+"""Indicators of transport for a list of two-kick forcings, after various numbers of steps.
 
-Escape indicates transport directly. The other indicators describe single orbits; they indicate a
-barrier if *some start on a line looks regular and rotational*.
+Escape indicates transport directly. The other indicators describe individual orbits; they indicate
+a barrier if *some start on a line looks regular and rotational*.
 Every rotational circle, or its image under (x, y) → (-x, -y) or y → y + 1, crosses the line x = 0,
 0 ≤ y ≤ 1/2, on which the starts are evenly spaced. The first is at the golden fraction of the
 spacing, so that without kicks no start is resonant.
 
 - `escape`: the first step at which an orbit of an ensemble has left the window of `nasm.escape`;
   inf if no orbit leaves it within n steps.
-- `digits`: the largest number of digits of ω, by weighted Birkhoff averages, on a rotational orbit
-  from the line. An orbit counts as rotational if its ω differs from every fraction with a small
-  denominator by more than 10 times the error of ω.
+- `digits`: the largest number of reliable digits of ω, from weighted Birkhoff averages, on a
+  rotational orbit from the line. An orbit counts as rotational if its ω differs from every
+  fraction with a small denominator by more than 10 times the error of ω.
 - `exponent` and `fli`: the smallest finite-time Lyapunov exponent, and the smallest fast Lyapunov
   indicator, on a rotational orbit from the line. A chain of q islands has points 1/q apart, so an
   orbit in it obeys |q(x_n - x_0) - np| < 1; an orbit that obeys this for some q ≤ √n/2 does not
@@ -128,7 +128,7 @@ def line(n_starts: int) -> tuple[FloatArray, FloatArray]:
 
 
 def kicks_of(indicator: str, value: ArrayLike, n: ArrayLike, settings: Settings) -> FloatArray:
-    """Count the kicks of an indicator's orbits; orbits for `escape` stop at the first escape.
+    """Count the kicks that an indicator needs; orbits for `escape` stop at the first escape.
 
     Examples
     --------

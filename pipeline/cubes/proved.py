@@ -131,7 +131,7 @@ def uncertified_rays(tile: xr.Dataset, certificates: Iterable[Certificate]) -> s
     for i, profile in enumerate(plane_of(tile.attrs).ray(tile.angle.values)[1]):
         ray, place = tile.isel(angle=i), f"at {float(tile.angle[i]):g} degrees"
         if float(ray.proved_below) > proofs.covered_up_to(rays.get(tuple(profile.tolist()), [])):
-            return f"proved_below {place} has no certificates"
+            return f"the certificates {place} do not reach proved_below"
         for side, omega in (("proved_lower", ray.circle.item()), ("proved_upper", None)):
             scale = float(ray[side])
             if scale > 0 and (omega, tuple((scale * profile).tolist())) not in claims:
@@ -143,7 +143,7 @@ def proved_map(plane: Plane, rays: Sequence[Sequence[float]], cells: int, second
     """Return the Job of the cube `proved_map`: cells of forcings with global transport.
 
     Tiles outside the plane's fundamental domain, `wedge` (for two kicks, the tiles with κ2 > κ1),
-    are not computed, because they are images of the others (arXiv:1606.04824, Sec. III).
+    are not computed, because they are images of tiles inside it (arXiv:1606.04824, Sec. III).
     `everywhere` adds the images.
 
     Parameters
@@ -169,7 +169,7 @@ def proved_map(plane: Plane, rays: Sequence[Sequence[float]], cells: int, second
     angles, scales = np.transpose(rays)
     farthest = (scales * np.abs(symmetries.ray(plane.unfold(angles))).max(axis=-1)).max()
     reach = int(np.ceil(_STEP * _MARGIN * farthest)) / _STEP
-    # With mirrors at both axes, the map begins at 0.
+    # If reflections in both axes are symmetries, the map begins at 0.
     begin = 0.0 if {(True, 0), (True, 180)} <= _elements(plane) else -reach
     width = max(2.0 ** np.floor(np.log2((reach - begin) / _BLOCKS)), 1 / cells)
     at = begin + (np.arange(round((reach - begin) * cells)) + 0.5) / cells
@@ -392,7 +392,7 @@ def _load_triangles() -> None:
 
 
 def _seconds(plane: Plane, nearest: float) -> float:
-    """Estimate the CPU seconds that a triangle takes; triangles next to a cusp take longer."""
+    """Estimate the CPU seconds that a triangle takes; triangles near a cusp take longer."""
     return (1 + 6 * (0.1 / nearest) ** 1.35) * (max(len(plane.origin), 2) / 2) ** 2.5
 
 
@@ -525,7 +525,7 @@ def pack_certificates(proofs: Iterable[Any]) -> dict[str, bytes]:
     """Return what a tile stores besides its arrays: the certificates of its proofs, compressed.
 
     Failed proofs and None are omitted; the result is {} if no proof remains. Certificates are
-    written to the compressed file one by one, because certificates of cells take a lot of memory.
+    written to the compressed file one by one, because certificates for cells take a lot of memory.
     """
     proved, data = [proof for proof in proofs if proof and proof.proved], BytesIO()
     if not proved:

@@ -58,8 +58,8 @@ def last_barriers(
     fractions : sequence of Fraction
         Rational frequencies Ω = p/q.
     n_phases : int
-        Number of phases φ0 for each Ω, at least 2. They span [0, 1/(2q)]; phases outside this
-        interval are symmetric to phases inside it.
+        Number of phases φ0 for each Ω, at least 2. They span [0, 1/(2q)]; by symmetry, phases
+        outside this interval are equivalent to phases inside it.
     irrational : sequence of float
         Irrational frequencies.
     angles : sequence of float
@@ -104,7 +104,7 @@ def last_barriers(
 
 
 def ripples(fractions: Sequence[Fraction], depths: Sequence[float], tol: float) -> Job:
-    """Return the Job of the cube `ripple_spectrum`: last barriers of κ_n = κ(1 + d cos 2πnΩ).
+    """Return the Job of the cube `ripple_spectrum`: last barriers under κ_n = κ(1 + d cos 2πnΩ).
 
     The scale is κ. For periods of more than 64 kicks only `upper` is computed. Each tile contains
     a single pair (Ω, d).
@@ -143,7 +143,7 @@ def ripples(fractions: Sequence[Fraction], depths: Sequence[float], tol: float) 
 def breakups(vectors: Sequence[RotationVector], angles: Sequence[float], tol: float) -> Job:
     """Return the Job of the cube `tori`: tori continued to their breakup.
 
-    At the scale `upper` no torus of frequency Ω exists, for any ω.
+    At the scale `upper` no torus with frequency Ω exists, for any ω.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ def _load_last_barriers() -> None:
 
 
 def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
-    """Compute the last barriers of a tile, and their rotation numbers per kick."""
+    """Compute the last barriers in a tile, and their rotation numbers per kick."""
 
     def last(name: str, profile: FloatArray) -> tuple[CriticalScale, float]:
         (frequency, _, phase), (mean, amplitude) = name.partition(","), profile
@@ -307,7 +307,7 @@ def _brackets_and_turns(
 
 
 def _ripples(coords: Coords, settings: Settings) -> Arrays:
-    """Compute the last barriers of a tile of ripples."""
+    """Compute the last barriers in a tile of ripples."""
 
     def last(fraction: str, depth: float) -> tuple[CriticalScale, float]:
         return _last_circle(rotating_forcing(1.0, depth, fraction), settings["tol"])
@@ -328,7 +328,7 @@ def _predict_ripples(coords: Coords, settings: Settings) -> float:
 
 
 def _load_ripples(is_long: bool) -> None:
-    """Compile the kernels of last barriers; if `is_long`, also those for more than 64 kicks."""
+    """Compile the kernels for last barriers; if `is_long`, also those for more than 64 kicks."""
     load_searches()
     if is_long:
         profile = np.ones(MAX_PERIOD)
@@ -347,7 +347,7 @@ def _predict(coords: Coords, settings: Settings) -> float:
 
 
 def _breakups(coords: Coords, settings: Settings) -> Arrays:
-    """Compute the breakup of each torus of a tile."""
+    """Compute the breakup of each torus in a tile."""
 
     def bracket(omega: float, frequency: float, profile: FloatArray) -> CriticalScale:
         mean, amplitude = profile
@@ -361,7 +361,7 @@ def _breakups(coords: Coords, settings: Settings) -> Arrays:
 
 
 def _residues(coords: Coords, settings: Settings) -> Arrays:
-    """Compute the breakups of a tile by residues."""
+    """Compute the breakups in a tile by residues."""
     vectors, profiles = [vector.split(",") for vector in coords["vector"]], ray(coords["angle"])
     scales = [
         [periodic.torus_scale(*vector, *profile) for profile in profiles] for vector in vectors

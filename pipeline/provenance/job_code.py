@@ -42,7 +42,7 @@ def code_of(function: Callable[..., Any]) -> Code:
     Parameters
     ----------
     function : callable
-        A function of these packages or of the user, or a `functools.partial` of such functions.
+        A function from these packages, the user's own function, or a `functools.partial` of these.
 
     Raises
     ------

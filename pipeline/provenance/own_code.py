@@ -140,7 +140,7 @@ def _tree(label: str, item: Any) -> ast.Module:
             raise OSError("it was made by eval, exec or python -c")
         return ast.parse(textwrap.dedent(inspect.getsource(item)))
     except (OSError, TypeError, SyntaxError):
-        cure = "define it with def, in a file or in a cell of a notebook"
+        cure = "define it with def, in a file or in a notebook cell"
         raise ValueError(f"{label}: the text of {item!r} cannot be read; {cure}") from None
 
 

@@ -37,7 +37,7 @@ PROGRAM = f"{DISTRIBUTION} {__version__}"
 """Name and version of this program, stored as the attribute `source` of cubes."""
 
 VERSIONS = ", ".join(f"{library} {version(library)}" for library in _LIBRARIES)
-"""Versions of the libraries that affect the numbers, in one line."""
+"""Versions of the libraries that affect the numbers, on one line."""
 
 
 def modules() -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """Decode stores that may be untrusted: metadata are checked before any chunk is read.
 
 The metadata name the codecs that decode chunks, and some codecs execute the bytes of a chunk. The
-metadata also determine how much memory decoding takes. Only arrays like those of cubes are opened:
+metadata also determine how much memory decoding takes. Only arrays like those in cubes are opened:
 zarr 3 arrays of numbers or strings, with the codecs in `_CODECS`, and within the limits below. The
 unpacked size that a chunk declares is checked before it is unpacked.
 """
@@ -51,7 +51,7 @@ _BYTES = {"bool": 1, **_INTEGERS, "float32": 4, "float64": 8, "string": 64}  # i
 
 
 def arrays_in(root: dict[str, Any], path: str) -> dict[str, Any]:
-    """Return the metadata of each array of a group, and check that they are like those of cubes.
+    """Return the metadata of each array in a group, and check that they are like those in cubes.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def arrays_in(root: dict[str, Any], path: str) -> dict[str, Any]:
     Raises
     ------
     Refused
-        If an array is unlike those of cubes.
+        If an array is unlike those in cubes.
     tiles.DAMAGED
         Metadata that are truncated or changed may raise any error in this tuple.
     """
@@ -87,7 +87,7 @@ def arrays_in(root: dict[str, Any], path: str) -> dict[str, Any]:
     if sum(n for name, n in sizes.items() if _dims(arrays[name]) == [name]) > MAX_CHUNKS:
         refuse(f"it has more than {MAX_CHUNKS} labels")
     if sum(n for name, n in sizes.items() if arrays[name]["data_type"] == "string") > MAX_TEXTS:
-        refuse(f"it has more than {MAX_TEXTS} texts")
+        refuse(f"it has more than {MAX_TEXTS} strings")
     return arrays
 
 
@@ -107,7 +107,7 @@ def _dims(array: dict[str, Any]) -> list[str] | None:
 
 
 def _oddity(name: str, node: dict[str, Any]) -> str:
-    """Return a property in which the node differs from nodes of cubes, or "" if there is none."""
+    """Return a property in which the node differs from nodes in cubes, or "" if there is none."""
     if node["zarr_format"] != 3:
         return "a format other than zarr 3"
     if {"", ".", ".."} & {*name.split("/")}:
@@ -211,7 +211,7 @@ class VLenUTF8Codec(codecs.VLenUTF8Codec):  # zarr finds the codec by this class
     async def _decode_single(self, chunk_bytes: "Buffer", chunk_spec: "ArraySpec") -> "NDBuffer":
         data, n_texts = chunk_bytes.to_bytes(), prod(chunk_spec.shape)
         if int.from_bytes(data[:4], "little") != n_texts or len(data) > 4 + n_texts * MAX_TEXT:
-            raise ValueError(f"a chunk of {len(data)} bytes does not hold {n_texts} texts")
+            raise ValueError(f"a chunk of {len(data)} bytes does not hold {n_texts} strings")
         return await super()._decode_single(chunk_bytes, chunk_spec)
 
 

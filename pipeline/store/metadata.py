@@ -1,4 +1,4 @@
-"""Metadata of cubes. They are determined by the cube and its code and written before any tile.
+"""Metadata of cubes, determined by the cube and its code, and written before any tile.
 
 The first driver to write the group's zarr.json creates the cube; the settings of any other driver
 must agree with it. A second file, NAME.zarr/digests.json, contains the same attributes, and a
@@ -40,7 +40,7 @@ _MAX_NAMED = 3  # maximum number of changed files that a message names
 _MAX_CHUNK = 1024  # maximum number of cells along each dim of a chunk, in cubes without tiles
 
 COMPUTED_BY = EVERYTHING.computed_by
-"""The code, in one line, for cubes not computed by a job; jobs have `job.code.computed_by`."""
+"""The code, on one line, for cubes not computed by a job; jobs have `job.code.computed_by`."""
 
 
 def names(place: Place) -> list[str]:
@@ -73,7 +73,8 @@ def check(place: Place, cube: "Cube", computed_by: str) -> dict[str, Any]:
     Raises
     ------
     Refused
-        If the stored cube has different settings, or is incomplete and was started by other code.
+        If the stored cube has different settings, or is incomplete and was started by different
+        code.
     """
     attributes = _check_settings(place, cube)
     if not attributes:
@@ -110,7 +111,7 @@ def replace(place: Place, cube: "Cube", computed_by: str, call: str = "") -> Non
 
     Nothing is written if that version is identical and was computed by the same code. The group's
     zarr.json is deleted first and written last: in between, and after a crash, the cube does not
-    exist. The parameters are the same as for `create`, and so is the error if the settings differ.
+    exist. The parameters, and the error if the settings differ, are the same as for `create`.
     """
     template, by = cube.template.compute(), _provenance(computed_by, call)
     # If the template was made from another cube, drop the provenance of that cube.
@@ -133,7 +134,7 @@ def is_visible(place: Place, name: str, config_hash: str) -> bool:
 
 
 def _provenance(computed_by: str, call: str) -> dict[str, str]:
-    """Return attributes of a new cube: which program computes it, when, and by which call."""
+    """Return attributes of a new cube: the program that computes it, the time, and the call."""
     created = datetime.now(UTC).isoformat(timespec="seconds")
     return {
         "source": PROGRAM,
@@ -175,7 +176,7 @@ def _brief(setting: Any) -> Any:
 
 
 def _attributes(place: Place, name: str) -> dict[str, Any]:
-    """Return the attributes of the cube, or {} if it is missing, damaged or another program's."""
+    """Return the cube's attributes, or {} if it is missing, damaged or from another program."""
     with suppress(*DAMAGED):
         return _parsed(place.read(_key(name), MAX_METADATA))
     return {}
@@ -262,7 +263,7 @@ def _planned(place: Place, cube: "Cube", by: Mapping[str, Any]) -> dict[str, Arr
 
 def _not_ours(place: Place, name: str) -> Refused:
     """Return the error for a group that is not a cube."""
-    reason = "is not a cube of this program, or its metadata are lost"
+    reason = "is not a cube from this program, or its metadata are lost"
     cure = "delete it, or choose another --out or --store"
     return Refused(f"{place.cube(name)} {reason}; {cure}")
 
@@ -339,8 +340,8 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
 def _encoding(dtype: np.dtype, chunks: Sequence[int], *codecs: ZstdCodec) -> dict[str, Any]:
     """Return zarr's settings for an array; its fill value represents missing chunks.
 
-    For integers, the fill value is an extreme of the dtype, which is never computed. For floats, it
-    is NaN, which can also be computed.
+    For integers, the fill value is an extreme value of the dtype, which is never computed. For
+    floats, it is NaN, which can also be a computed value.
     """
     encoding: dict[str, Any] = {
         "chunks": tuple(chunks),

@@ -172,7 +172,7 @@ def without_password(text: str) -> str:
 
 @lru_cache
 def _opened(path: str) -> "ObjectStore":
-    """Return the obstore store of a directory or a URL."""
+    """Return the obstore store for a directory or a URL."""
     if "://" not in path:
         return LocalStore(path)
     # Retries are limited only by time: obstore's default of ten retries is used up in 2 to 8 s.

@@ -3,7 +3,7 @@
 Every tiled variable has one chunk for each tile: uncompressed numbers, followed by their CRC-32C.
 The commit record is stored in the same way, in a separate group that readers of the cube do not
 see. The checksum in the record covers the tile's data, its place and the code that computed it, so
-that a chunk of another tile or cube does not match.
+that a chunk from another tile or cube does not match.
 """
 
 import json
@@ -135,8 +135,8 @@ def blocks(
     """
     tile, n_tiles = tile_at(arrays, index), prod(arrays[COMMIT].cdata_shape)
     chunks = {}
-    # Cubes of earlier versions lack `of_tiles`, and may also have coordinates of cells, each in one
-    # chunk.
+    # Cubes written by earlier versions lack `of_tiles`, and may also have coordinates of cells,
+    # each in one chunk.
     for key in _attributes(arrays[COMMIT]).get("of_tiles", arrays):
         dims = [dim.removeprefix("tile_") for dim in _dims(arrays[key])]
         is_tiled = prod(arrays[key].cdata_shape) == n_tiles
@@ -363,12 +363,12 @@ def record_failure(place: Place, name: str, index: Sequence[int], reason: str) -
 
 
 def wanted_key(name: str) -> str:
-    """Return the key of the number of wanted tiles, stored if a sweep covers only some tiles."""
+    """Return the key of the file with the number of wanted tiles; only partial sweeps write it."""
     return f"{name}.zarr/.wanted"
 
 
 def failure_key(name: str, index: Sequence[int]) -> str:
-    """Return the key of the reason why the tile failed."""
+    """Return the key of the file that states why the tile failed."""
     return f"{name}.zarr/.failed/{'.'.join(map(str, index))}"
 
 

@@ -2,8 +2,8 @@
 
 A tile is done if its commit record and all its data exist. If only the record exists, the data of
 the tile are lost. A tile without a record failed at its last attempt if the store contains a reason
-for the failure; otherwise it has not been tried yet, or is not wanted. A tile is damaged if it has
-a record, but a chunk is lost, or does not match its own checksum or the checksum in the record.
+for the failure; otherwise it has not been attempted yet, or is not wanted. A tile is damaged if it
+has a record, but a chunk is lost, or does not match its own checksum or the checksum in the record.
 """
 
 from collections.abc import Iterator, Sequence
@@ -43,7 +43,7 @@ class State:
     lost : int
         Tiles that were committed, but have lost data since.
     failed : int
-        Tiles that failed when they were last tried.
+        Tiles that failed at their last attempt.
     reasons : dict
         The reasons for the first few failures, by the index of the tile.
     rate : float

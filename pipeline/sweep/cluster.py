@@ -51,7 +51,7 @@ _LOCAL = {
 }
 _TLS_FILES = "tls_ca_file", "tls_client_cert", "tls_client_key"
 _ADDRESS = re.compile(r"(tcp|tls)://[^/@\s]+:\d+")
-_FILE_PATIENCE = 10  # seconds to wait for the file of a scheduler that is being started
+_FILE_PATIENCE = 10  # seconds to wait for the scheduler file to appear
 _GUARD = (
     'workers import the script that starts them: put what it does below if __name__ == "__main__":'
 )
@@ -79,7 +79,7 @@ def connect(
     n_workers : int, optional
         Number of worker processes to start on this machine, at least 1; by default one per core.
     tls : sequence of str, optional
-        Files of the CA, the certificate and the key, for a "tls://" address.
+        The CA, certificate and key files, for a "tls://" address.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def _reason(error: BaseException) -> str:
 
 
 def write_credentials(client: Client, folder: str | Path) -> list[str]:
-    """Write the TLS files with which other processes can use the client's workers.
+    """Write the TLS files that other processes need to use the client's workers.
 
     Returns
     -------
@@ -244,7 +244,7 @@ def _address(scheduler: str) -> str:
         while not file.exists() and time.monotonic() < end:
             time.sleep(0.1)
         if not file.exists():
-            raise ClusterError(f"scheduler={scheduler!r}: no such file, nor is it an address")
+            raise ClusterError(f"scheduler={scheduler!r}: no such file, and not an address")
         with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
             address = json.loads(file.read_bytes())["address"]
     if not _ADDRESS.fullmatch(str(address)):

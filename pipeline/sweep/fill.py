@@ -24,7 +24,7 @@ _MAX_REASONS = 3  # maximum number of failures that a message lists
 
 
 class TilesFailed(RuntimeError):
-    """Some tiles failed. The others are kept; the same call tries the failed ones again.
+    """Some tiles failed. The others are kept; the same call retries the failed ones.
 
     Attributes
     ----------
@@ -111,8 +111,8 @@ def fill(
     Interrupted
         On Ctrl-C; this exception is a KeyboardInterrupt.
     store.Refused
-        If `out` contains that cube with other settings, or an incomplete cube begun by other
-        code, or if another run is writing to `out`. Nothing was changed.
+        If `out` contains that cube with different settings, or an incomplete cube started by
+        different code, or if another run is writing to `out`. Nothing has been changed.
     store.StoreFailed
         If the disk or the object store fails.
     ClusterError

@@ -2,7 +2,7 @@
 
 A tile is the unit of work and of storage: it is computed by one task, and stored in one file for
 each variable and one for the commit record. An axis LO:HI:N consists of N cells of equal width,
-each represented by its centre. Cutting each cell of an axis in half preserves the edges, so that
+each represented by its centre. Cutting each cell of an axis in half preserves its edges, so
 levels of refinement nest.
 """
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from pipeline.cubes.cube import Coords, Cube, Job
 
 MAX_CELLS = 2**20
-"""Maximum number of cells of an axis."""
+"""Maximum number of cells along an axis."""
 
 _MIN_TILES = 4096  # with fewer tiles, many of a thousand workers would be idle at the end
-_MAX_TILE_SECONDS = 3  # maximum predicted CPU time of a tile made of smaller ones
+_MAX_TILE_SECONDS = 3  # maximum predicted CPU time for a tile made of smaller ones
 _N_SAMPLED = 32  # number of tiles whose costs are predicted
 
 

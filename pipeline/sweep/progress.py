@@ -1,6 +1,6 @@
 """The progress line of a run: the fraction done, in predicted CPU seconds, and the time remaining.
 
-The remaining time of the sweeps is their remaining predicted CPU time, multiplied by the pace:
+The time remaining for the sweeps is their remaining predicted CPU time, multiplied by the pace:
 
     pace = seconds in which workers had work / predicted CPU seconds of the completed tiles
 
@@ -132,7 +132,7 @@ class Progress(AbstractContextManager):
         self.begun += seconds
 
     def warmed_up(self) -> None:
-        """Note that a worker has loaded its kernels."""
+        """Record that a worker has loaded its kernels."""
         if self.warming is not None:
             self.latest, self.warming = self.clock(), None
 

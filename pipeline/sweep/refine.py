@@ -1,6 +1,6 @@
 """Adaptive refinement: subdivide only the cells that a boundary crosses.
 
-Level 0 is computed in full. A cell of level l is on the boundary if the answer to a yes-or-no
+Level 0 is computed in full. A cell at level l lies on the boundary if the answer to a yes-or-no
 question differs between it and one of its eight neighbours; the tiles of level l + 1 that touch
 such a cell are computed next. Levels are composed into one array at the finest resolution, in which
 every cell has the value of the finest level computed for it.
@@ -19,7 +19,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from nasm.types import BoolArray, FloatArray
 
 FACTOR = 2
-"""Number of cells of the next level per cell, along each dimension."""
+"""Number of cells at the next level per cell, along each dimension."""
 
 Tiles: TypeAlias = set[tuple[int, int]]
 """Indices (row, column) of tiles."""
@@ -38,7 +38,7 @@ def refine(
     Parameters
     ----------
     compute : callable
-        (level, set of tiles or None for all) → field of that level, NaN where not computed. If
+        (level, set of tiles or None for all) → field at that level, NaN where not computed. If
         called again for a level with more tiles, it returns the field on all of them.
     ask : callable
         field → answers to the yes-or-no questions, bool array, shape (questions, rows, columns).
@@ -98,7 +98,7 @@ def compose(levels: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.int8]]
 
 
 def boundary_cells(answers: BoolArray) -> BoolArray:
-    """Mark the cells (rows, columns) that differ in an answer from one of their eight neighbours.
+    """Mark the cells (rows, columns) that differ in some answer from one of their eight neighbours.
 
     Parameters
     ----------

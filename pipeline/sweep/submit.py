@@ -31,7 +31,7 @@ def as_completed(
     look: float = _ROLL_CALL,
     priority: int = 0,
 ) -> Iterator[tuple[Any, Any] | None]:
-    """Yield (key, result or exception) of each call that ends, or None after `look` idle seconds.
+    """Yield (key, result or exception) for each call that ends, or None after `look` idle seconds.
 
     Closing this generator cancels the calls in flight.
 
@@ -53,8 +53,8 @@ def as_completed(
     ------
     ConnectionError
         If the scheduler has disappeared, or this machine has had no worker for half a minute (for
-        five minutes while workers are starting). For workers of a scheduler on another machine
-        there is no limit, because they may have to wait in a batch queue.
+        five minutes while workers are starting). If the scheduler is on another machine, there
+        is no limit, because its workers may have to wait in a batch queue.
     """
     in_flight: dict[Future, Any] = {}
     done: SimpleQueue[Future] = SimpleQueue()

@@ -73,7 +73,7 @@ class Outcome:
     committed : int
         Tiles that were committed.
     failed : dict
-        The reason for each failure, by the index of the tile.
+        The reason for each failure, by tile index.
     interrupted : bool
         True if Ctrl-C ended the sweep.
     remaining : int
@@ -114,7 +114,8 @@ def sweep(
     Raises
     ------
     store.Refused
-        If the store holds another cube of that name, or an incomplete one begun by other code.
+        If the store holds a different cube of that name, or an incomplete one started by other
+        code.
     store.StoreFailed
         If the store fails.
     ClusterError

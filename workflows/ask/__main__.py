@@ -49,7 +49,7 @@ def parse_forcing(strengths, plane, once):
         return kappa, (planes.two_kicks(), strengths) if kappa.size == 2 else None
     if len(strengths) != 2:
         axes = " and ".join(plane.axes)
-        raise ValueError(f"coordinates: {len(strengths)}; a point of {plane.name} has two, {axes}")
+        raise ValueError(f"coordinates: {len(strengths)}; a point in {plane.name} has two, {axes}")
     return forcing(plane.forcing(*strengths)), (plane, strengths)
 
 

@@ -1,4 +1,4 @@
-"""Verdicts as records, from which `workflows.ask` writes JSON, and tables of many forcings."""
+"""Verdicts as records, which `workflows.ask` writes as JSON or, for many forcings, as a table."""
 
 import csv
 from io import StringIO
@@ -11,7 +11,7 @@ _COLUMNS += ("error", "lower", "upper", "status", "steps")
 
 
 def answered(strengths, prove):
-    """Return the verdict on one period of kicks as a dict of texts and numbers.
+    """Return the verdict on one period of kicks as a dict of strings and numbers.
 
     value, error, lower and upper are factors that multiply the strengths; steps is a number of
     periods. Unknown numbers are None.

@@ -1,6 +1,6 @@
-"""Does each claim of the paper hold? A page and tables to read alongside the paper.
+"""Does each claim in the paper hold? A page and tables to read alongside the paper.
 
-For every claim of arXiv:1606.04824, the page lists our value with its error, the verdict that a
+For every claim in arXiv:1606.04824, the page lists our value with its error, the verdict that a
 rule in `workflows.claims.rules` derives from it, and the command that reproduces it. It also lists
 the errata and the envelope of all CB_ω.
 
@@ -16,8 +16,8 @@ from workflows.shared.cli import command, real, sweeps, whole
 @whole("--n-cusp-rays", 24, 0, 1000, "Extra rays, 5 to 0.01 degrees below the cusp at 45.")
 @whole("--n-image-rays", 6, 1, 1000, "Rays per 45 degrees, from 0 to 180, for images and for tori.")
 @real("--tol", 1e-4, 1e-5, 0.01, "Target width of the bracket of CB_gt, relative to the scale.")
-@whole("--n-max", 1_000_000, 10_000, 10**8, "Steps (periods of the forcing) of direct iteration.")
-@whole("--n-orbits", 1000, 10, 10**5, "Orbits of direct iteration.")
+@whole("--n-max", 1_000_000, 10_000, 10**8, "Steps (periods of the forcing) in direct iteration.")
+@whole("--n-orbits", 1000, 10, 10**5, "Orbits in direct iteration.")
 @sweeps
 def main(run, **size):
     from pipeline.cubes.cube import untiled

@@ -1,7 +1,7 @@
 """Claims about Algorithm 1 and about images of circles under symmetries (Secs. VI.A to VI.C).
 
-This module also finds the largest amplitude of circles, which Proposition 1 assumes to be below 1
-(Sec. V.B).
+The sections are those of arXiv:1606.04824. This module also finds the largest amplitude of any
+circle, which Proposition 1 assumes to be below 1 (Sec. V.B).
 """
 
 from functools import partial
@@ -105,8 +105,8 @@ def _symmetries():
     gamma, two_gamma = parse("gamma"), parse("2gamma")
     standard, other = golden_circle((0.5,)), golden_circle(_KAPPA)
     double = circles.symmetries.repeat(standard, 2)
-    # A circle K of S_κ∘R_{-1/2} is also a circle of the forcing (-κ, -κ), up to y → y + 1/2, which
-    # turns 2ω into 2ω + 1.
+    # A circle K of S_κ∘R_{-1/2} is also a circle under the forcing (-κ, -κ), up to y → y + 1/2,
+    # which turns 2ω into 2ω + 1.
     opposite = circles.symmetries.alternate(circles.symmetries.negate(double))
     single = circles.symmetries.interleave(standard)
     one_less = moebius(gamma, 1, 1)
@@ -158,8 +158,8 @@ def largest_amplitude():
     """Find the largest max y - min y over circles, before the first and the second kick.
 
     On each of six rays the circles are the last circle, at 0.999 of its breakup or as close to the
-    breakup as it can be certified, and the circles of seven fixed ω at several smaller scales, as
-    far as they can be certified there. A circle and its translate by y = 1 confine an orbit to
+    breakup as it can be certified, and the circles of seven fixed ω at several smaller scales,
+    if they can be certified there. A circle and its translate by y = 1 confine an orbit to
     |Δy| ≤ 1 + amplitude.
     """
     others = ["gamma", "2gamma", "[0;2,(1)]", "[0;3,(1)]", "[0;4,(1)]", "[0;1,3,(1)]", "[0;8,(1)]"]

@@ -17,8 +17,8 @@ HEADER = ("φ, degrees", "last circle, ω", "relative bracket", *NAMES)
 def ranges(circles, barrier):
     """List the ranges of rays with the same last circle, each range as a dict.
 
-    from, to : angles of the first and the last ray of the range, degrees.
-    circle : exact text of ω; "" where the methods do not identify it.
+    from, to : angles of the first and the last ray in the range, degrees.
+    circle : ω as exact text; "" where the methods do not identify it.
     bracket : the largest (upper - lower)/value; NaN if any is unknown.
     each of NAMES, the paper's six circles : smallest distance from its breakup to CB_gt, relative
         to CB_gt; NaN if no ray has a value.
@@ -44,7 +44,7 @@ def _shortfalls(circles, barrier):
 
 
 def cells(row):
-    """Return the texts of the cells of a row of `ranges`."""
+    """Return the cells of a row from `ranges`, as text."""
     ends = dict.fromkeys(f"{row[end]:.6g}" for end in ("from", "to"))
     return (
         " – ".join(ends),
@@ -69,7 +69,7 @@ def summary(circles, barrier, rows):
     return [
         f"On {domain.angle.size} rays there are {len(rows)} ranges and "
         f"{len({row['circle'] for row in rows if row['circle']})} different last circles. "
-        f"On {len(of_six)} of the ranges the last circle is one of the paper's six. The best of "
+        f"In {len(of_six)} of the ranges the last circle is one of the paper's six. The best of "
         f"the six falls short of CB_gt by up to {short[worst]:.3%} (at "
         f"φ = {domain.angle.values[worst]:.6g}°, where the last circle is "
         f"{domain.circle.values[worst]}), and by {np.nanmean(short):.3%} on average over the rays.",

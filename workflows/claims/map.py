@@ -25,7 +25,7 @@ def largest(difference, n_points=100):
 
 
 def apart(left, right, n_points=100):
-    """Find the largest difference of two functions of (kappa, x, y) on the points of `largest`."""
+    """Find the largest difference between two functions, at the same points as in `largest`."""
     return largest(lambda *z: np.subtract(left(*z), right(*z)), n_points)
 
 

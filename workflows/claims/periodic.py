@@ -21,7 +21,7 @@ def periodic_claims():
     tangents = np.array([[step_tangent(kappa, x, y) for kappa in kappas.T] for x, y in points])
     of_tangents = (2 - np.trace(tangents, axis1=-2, axis2=-1)) / 4
     off = max(np.abs(residues - printed / 2).max() for residues in (residue, of_tangents))
-    # The boundary between complex and real eigenvalues has measure zero: no sample is on it.
+    # The boundary between complex and real eigenvalues has measure zero: no sample lies on it.
     stable = np.abs(np.linalg.eigvals(tangents).imag).min(axis=-1) > 0
     wrong = int((stable != ((printed > 0) & (printed < 2))).sum())
     # P3 maps points I, II, III, IV to II, I, IV, III; P4 maps them to III, IV, I, II.
@@ -41,7 +41,7 @@ def periodic_claims():
 
 
 def _carried_orbits():
-    """Compare orbits of several p/q under κ1 > κ2 > 0 with their images under swapped kicks."""
+    """Compare orbits for several p/q under κ1 > κ2 > 0 with their images under swapped kicks."""
     worst, residues = 0.0, 0.0
     for kappa in ((0.5, 0.3), (0.8, 0.1), (0.35, 0.3)):
         for p, q in ((1, 2), (1, 3), (2, 5), (5, 8)):

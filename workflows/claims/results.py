@@ -1,7 +1,7 @@
-"""Claims about the boundaries CB_ω of circles (Sec. VI.D), and claims of the discussion (Sec. VII).
+"""Claims about the boundaries CB_ω of circles (Sec. VI.D), and claims in the discussion (Sec. VII).
 
-circles : the cube `breakdown_residue` of the paper's six ω. barrier : CB_gt on the same rays.
-tori : the cube `rotating_tori`. three : the cubes of three kicks, joined along `phase`. tori and
+circles : the cube `breakdown_residue` for the paper's six ω. barrier : CB_gt on the same rays.
+tori : the cube `rotating_tori`. three : the cubes for three kicks, joined along `phase`. tori and
 three contain `ratio`, the ratio of their scales to the scales for two kicks. three also contains
 `ratio_lower`, the ratio of its lower bounds to the upper bounds for two kicks.
 """
@@ -68,7 +68,7 @@ def _known_limits():
 
 
 def _blow_up():
-    """Measure ‖u‖_{H³}/‖u‖_{H²} of certified circles at three distances from the breakup."""
+    """Measure ‖u‖_{H³}/‖u‖_{H²} for certified circles at three distances from the breakup."""
     distances, grown = (1e-2, 3e-3, 1e-3), []
     for angle, name in ((0.0, "gamma"), (30.0, "gamma"), (30.0, "[0;1,3,(1)]")):
         omega, profile = parse(name), ray(angle)

@@ -92,5 +92,5 @@ def identity(deviation, bound, label="largest deviation"):
 
 
 def printed(text):
-    """Return the value of a printed number, and half a unit of its last digit."""
+    """Return the value of a printed number, and half a unit in its last digit."""
     return float(text), 0.5 * 10.0 ** -len(text.partition(".")[2])

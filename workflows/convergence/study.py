@@ -16,7 +16,7 @@ def breakups(plane, angles):
         found = barriers.critical_scale(plane.ray(angle)[1], 1e-3)
         if np.isnan(found.value):
             raise ValueError(
-                f"--angle {angle:g}: the breakup is not known; choose another ray "
+                f"--angle {angle:g}: the breakup is unknown; choose another ray "
                 f"({found.status.value})"
             )
         scales[angle] = found.value
@@ -42,7 +42,7 @@ def on_the_diagonal(bias, critical):
         "distance": ("n", distance, "κ_N - κ_c on the diagonal (κ, κ)"),
         "fit": ("n", power_law, "C N^(-1/η), fitted to the half that contains N"),
         "upper_half": ("n", upper.astype("int8"), "whether N is in the upper half"),
-        "eta": ("half", eta, "η of κ_N - κ_c ~ N^(-1/η)"),
+        "eta": ("half", eta, "η in κ_N - κ_c ~ N^(-1/η)"),
         "eta_error": ("half", error, "standard error of η"),
     }
     coords = {"n": (n, "steps N"), "half": text("half", ["small N", "large N"], "range of N")}

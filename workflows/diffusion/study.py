@@ -34,10 +34,10 @@ def findings(law):
         finding(
             "the cantorus of the last circle is the only obstacle, D = ΔW/m, with m such cantori "
             "per unit of y",
-            f"D is {span(ratio)} times ΔW/m under {ratio.size} forcings up to twice the breakup, "
-            f"and {span(first)} times at the forcings with a resolved D closest to the "
-            "boundary; where this ratio is smaller, the cantori of other circles, which break at "
-            "almost the same scale, are stronger obstacles",
+            f"D is {span(ratio)} times ΔW/m under {ratio.size} forcings, up to twice the scale of "
+            f"the breakup, and {span(first)} times at the forcings closest to the boundary where D "
+            "is resolved; where this ratio is smaller, the cantori of other circles, which break "
+            "at almost the same scale, are stronger obstacles",
             bool((abs(ratio - 1) < 0.2).all()),
             bool((ratio < 1.2).all()),
             ratio.size > 0,

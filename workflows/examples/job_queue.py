@@ -26,8 +26,8 @@ CANCEL = "scancel"
 INTERFACE = "ib0"  # the network that all nodes share; the scheduler listens on it
 SHARED = Path.home()  # a directory that all nodes can access
 # Workers end before the queue kills them, and not all at once. The tile that a worker is computing
-# when it ends is computed again elsewhere, so a tile should take much less time than a
-# worker's lifetime.
+# when it ends is recomputed elsewhere, so a tile should take much less time than a worker's
+# lifetime.
 WORKER = "--nworkers 16 --nthreads 1 --memory-limit 0 --lifetime 110m --lifetime-stagger 5m"
 JOB = """#!/bin/bash
 here=$(mktemp -d)  # on the node's disk: kernels, compiled once per job, and dask's files

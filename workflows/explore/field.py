@@ -175,7 +175,7 @@ class Quadtree:
         self._results[cells] = times
 
     def picture(self):
-        """Return the times of the view, and the largest size in pixels of a block of equal times.
+        """Return the times in the view, and the largest size, in pixels, of a block of equal times.
 
         Times have the shape of the view; they are inf if no orbit escapes within N steps, NaN if
         not known.
@@ -221,7 +221,7 @@ def _soonest(escapes, seconds):
 
 
 def _cut(times, n):
-    """Divide every cell into n × n cells of the same value."""
+    """Divide every cell into n × n cells with the same value."""
     return times.repeat(n, axis=0).repeat(n, axis=1)
 
 
@@ -246,7 +246,7 @@ def _at_boundary(times, steps):
 
 
 def _escapes(kappas, steps):
-    """Compute the first escape times of many forcings, on a worker."""
+    """Compute the first escape times for many forcings, on a worker."""
     starts, options = escape.ensemble(ORBITS), {"precision": precision_of(steps)}
     return escape.first_escape(kappas, *starts, [ORBITS], steps, **options)[0]
 

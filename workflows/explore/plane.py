@@ -32,7 +32,7 @@ _MAX_CELL_PIXELS = 3  # cells in OUT up to this size are not recomputed
 _MIN_EXCESS = 1e-3  # smallest relative distance from the boundary that is resolved between rays
 _ON_BOUNDARY = "on the boundary, or very close to it"
 _COLOURS = Magma256[:232]  # without the lightest colours, which resemble the greys
-_GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # not known, inside the boundary, outside
+_GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # unknown, inside the boundary, outside
 _GREY_MEANINGS = {"inside": "a circle exists", "outside": "no circle, but no escape within N"}
 _HALO = {"line_color": "white", "line_width": 5}
 _CROSS = {"size": 16, "marker": "marker", "angle": "angle", "fill_alpha": 0}
@@ -43,7 +43,7 @@ _MARKS = {
     "followed": lambda: [models.Line(x="a", y="b", line_width=2, line_dash="dashed")],
     "point": lambda: [models.Scatter(**_CROSS, **style) for style in (_HALO, {"line_width": 2})],
 }
-_CIRCLE = {"title": "where the circle of this ω breaks (dashed)", "width": 260, "restrict": False}
+_CIRCLE = {"title": "where the circle with this ω breaks (dashed)", "width": 260, "restrict": False}
 _CIRCLE |= {"placeholder": "gamma or [0;2,(1)]", "completions": [*NAMES], "min_characters": 1}
 
 
@@ -162,7 +162,7 @@ class PlanePanel:
         parts.append(self._distance(a, b))
         ray = self.shared.rays.nearest(a, b)
         if ray is not None:
-            circle = f"{ray.circle} = {ray.omega:.6g}" if ray.circle else "not known"
+            circle = f"{ray.circle} = {ray.omega:.6g}" if ray.circle else "unknown"
             parts.append(f"last circle of the nearest ray: ω = {circle}")
         self.message.text = " · ".join(filter(None, parts))
 

@@ -24,8 +24,8 @@ _PIXELS = 560  # along each side, until the browser reports its size
 _MAX_PIXELS = 1200
 _MAX_STEPS = 5000  # maximum number of steps of the longest-lived start's orbit
 _DOT_SPACING = 8  # pixels between dots of that orbit, on average, so that they do not form a line
-_MAX_POINTS = 5000  # maximum number of points drawn of a curve in the box
-_FINE_POINTS = 2**15  # minimum number of points of a whole circle
+_MAX_POINTS = 5000  # maximum number of points drawn for a curve in the box
+_FINE_POINTS = 2**15  # minimum number of points on a whole circle
 _PROFILE_STARTS = 200  # on the vertical midline of the view, for the profile of ω
 _MAX_Q = 34  # largest denominator of the convergents whose orbits are shown
 _BESIDE, _NARROW = 110, "@media (max-width: 600px) { :host { display: none } }"
@@ -304,7 +304,7 @@ def _decisive(kappa, verdict):
 
 
 def _cycles(kappa, omega, fraction, box):
-    """Return the periodic orbits of the convergents of ω and of p/q, and a message on p/q.
+    """Return the periodic orbits for the convergents of ω and for p/q, and a message about p/q.
 
     If a box is given, the curves include the manifolds of p/q.
     """

@@ -1,4 +1,4 @@
-"""Breakups of the last circle on rays: those known, and the rays still to compute for a view.
+"""Known breakups of the last circle on rays, and the rays still to be computed for a view.
 
 Breakups are computed as in arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`. The result
 for a ray also applies to its images under the symmetries of the plane.
@@ -30,15 +30,15 @@ _PARTS = 8  # groups of the rays of a circle, each computed separately
 _BRACKET = 1e-3  # relative width of brackets
 _WIDE_VIEW = 0.2  # width of a view above which a wide bracket suffices
 _MIN_RAYS = 8  # with at most this many rays in a view, the legend also names circles outside it
-_PICTURE_PAUSE = 1.0  # seconds between two pictures
+_PICTURE_PAUSE = 1.0  # seconds between successive pictures
 _START_DELAY = 0.5  # seconds to wait for a newer view, because computing a ray cannot be stopped
 _MAX_NUMBER, _PRECISION = 1e6, 2.0**-50  # size and relative precision of decimal rotation numbers
 _MAX_GAP = 25.0  # largest angle in degrees between rays that a line connects
 
 _COLUMNS = {
-    "scale": "scale at which the last circle breaks",  # NaN if not known
+    "scale": "scale at which the last circle breaks",  # NaN if unknown
     "error": "error of scale",
-    "circle": "rotation number of the last circle, per step, exact",  # "" if not known
+    "circle": "rotation number of the last circle, per step, exact",  # "" if unknown
     "omega": "rotation number of the last circle, per step, as a float",
 }
 Breakup = namedtuple("Breakup", _COLUMNS)  # the breakup of the last circle on a ray
@@ -62,7 +62,7 @@ class Rays:
         """Return (boundary, legend) for a view.
 
         The boundary consists of columns a, b and colour, with one piece of the line per ray; it is
-        None if the breakup is known on fewer than two rays. The legend is {text of ω: colour} for
+        None if the breakup is known on fewer than two rays. The legend is {ω as text: colour} for
         circles that break last over more than 1% of the angle in view.
         """
         angles, points, circles = self._points()
@@ -184,7 +184,7 @@ def computed(client, rays, view):
 
 
 def circle(client, plane, omega, view):
-    """Yield the known part of the line on which the circle of ω (a text) breaks, or None.
+    """Yield the known part of the line on which the circle of ω (a string) breaks, or None.
 
     None is yielded while nothing is added to the line.
     """
@@ -204,10 +204,10 @@ def circle(client, plane, omega, view):
 
 
 def named_by(text):
-    """Return the text of an irrational number, and a message.
+    """Return an irrational number as text, and a message.
 
     A decimal number is replaced by a noble number that rounds to it; the message names this number.
-    Other texts are returned unchanged, with the message "". A rational number raises ValueError.
+    Other strings are returned unchanged, with the message "". A rational number raises ValueError.
     """
     digits = re.fullmatch(r"[+-]?\d+\.(\d+)", text)
     if not digits and text and parse(text).is_rational:

@@ -70,7 +70,8 @@ class Shared:
     fields : {(View, N): Field}, the complete fields, the newest last.
     client : function that waits for the connection and returns the dask Client.
     connected : Event, set when the workers have started, or failed to start.
-    loaded : for "portrait" and "verdict", an Event, set when the kernels have loaded or failed to.
+    loaded : for "portrait" and "verdict", an Event, set when the kernels have loaded or failed
+    to load.
     preparing : what the page must wait for, as text; "" when all is ready.
     """
 
@@ -259,7 +260,7 @@ class _Refusal(RequestHandler):
 
 
 class _Web(BokehTornado):
-    """Bokeh's web application, whose pages start to compute once the browser has connected."""
+    """Bokeh's web application, whose pages start computing once the browser has connected."""
 
     def new_connection(self, protocol, socket, application_context, session):
         session.document.session_context.begin()

@@ -32,11 +32,11 @@ class State:
     plane : nasm.planes.Plane. point : (a, b), the coordinates of the forcing in this plane.
     steps : int, N, the limit on n*, the time of the first escape, in steps (periods).
     a, b : (low, high), the displayed ranges of the plane. x, y : the same for phase space.
-    omega : text of the ω whose circle is followed, or "".
+    omega : the ω whose circle is followed, as text, or "".
     orbits : starts ((x, y), …) added by the user.
-    fraction : text of the p/q whose periodic orbits are shown, or "".
+    fraction : the p/q whose periodic orbits are shown, as text, or "".
     show : frozenset of the names in LINES and ORBITS that are shown.
-    verdict : nasm.Verdict of the point, None until it is known.
+    verdict : nasm.Verdict for the point, None until it is known.
     drawn : the point whose portrait is shown. plays : True while the point is animated.
     datasets : {name: function → xarray.Dataset}; each panel adds the data that it shows.
     """
@@ -79,7 +79,7 @@ class State:
         self.take(fraction=fraction and str(fraction_of(fraction)))
 
     def follow(self, omega):
-        """Follow the circle of another ω, or none for ""; raise ValueError if no circle has that ω.
+        """Follow the circle with this ω, or none for ""; raise ValueError if no circle has this ω.
 
         A decimal number is replaced by a noble one; return a message about the replacement.
         """

@@ -81,8 +81,8 @@ class Latest:
     def submit(self, function, *args, done):
         """Compute function(*args) in a thread, and call done(result) on the event loop.
 
-        A newer call makes an older one void: the result of the older one is dropped. One call runs
-        at a time, and only the newest one waits. If the function is a generator, done(value) is
+        A newer call voids an older one, whose result is dropped. One call runs at a time, and only
+        the newest one waits. If the function is a generator, done(value) is
         called for each value that is not None. A generator that has become void is closed at its
         next `yield`, so it should yield often: None if there is nothing new to show.
         """
@@ -91,7 +91,7 @@ class Latest:
         self.start()
 
     def cancel(self):
-        """Make the running and the waiting computation void."""
+        """Void the running computation and the waiting one."""
         self._number += 1
         self._waiting = None
 
@@ -139,7 +139,7 @@ def spread(client, calls, max_workers=inf, priority=0):
 
     client : dask Client. calls : deque of (key, function, *args). max_workers, priority : as for
     `submit.as_completed`. Four calls are in flight for each worker, so that the scheduler
-    always has one to run before any call of a lower priority. All calls in flight are cancelled
+    always has one to run before any call with a lower priority. All calls in flight are cancelled
     when this generator is closed.
     """
     for item in as_completed(

@@ -47,7 +47,7 @@ def draw_verdict(kappa, point, name, verdict, orbits, longest, escaping):
     if escaping is None:
         for line, colour, words in ((0, COLOURS[0], "0"), (1, VERMILION, "1/2")):
             y, near = orbits.start_y[line::2], orbits.near[line::2]
-            time.plot(y, near, ".", color=colour, label=f"from $x = {words}$")
+            time.plot(y, near, ".", color=colour, label=f"starts at $x = {words}$")
         time.set(xlabel="$y$ of the start", ylabel=r"$\omega$, if regular", xlim=(0, 1))
         style.legend_below(time, 2, 2)
     else:

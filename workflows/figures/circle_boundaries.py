@@ -7,12 +7,12 @@ from workflows.figures import planes, style
 
 
 def draw_circle_boundaries(breakdown, barrier):
-    """Draw CB_ω of each rotation number, with CB_gt behind these curves (Fig. 8)."""
+    """Draw CB_ω for each rotation number, with CB_gt behind these curves (Fig. 8)."""
     figure, (axes,) = style.panels(1, 1, 10, 6.6)
     planes.fill_inside(axes, barrier, label=r"$\mathit{CB}_{gt}$")
     draw_circles(axes, breakdown)
     planes.label_plane(axes, barrier)
-    axes.set_title(r"Breakup of single circles, $\mathit{CB}_\omega$, and of the last one")
+    axes.set_title(r"Breakup of individual circles, $\mathit{CB}_\omega$, and of the last one")
     style.outer_legend(figure, 3, 2)
     return figure
 
@@ -42,7 +42,7 @@ def circle_boundaries_caption(breakdown, residues, barrier):
 def describe_circles(circles):
     """Describe how many points each method contributes, and the largest error drawn."""
     drawn, settings = style.known(circles.load()), circles.attrs
-    residue = f"Greene's residue of periods up to {settings['q_max']}"
+    residue = f"Greene's residue with periods up to {settings['q_max']}"
     by = {"residue": residue}
     if "tol" in settings:
         continuation = f"continuation to an error of {settings['tol']:g}"
@@ -96,7 +96,7 @@ def tips_caption(residues, circles):
     continued = circles.where(style.has_flag(circles.method, "continuation")).critical_scale
     off = abs(continued / residues.critical_scale - 1)
     return (
-        "The cusps: lines by Greene's residue of periods up to "
+        "The cusps: lines by Greene's residue with periods up to "
         f"{residues.attrs['q_max']}, points by continuation to an error of "
         f"{circles.attrs['tol']:g}, which is reached for {int(continued.notnull().sum())} of "
         f"{circles.status.size} pairs of a ray and a circle. Relative difference of the two "

@@ -45,8 +45,8 @@ def convergence_caption(bias, fits):
         f"{count[-1]} orbits escapes within N steps (periods of the forcing), N ≤ {int(n[-1])}. It "
         f"falls like N^(-1/η), with η = {etas} (statistical errors of the fit; the grid of "
         "excesses "
-        "and differences between rays contribute more). Grey lines: the paper's η, and 3.012 "
-        "from renormalisation. (b) Bias of smaller ensembles relative to the largest."
+        "and differences between rays contribute more). Grey lines: η from arXiv:1606.04824, "
+        "and 3.012 from renormalisation. (b) Bias of smaller ensembles relative to the largest."
     )
 
 
@@ -98,6 +98,6 @@ def diagonal_caption(diagonal):
         "the "
         f"breakup κ_G = {diagonal.critical:.9f} by residues, with {diagonal.n_orbits} orbits. Fit: "
         f"(κ_N - κ_G) ~ N^(-1/η) with η = {etas[0]} for N up to {small}, and {etas[1]} from there "
-        f"up to {large} (statistical errors of the fit; the paper gives 2.681, and 3.322 for large "
-        "N)."
+        f"up to {large} (statistical errors of the fit; arXiv:1606.04824 gives 2.681, and 3.322 "
+        "for large N)."
     )

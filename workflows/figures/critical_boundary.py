@@ -26,7 +26,7 @@ def draw_critical_boundary(plane, circles, barrier):
     behind = f"in colour, first escape of {int(plane.ensemble[-1])} orbits within ${steps}$ steps"
     join = " " if barrier.angle[-1] <= 180 else "\n"  # the upper half plane is wide
     axes.set_title(f"Where the last barrier breaks;{join}{behind}")
-    title = r"Lines: $\mathit{CB}_\omega$ of single circles"
+    title = r"Lines: $\mathit{CB}_\omega$ of individual circles"
     lines, _ = axes.get_legend_handles_labels()
     greys = {INSIDE: "a barrier exists", NO_ESCAPE: "no barrier, but no escape either"}
     lines += [Patch(facecolor=grey, edgecolor="0.5", label=label) for grey, label in greys.items()]

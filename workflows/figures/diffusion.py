@@ -36,7 +36,7 @@ def diffusion_caption(law, findings):
         f"diffusion is too slow to be resolved in {law.attrs['n_max']} steps, or D does not exist "
         "because of accelerator modes. "
         "Inside CB_gt a barrier exists and D = 0; D is not computed there. Other planes and "
-        f"numbers of kicks were not tried.\n{findings}"
+        f"numbers of kicks were not tested.\n{findings}"
     )
 
 

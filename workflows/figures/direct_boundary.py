@@ -32,7 +32,7 @@ def rays_caption(boundary):
         f"{boundary.sizes['angle']} rays, the smallest scale above which at least one of "
         f"{boundary.n_orbits} orbits started in [0, 1] × [0, 0.3] leaves -2 ≤ y ≤ 2.3 within "
         f"N = {n} steps (periods of the forcing). Line: the true boundary, bracketed by certified "
-        "circles and converse KAM. Excess of the former over the latter, median over the rays: "
+        "circles and converse KAM. Excess over the true boundary, median over the rays: "
         f"{biases} (resolution: {100 * boundary.spacing:.0f}% of the excess)."
     )
 

@@ -37,7 +37,7 @@ def draw_escape_plane(plane, steps):
 
 
 def draw_field(axes, plane):
-    """Draw the field on a log scale, with cells without escape in light grey; return the field."""
+    """Draw and return the field, on a log scale; cells without an escape are light grey."""
     field = plane.escape_time.isel(ensemble=-1).values
     finite = np.where(np.isfinite(field), field, np.nan)
     earliest = max(1.0, np.nanmin(finite)) if np.isfinite(finite).any() else 1.0

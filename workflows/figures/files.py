@@ -1,4 +1,4 @@
-"""Write the files of a command: each appears complete, or not at all."""
+"""Write output files so that each appears complete, or not at all."""
 
 import os
 import secrets
@@ -11,7 +11,7 @@ BESIDE = ".part"  # suffix of the name of a file that is being written
 def write(path, content):
     """Write text or bytes to a temporary file in the same folder, then rename it to `path`.
 
-    If the process is killed or the disk is full, the file of an earlier run remains complete.
+    If the process is killed or the disk is full, the file from an earlier run remains complete.
     """
     path = Path(path)
     beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{BESIDE}")

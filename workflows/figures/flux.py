@@ -31,7 +31,7 @@ def draw_flux(fluxes, fits):
     whole.set(title="Flux through the last circle after its breakup", yscale="log")
     whole.set_ylabel(r"$\Delta W$ per step (turns $\times$ $y$)")
     outer_legend(figure, 3)
-    divided.set(title=rf"The same, divided by $x^{{{eta:.4f}}}$", ylim=(0, None))
+    divided.set(title=rf"Flux divided by $x^{{{eta:.4f}}}$", ylim=(0, None))
     divided.set_ylabel(rf"$\Delta W / x^{{{eta:.4f}}}$")
     for axes in (whole, divided):
         axes.set(xscale="log", xlabel=r"distance beyond the breakup, $x = s/s_c - 1$")
@@ -57,7 +57,7 @@ def flux_caption(fluxes, fits):
     )
     return (
         "Flux through the cantorus of the last circle: the area that crosses it per step (one "
-        "period), which is the difference in action between minimax and minimizing orbits of "
+        "period), which is the difference in action between minimax and minimizing orbits with "
         f"periods up to {fluxes.attrs['q_max']}, against the distance beyond the breakup. Fits of "
         f"ΔW = C·x^η·exp(bx + cx²) up to x = 3%: {laws} (statistical errors of the fit). "
         f"Renormalisation predicts η = {fits.attrs['predicted_exponent']} for noble circles."

@@ -1,4 +1,4 @@
-"""Figure of the last barrier of rotating maps against their frequency, rational or irrational."""
+"""Figure of the last barrier in rotating maps against their frequency, rational or irrational."""
 
 from fractions import Fraction
 
@@ -15,12 +15,12 @@ def draw_frequencies(cube):
     """Draw the scale of the last breakup against Ω, and the brackets of convergents."""
     limits, fractions = _brackets(cube)
     figure, (wide, near) = panels(1, 2, 12, 5.4, sharey=True)
-    of, words = r"$\Omega = p/q$, ", "bracket of the phase with the smallest scale"
+    of, words = r"$\Omega = p/q$, ", "bracket for the phase with the smallest scale"
     look = {"color": "0.8", "lw": 6, "label": rf"{of}all phases $\varphi_0$"}
     wide.vlines(fractions.index, fractions.lower, fractions.most, **look)
     half = (fractions.upper - fractions.lower) / 2
     wide.errorbar(fractions.index, fractions.lower + half, half, label=f"{of}{words}", **_BRACKET)
-    words = r"irrational $\Omega$: bracket up to converse KAM"
+    words = r"irrational $\Omega$: bracket up to the converse KAM bound"
     wide.vlines(limits.index, limits.lower, limits.upper, color=colour_of(1), lw=2, label=words)
     look = {
         "color": colour_of(1),
@@ -60,11 +60,11 @@ def frequencies_caption(cube):
     names = {False: "fractions", True: "irrational Ω"}
     medians = ", ".join(f"{width:.2g}% for {names[kind]}" for kind, width in widths.items())
     return (
-        "Breakup of the last barrier of rotating maps on the ray (κ̄, Δκ) = s·(cos θ, sin θ), "
+        "Breakup of the last barrier in rotating maps on the ray (κ̄, Δκ) = s·(cos θ, sin θ), "
         f"θ = {float(cube.angle):g}°: the last circle for {len(fractions)} fractions Ω with "
         f"{fractions.phases.max()} phases each, and the last torus for {len(limits)} irrational Ω. "
         "Brackets extend from the last certified circle or torus to the scale at which converse "
-        f"KAM excludes all of them. The median width of the brackets is {medians}; "
+        f"KAM excludes all circles or tori. The median width of the brackets is {medians}; "
         f"{int((cube.lower + cube.upper).isnull().sum())} are missing. "
         f"{_comparison(limits, fractions)}"
     )

@@ -19,7 +19,7 @@ def draw_frequency_map(cube):
     few = f"grey: fewer than {least} digits"
     figure.colorbar(image, ax=left, label=rf"$\omega$ (turns per step); {few}")
     image = right.pcolormesh(*place, cube.digits, cmap="magma", vmin=0, vmax=14, **look)
-    bar = figure.colorbar(image, ax=right, label=r"shared digits of $\omega$")
+    bar = figure.colorbar(image, ax=right, label=r"reliable digits of $\omega$")
     bar.ax.axhline(least, color="white", lw=1)
     left.set_title("rotation number")
     right.set_title("regularity")

@@ -1,4 +1,4 @@
-"""False answers of indicators of transport, against distance from CB_gt and CPU time."""
+"""False answers by indicators of transport, against distance from CB_gt and CPU time."""
 
 from itertools import pairwise
 
@@ -71,7 +71,7 @@ def labels_caption(labels, scores, findings):
         f"{barriers} BARRIER, {labels.sizes['forcing'] - barriers} TRANSPORT. (a) Fraction of "
         f"false answers among the {int(scores.attrs['n_test'])} test forcings after N = "
         f"{int(scores.n[-1])} steps, with 95% intervals (Wilson), by relative distance from CB_gt "
-        f"along the ray. The distance is known to a relative error of {worst:.0e}. An "
+        f"along the ray. The distance is known to within a relative error of {worst:.0e}. An "
         f"indicator of orbits answers BARRIER if one of {labels.attrs['n_starts']} orbits started "
         "on x = 0 looks regular and "
         f"rotational; its threshold is fitted on the other {int(scores.attrs['n_train'])} "

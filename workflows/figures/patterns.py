@@ -11,14 +11,14 @@ SIGNS, FLIPS = "one sign of P flipped", "flipped every M kicks"
 
 
 def draw_patterns(cube):
-    """Draw K_c of pairs against ε, and κ_c of sign patterns and bursts, as bracket midpoints."""
+    """Draw K_c for pairs against ε, and κ_c for sign patterns and bursts, as bracket midpoints."""
     figure, (spacing, others) = style.panels(1, 2, 12, 5)
     cube = cube.assign(middle=(cube.lower + cube.upper) / 2)
     golden = style.of_family(cube, CONSTANT).critical_scale.item()
     _draw_pairs(spacing, style.of_family(cube, PAIRS), golden)
     _draw_others(others, cube)
     for axes in (spacing, others):
-        axes.axhline(golden, color="0.4", lw=1, ls=":", label=r"$\kappa_G$ of constant kicks")
+        axes.axhline(golden, color="0.4", lw=1, ls=":", label=r"$\kappa_G$ for constant kicks")
         style.legend_below(axes, 2)
     return figure
 
@@ -53,7 +53,7 @@ def _draw_others(axes, cube):
     for i, (label, family_cube) in enumerate(lines):
         options = {"marker": "os^vD*P"[i % 7], "ms": 5, "lw": 1, **style.line_of(i)}
         axes.plot(family_cube.period, family_cube.middle, label=label, **options)
-    axes.set(yscale="log", xlabel="slots for kicks per period, $P$")
+    axes.set(yscale="log", xlabel="kick slots per period, $P$")
     axes.set_ylabel(r"$\kappa_c$")
     _ticks(axes.yaxis, [0.1, 0.2, 0.5, 1])
     axes.xaxis.get_major_locator().set_params(integer=True)

@@ -52,7 +52,7 @@ def draw_secondary_points(secondary):
     # At the border, where the error tends to 0, the cells would end in a staircase.
     axes.fill_between(border, birth, ends["ylim"][1], color=image.cmap(0), lw=0, zorder=0.5)
     axes.fill_between(border, 0, birth, color="white", lw=0, zorder=1.5)
-    axes.plot(border, birth, color="0.5", lw=1, label="where they are born")
+    axes.plot(border, birth, color="0.5", lw=1, label="border of existence")
     axes.set(**ends)
     # The hatch is dense, to be visible in the narrow second region, κ1 = κ2 > 5.
     square = _square_of_residue(shown)
@@ -62,7 +62,7 @@ def draw_secondary_points(secondary):
     axes.fill_between([], [], [], label="stable", **look)
     axes.fill_between([], [], [], label="white: none exist", facecolor="white", edgecolor="0.7")
     axes.set(xlabel=r"$\kappa_1$", ylabel=r"$\kappa_2$", aspect="equal")
-    axes.set_title("Secondary period-one orbits next to $(1/2, 0)$")
+    axes.set_title("Secondary period-one orbits near $(1/2, 0)$")
     outer_legend(figure, 2, 2)
     return figure
 

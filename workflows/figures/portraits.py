@@ -59,8 +59,8 @@ def kicks_caption(portraits):
         f"same starts, with all {kick.size - 1} kicks drawn. (d) and (e): the orbit of "
         f"({around[0]:g}, {y[0]:g}) under the nonautonomous map, in blue after even kicks, in "
         f"vermilion after odd ones. After even kicks it stays within {even:.2f} of x = 0, in the "
-        f"island of (0, 1/2) in (a); after odd kicks within {odd:.2f} of x = 1/2, in the island of "
-        "(1/2, 1/2) in (b)."
+        f"island around (0, 1/2) in (a); after odd kicks within {odd:.2f} of x = 1/2, in the "
+        "island around (1/2, 1/2) in (b)."
     )
 
 

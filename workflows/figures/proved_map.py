@@ -17,7 +17,7 @@ _LEGEND = {
 
 
 def draw_proved_map(whole, triangles, barrier):
-    """Draw the plane with all images under its symmetries, and CB_gt by residues as a line.
+    """Draw the whole plane, including images under its symmetries, and CB_gt by residues as a line.
 
     whole : cells of the whole plane. triangles : `proved_triangles`. barrier : CB_gt in the part of
     the plane whose images cover the whole plane.
@@ -61,7 +61,7 @@ def _corners(triangles, plane):
 
 
 def proved_map_caption(whole, triangles, barrier):
-    """Describe how close to CB_gt the proofs come on either side; arguments as for the figure."""
+    """Describe how close the proofs come to CB_gt on both sides; arguments as for the figure."""
     plane, rays = plane_of(whole.attrs), _rays(barrier)
     proved, excess = whole.proved.values, whole.excess.values
     there = excess > 0

@@ -34,7 +34,8 @@ def ramp_caption(irregular, findings):
     return (
         "(a) Ramp κ_n = κ_G + r·n: number n of kicks until converse KAM excludes every family of "
         "invariant graphs (on the line of starts where this happens first), and until one of 64 "
-        "orbits has crossed all circles. (b) The same for κ_n = 0.3·(1 + ripple·f_n). Filled "
+        "orbits has crossed all circles. (b) The same numbers for κ_n = 0.3·(1 + ripple·f_n), with "
+        "the forcings f_n named below the axis. Filled "
         f"symbols: graphs are excluded; runs end after {irregular.attrs['kicks'] // 2} kicks. "
         "Hollow symbols: an orbit crosses; runs end after "
         f"{20 * irregular.attrs['kicks']} kicks. Triangles are lower bounds: by the end of the "

@@ -36,10 +36,10 @@ def draw_ripple_spectrum(cube, theory):
 def ripple_spectrum_caption(cube, findings):
     depths = ", ".join(f"{d:g}" for d in cube.depth.values)
     return (
-        f"Kicks κ(1 + d cos 2πnΩ) of depth d = {depths}. (a) The fraction by which the last "
-        "barrier breaks below κ_G, and the prediction from small divisors to first order in d, "
-        "without free parameters. (b) The largest kick at the last breakup, divided by κ_G. Bars "
-        "are brackets, mostly "
+        f"Kicks κ(1 + d cos 2πnΩ) with depth d = {depths}. (a) The fraction by which the breakup "
+        "of the last barrier, κ_c, lies below κ_G, and the prediction from small divisors to first "
+        "order in d, without free parameters. (b) The largest kick at the last breakup, divided by "
+        "κ_G. Bars are brackets, mostly "
         "smaller than the markers. Hollow triangles: only an upper bound on κ_c is known; "
         f"the loss is larger and κ_c smaller than drawn.\n{findings}"
     )

@@ -8,7 +8,7 @@ from workflows.figures.style import colour_of, in_column, outer_legend, panels, 
 
 
 def draw_rotating_circles(circles, two, direct):
-    """Draw CB_ω, CB_gt and the onset of transport of T in the plane of κ̄ and Δκ, Fig. 10."""
+    """Draw CB_ω, CB_gt and the onset of transport under T in the plane of κ̄ and Δκ, Fig. 10."""
     title = r"Rotating standard map with $\Omega = 1/2$: $T_{\kappa_1\kappa_2}$"
     figure, parts = _plane(title, two, direct, circles.critical_scale, 0.7)
     for part in parts:
@@ -52,8 +52,8 @@ def rotating_tori_caption(tori, two, direct):
     )
     return (
         "Breakup of two-dimensional tori of the rotating standard map, estimated from |R| = 1/4 on "
-        "one long orbit for each rotation vector, compared with CB_gt of T and the onset of its "
-        "transport "
+        "one long orbit for each rotation vector, compared with CB_gt of T and the onset of "
+        "transport under T "
         f"by direct iteration ({_effort(direct)}, {_outside(two, direct)} outside CB_gt), on rays "
         f"(κ̄, Δκ) = s·(cos θ, sin θ). {outside} |R| = 1 is reached {wide:.2g}% further out "
         "(median)."
@@ -74,7 +74,7 @@ def _plane(title, two, direct, scale, inner):
     # the onset would be a row of spikes.
     away = np.abs((direct.angle.values + 45) % 90 - 45)
     onset = direct.isel(angle=np.flatnonzero((away == 0) | (away > 2)))
-    words = rf"transport of $T$ within ${power(direct.attrs['n_max'])}$ steps"
+    words = rf"transport under $T$ within ${power(direct.attrs['n_max'])}$ steps"
     look = {"color": "black", "lw": 0.6, "label": words}
     axes.plot(*outline(onset, onset.upper / onset.critical_scale), **look)
     unknown = [each.isnull().any({*each.dims} - {"angle"}) for each in (scale, direct.upper)]

@@ -52,7 +52,7 @@ def draw_self_consistent(fields, verdicts, settling):
     barriers.set(
         xlabel=r"coupling $\Gamma$", ylabel="kicks until all starts are eliminated", yscale="log"
     )
-    barriers.set_title("Converse KAM (filled: not all eliminated)")
+    barriers.set_title("Converse KAM (filled: some starts survive)")
     legend_below(barriers, 2, 1)
 
     first, later, circle = (settling.isel(curve=i) for i in range(3))
@@ -65,7 +65,7 @@ def draw_self_consistent(fields, verdicts, settling):
         (excluded, VERMILION, "excluded by converse KAM"),
     ):
         folded.plot(first.x.values[where], first.y.values[where], label=words, **dots(colour, 2))
-    folded.set(xlabel="$x$", ylabel="$y$", title=r"An asymptotic circle of $\kappa_n \to 0.9$")
+    folded.set(xlabel="$x$", ylabel="$y$", title=r"An asymptotic circle for $\kappa_n \to 0.9$")
     legend_below(folded, 2, 2, markerscale=3)
     return figure
 

@@ -7,9 +7,9 @@ from workflows.figures.style import VERMILION, colour_of, legend_below, panels
 _GOLDEN, _COLOURS = VERMILION, {1: colour_of(0), 0: colour_of(1)}  # keys: values of `winds`
 _KINDS = {1: "torus around the cylinder", 0: "torus in islands"}
 _EVENTS = {  # marker, whether it is filled, label
-    "excluded": ("v", True, "graphs through it excluded"),
+    "excluded": ("v", True, "graphs through the torus excluded"),
     "exceeds": ("o", False, "EAPD exceeds the bound"),
-    "onset": ("o", True, "onset of its growth"),
+    "onset": ("o", True, "onset of EAPD growth"),
     "stretched": ("s", False, r"half of the orbits stretched by $n^2$"),
 }
 
@@ -102,7 +102,7 @@ def _draw_delays(axes, cube):
         axes.plot(row.rate, row, color=colour, lw=0.5)
         for chosen, face in ((before, colour), (~before, "none")):
             axes.plot(row.rate[chosen], row[chosen], "o", color=colour, mfc=face, ms=5)
-    for face, label in (("0.4", "onset before the exclusion of all graphs"), ("none", "after it")):
+    for face, label in (("0.4", "onset before all graphs are excluded"), ("none", "onset later")):
         axes.plot([], [], "o", color="0.4", mfc=face, ms=5, label=label)
     axes.set(xscale="log", yscale="log", title="Delay of the EAPD, all ramps")
     axes.set(xlabel=r"growth $r$ of $\kappa$ per kick", ylabel="kicks from exclusion to excess")

@@ -103,8 +103,8 @@ def _past_boundary(study):
     )
     return (
         f"Past the breakup, {int((beyond.certified == 1).sum())} circles are certified. Converse "
-        f"KAM eliminates all starts from {_percent(eliminated)} beyond the breakup on; it does "
-        f"so wrongly in {int(np.isfinite(within.elimination_time).sum())} cases below the breakup. "
+        f"KAM eliminates all starts from {_percent(eliminated)} beyond the breakup onwards, and "
+        f"wrongly in {int(np.isfinite(within.elimination_time).sum())} cases below the breakup. "
         "A weighted Birkhoff average still classifies an orbit as regular (5 digits) at "
         f"{_percent(regular)} beyond. The first escape of one of 100 orbits is seen "
         + (f"at {_percent(escaped)} beyond" if np.isfinite(escaped) else "nowhere")
@@ -228,7 +228,7 @@ def _disorder(study):
         "From bad starts, Newton's method converges to a disordered orbit in up to "
         f"{_percent(worst.max())} of trials, at scales of "
         f"{float(study.scale.where(worst > 0).min()):.2g} or more. Of the orbits found in all "
-        f"{trials * study.refused.size} trials, the test of the order accepts "
+        f"{trials * study.refused.size} trials, the ordering test accepts "
         f"{round(float(study.accepted.sum()) * trials)} wrong ones."
     )
 
@@ -250,7 +250,7 @@ def _draw_tori(axes, study):
     }
     key(axes, marks, "vs")
     axes.set(xscale="log", xlabel=r"distance $\delta$ from the resonance", ylabel="scale $s$")
-    axes.set(ylim=(0, None), title="Tori near a resonance, ray of 45°")
+    axes.set(ylim=(0, None), title="Tori near a resonance, ray at 45°")
 
 
 def _tori(study):

@@ -26,7 +26,7 @@ INSIDE, NO_ESCAPE = "0.84", "0.95"
 MARKERS = "o^sDvP*<>X"
 _DASHES = ["-", (0, (5, 1.2)), (0, (6, 1.2, 1.2, 1.2)), (0, (2, 1)), (0, (6, 1, 1, 1, 1, 1))]
 _DASHES += [(0, (9, 2)), (0, (1, 1)), (0, (9, 2, 1, 2)), (0, (4, 1, 4, 3)), (0, (3, 1, 1, 1))]
-# The first _KINDS markers and dashes are chosen by ω alone; the others distinguish circles that
+# The first _KINDS markers and dashes are determined by ω alone; the others distinguish circles that
 # would otherwise look alike.
 _KINDS = 5
 
@@ -42,9 +42,9 @@ def line_of(i):
 
 @cache
 def circle_style(text, whole=0):
-    """Return {"color", "marker", "ls"} of the circle of ω, determined by its partial quotients.
+    """Return {"color", "marker", "ls"} for the circle of ω, determined by its partial quotients.
 
-    text : ω as text; "" if it is not known. whole : as in `circle_class`. All circles of a
+    text : ω as text; "" if it is unknown. whole : as in `circle_class`. All circles of a
     class share a style.
 
     The index of the colour is the sum of a - 1 over the quotients a between the first one and the
@@ -70,8 +70,8 @@ def circle_styles(circles, whole=0):
 
     No two circles share both colour and marker, or both colour and dash.
 
-    circles : each ω as text, "" if it is not known; a circle and its image are listed as one class.
-    Of circles that would look the same, the one with the shortest text has the style of
+    circles : each ω as text, "" if it is unknown; a circle and its image are listed as one class.
+    Among circles that would look the same, the one with the shortest text has the style of
     `circle_style`; the others get a different marker and dash, or else a different colour.
     """
     own = {
@@ -164,7 +164,7 @@ def key(axes, marks, hollow=""):
 def name_circles(axes, styles, **more):
     """Add the circles of `circle_styles` to the legend, with their markers but without lines."""
     for text, style in styles.items():
-        label = rf"$\omega = {text}$" if text else r"$\omega$ not known"
+        label = rf"$\omega = {text}$" if text else r"$\omega$ unknown"
         axes.plot([], [], label=label, **style | {"ls": "", "mew": 0.5} | more)
 
 

@@ -1,4 +1,4 @@
-"""Loss of the threshold as a function of the ripple; random forcings against constant kicks."""
+"""Lowering of the threshold by a ripple; random forcings compared with constant kicks."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Breakup of tori of irrational frequency, and pictures of a torus."""
+"""Breakup of tori with irrational frequency, and pictures of a torus."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ def draw_breakups(breakups):
         mark = "v" if few else ":"
         axes.plot(*(of_vector.upper.values * direction), mark, color=colour, lw=1, ms=4)
     marks = "s" if few else "-", ".", "v" if few else ":"
-    labels = "breakup", "last certified torus", r"no torus of that $\Omega$ beyond"
+    labels = "breakup", "last certified torus", r"no torus beyond, for any $\omega$"
     key(axes, dict(zip(marks, labels, strict=True)), "s")
     axes.set(xlabel=r"$\bar\kappa$", ylabel=r"$\Delta\kappa$", aspect="equal")
     axes.set(xlim=(0, None), ylim=(0, None), title="Breakup of two-dimensional tori")
@@ -40,7 +40,7 @@ def breakups_caption(breakups):
         "Breakup of invariant tori of κ_n = κ̄ + Δκ cos 2π(φ0 + nΩ) on rays (κ̄, Δκ) = s·(cos θ, "
         f"sin θ), by continuation (lines, or squares on few rays; {error}{gaps}), and the last "
         f"certified torus on each ray (dots; {n_certified}). Beyond the dotted lines, or "
-        "triangles, converse KAM excludes every torus of that Ω that is a graph, whatever its ω."
+        "triangles, converse KAM excludes all tori with the same Ω that are graphs, for any ω."
     )
 
 
@@ -64,7 +64,7 @@ def pictures_caption(torus):
     known = torus.least_slope.fillna(0).values
     slopes = ", ".join(f"{slope:.3f}" if slope else "unknown (no torus)" for slope in known)
     return (
-        f"The torus of rotation vector ({torus.attrs['vector']}) on the ray of "
+        f"The torus with rotation vector ({torus.attrs['vector']}) on the ray at "
         f"{torus.attrs['angle']:g}°: h(θ, φ) - θ at 0.7, 0.95 and 0.99 times the last certified "
         f"scale. The minimum slope ∂h/∂θ is {slopes}; it stays positive as long as h is monotonic, "
         "and vanishes at the breakup."

@@ -68,7 +68,7 @@ def _name_fractions(axes, table):
 
 
 def draw_planes(*curves):
-    """Draw CB_gt in the (K, K_α) plane of each delay, coloured by the last circles."""
+    """Draw CB_gt in the (K, K_α) plane for each delay, coloured by the last circles."""
     wide = 1 if style.in_column() else min(3, len(curves))
     rows = ceil(len(curves) / wide)
     height = 2.3 * rows if style.in_column() else 2.6 * rows + 0.9  # includes the legend
@@ -114,8 +114,8 @@ def planes_caption(curves):
         "CB_gt in the plane of K and K_α, the strengths of the kicks at integer times and of the "
         "kicks a time τ later, in units of the period. Inside CB_gt (grey) barriers exist. CB_gt "
         "is symmetric under (K, K_α) → (-K, -K_α). Colours show the rotation number ω per period "
-        "of the last circle, which equals its mean p; if the denominator q of τ is even, they show "
-        "the larger of ω and q/2 - ω. "
+        "of the last circle, which equals its mean momentum; if the denominator q of τ is even, "
+        "they show the larger of ω and q/2 - ω. "
         f"{_on_axes(curves)}{' '.join(parts)}"
     )
 

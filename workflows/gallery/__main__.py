@@ -80,7 +80,7 @@ _RELEASE = (
 
 
 @command()
-@flag("--full", "Use the sizes of the paper; about four CPU hours; needs --yes or --scheduler.")
+@flag("--full", "Use the sizes from the paper; about four CPU hours; needs --yes or --scheduler.")
 @flag("--yes", "Run --full although it takes hours.")
 @choice("--exhibit", _NAMES, (), "Command to run; may be repeated.  [default: all]", multiple=True)
 @click.option("--release", metavar="DIR", type=DIRECTORY, help=_RELEASE)
@@ -137,5 +137,5 @@ def main(out, full, yes, exhibit, release, quick, quiet, workers, scheduler, tls
             )
     n_figures = sum(1 for _ in Path(out).glob("*/*.png"))
     parts = plural(n_figures, "figure"), plural(len(finished), "command")
-    click.echo(f"\n{' of '.join(parts)} on one page. {summary}".rstrip())
+    click.echo(f"\n{' from '.join(parts)} on one page. {summary}".rstrip())
     click.echo(f"page: {out}/index.html")

@@ -55,6 +55,6 @@ def run(exhibit, out, workers, quick, quiet):
 
 
 def command_of(exhibit, quick):
-    """Return the command line of an exhibit, which writes to the folder `name`."""
+    """Return the command line for an exhibit, which writes to the folder `name`."""
     start = ["python", "-m", f"workflows.{exhibit.program}"]
     return shlex.join([*start, *exhibit.options(quick), "--out", exhibit.name])

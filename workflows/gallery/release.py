@@ -3,7 +3,7 @@
 The deposit is a directory. It contains a folder for each exhibit, with its cubes, tables, figures
 and certificates, and five files: README.md, LICENSE, SHA256SUMS, the program
 certificate_checker.py, and .zenodo.json, the metadata that the repository Zenodo reads. The proved
-map of `--full` is a separate deposit.
+map computed with `--full` is a separate deposit.
 """
 
 import hashlib
@@ -50,7 +50,7 @@ def _license():
 def _zenodo(exhibits):
     """Return the metadata of the deposit.
 
-    Before publication, the owner should enter the names of people as creators.
+    Before publication, the owner should enter the names of the creators.
     """
     about = metadata.metadata("nasm-transport")
     contents = "".join(f"<li>{exhibit.title}</li>" for exhibit in exhibits)

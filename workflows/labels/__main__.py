@@ -1,10 +1,10 @@
 """How often do simple indicators of transport err? Their scores against proved answers.
 
-Forcings (κ1, κ2) are drawn at random at given distances from CB_gt, on either side. For each of
+Forcings (κ1, κ2) are drawn at random at given distances from CB_gt, on both sides. For each of
 them the correct answer, BARRIER or TRANSPORT, is a theorem: the forcing lies in a cell or a patch
 of the proved map, or has its own proof (nasm/proofs/README.md). Four indicators answer the same
 question after N steps (periods of the forcing): an escape, the weighted Birkhoff average, the
-finite-time Lyapunov exponent and the fast Lyapunov indicator. The last three describe single
+finite-time Lyapunov exponent and the fast Lyapunov indicator. The last three describe individual
 orbits: they answer BARRIER if some orbit that starts on a line across all circles looks regular and
 rotational. Their thresholds are fitted on the split `train`; false answers are counted on the split
 `test`. A forcing and its images under the symmetries of the plane always belong to the same split.
@@ -37,13 +37,13 @@ def parse_margins(text):
 
 
 @command()
-@whole("--n-rays", 60, 2, 10**5, "Rays; each has one forcing per class on either side of CB_gt.")
+@whole("--n-rays", 60, 2, 10**5, "Rays; each has one forcing per class on each side of CB_gt.")
 @parsed(
     *("--margins", "0.003,0.01,0.03,0.1,0.3", parse_margins, "M,M[,M...]"),
     "Bounds between the classes of margins (relative distances from CB_gt).",
 )
 @increasing("--n-max", "300,3000,30000", 10**7, "Steps N after which the indicators answer.")
-@whole("--n-orbits", 1024, 1, 10**6, "Orbits of the ensemble that may escape.")
+@whole("--n-orbits", 1024, 1, 10**6, "Orbits in the ensemble for the escape indicator.")
 @whole("--n-starts", 64, 1, 10**6, "Starts on the line, for the other indicators.")
 @whole("--seed", 1, 0, 10**9, "Seed of the random rays, margins and images.")
 @proof_options(32)

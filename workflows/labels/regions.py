@@ -1,4 +1,4 @@
-"""Certificates of the answers: for a cell or a patch of the proved map, or for one forcing."""
+"""Certificates for the answers: each covers a cell or patch of the proved map, or one forcing."""
 
 from fractions import Fraction
 from functools import cache
@@ -15,7 +15,7 @@ from workflows.labels.study import BARRIER, TRANSPORT
 def in_map(place, cells, triangles, forcings):
     """Find, for each forcing, a certificate of the proved map whose region contains the forcing.
 
-    All comparisons are exact, so that the certificate proves the answer for these floats.
+    All comparisons are exact, so the certificate proves the answer for these floats.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def _rows(forcings):
 
 
 def square_of(certificate):
-    """Return the name of a cell's certificate, and a test whether a forcing is in the cell."""
+    """Return the name of a cell's certificate, and a function that tests if a forcing is inside."""
     centre, half = (proved.floats_of(certificate, name) for name in ("kappa", "half_width"))
     ends = [
         (Fraction(middle) - Fraction(width), Fraction(middle) + Fraction(width))
@@ -76,7 +76,7 @@ def _patches(place, n):
 
 
 def patch_of(certificate):
-    """Return a test whether κ = s(a + tb) with |t| ≤ 1 and with s between the patch's scales."""
+    """Return a function that tests if κ = s(a + tb), |t| ≤ 1, with s between the patch's scales."""
     names = "kappa", "tilt", "scales"
     a, b, (low, high) = (
         [Fraction(number) for number in proved.floats_of(certificate, name)] for name in names
@@ -93,9 +93,9 @@ def patch_of(certificate):
 
 
 def by_own_proofs(place, job, sources):
-    """Find the certificates of forcings with proofs of their own, in the format of `in_map`.
+    """Find the certificates of forcings with individual proofs, in the format of `in_map`.
 
-    job : the job of all forcings that are not in `sources`, the result of `in_map`.
+    job : the job for all forcings that are not in `sources`, the result of `in_map`.
     """
     cube, found = store.read(place, job.cube.name).load(), {}
     total = cube.sizes["forcing"] + len(sources)

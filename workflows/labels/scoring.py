@@ -18,12 +18,12 @@ def threshold(values, is_barrier, larger_is_barrier):
 
     The threshold minimizes the sum of two fractions: of barriers that are answered TRANSPORT, and
     of forcings with transport that are answered BARRIER. Among equally good values, the middle one
-    is taken. The threshold is NaN unless there are forcings of both kinds.
+    is chosen. The threshold is NaN unless there are forcings of both kinds.
 
     Parameters
     ----------
     values : ndarray
-        Values of the indicator for the forcings of the split `train`.
+        Values of the indicator for the forcings in the split `train`.
     is_barrier : ndarray of bool
         Proved answers.
     larger_is_barrier : bool
@@ -60,7 +60,7 @@ def share_of(counts):
 
 
 def scores(labels, margins):
-    """Count false answers on the split `test`, by indicator, number of steps and class of margins.
+    """Count false answers on the split `test`, by indicator, number of steps and margin class.
 
     The margin is the relative distance from CB_gt along the ray. A false answer is TRANSPORT below
     CB_gt, or BARRIER beyond it. The dims are (indicator, n, side, margin_class).
@@ -95,24 +95,24 @@ def scores(labels, margins):
         "least": (dims, low, "lower end of its 95% interval (Wilson)"),
         "most": (dims, high, "upper end of its 95% interval (Wilson)"),
         "n_false": (dims, false, "false answers"),
-        "n_test": (dims, total, "forcings of the test split"),
+        "n_test": (dims, total, "forcings in the test split"),
         "threshold": (
             dims[:2],
             limits,
             "value at and beyond which the answer is BARRIER",
         ),
-        "kicks": (dims[:2], kicks, "kicks of all orbits per forcing, mean"),
+        "kicks": (dims[:2], kicks, "mean number of kicks per forcing, in all orbits"),
     }
     coords = {
         "indicator": text("indicator", INDICATORS, "indicator"),
         "n": labels.n,
         "side": text("side", ["below", "beyond"], "side of CB_gt: barrier below, transport beyond"),
-        "margin_class": (np.arange(len(margins) - 1), "class of margins"),
-        "margin_low": ("margin_class", margins[:-1], described("smallest margin of the class")),
-        "margin_high": ("margin_class", margins[1:], described("largest margin of the class")),
+        "margin_class": (np.arange(len(margins) - 1), "margin class"),
+        "margin_low": ("margin_class", margins[:-1], described("smallest margin in the class")),
+        "margin_high": ("margin_class", margins[1:], described("largest margin in the class")),
     }
     flat = {name: coords.pop(name) for name in ("margin_low", "margin_high")}
-    cube = dataset("False answers of indicators of transport", coords, variables)
+    cube = dataset("False answers from indicators of transport", coords, variables)
     return cube.assign_coords(flat).assign_attrs(
         n_train=int(train.sum()), n_test=int(test.sum()), unlabelled=_unlabelled(labels)
     )
@@ -154,8 +154,8 @@ def findings(scores, seconds):
     limits = (
         f"Limits: {scores.attrs['unlabelled']} forcings without a proved answer are left out, and "
         f"no forcing is closer to CB_gt than {100 * float(scores.margin_low[0]):g}%; "
-        "thresholds depend on the distribution of the margins, and the indicators of orbits "
-        "depend on the line of starts and on the number of starts."
+        "thresholds depend on the distribution of the margins, and all indicators but the escape "
+        "time depend on the line of starts and on the number of starts."
     )
     return "\n".join([_where_they_err(scores.isel(n=-1)), _next_to_it(scores, seconds), limits])
 
@@ -179,7 +179,7 @@ def _where_they_err(last):
         parts.append(f"{name} {', '.join(sides)}")
     known = bool((wilson(0, sums.n_test)[1] < _DECIDED).all())
     text = (
-        f"after {int(last.n)} steps, the fractions of false answers on either side of CB_gt are "
+        f"after {int(last.n)} steps, the fractions of false answers on each side of CB_gt are "
         f"(in brackets, the margins at which there are none): {'; '.join(parts)}"
     )
     claim = (
@@ -210,8 +210,8 @@ def _next_to_it(scores, seconds):
     )
     low, high = (100 * end[i, j] for end in ends)
     text = (
-        f"next to CB_gt, {int(errs.sum())} of {errs.size} err on at least one side; over all "
-        f"classes {scores.indicator.values[i]} after {int(scores.n[j])} steps has the fewest false "
+        f"close to CB_gt, {int(errs.sum())} of {errs.size} err on at least one side; overall, "
+        f"{scores.indicator.values[i]} after {int(scores.n[j])} steps has the fewest false "
         f"answers, {100 * share[i, j]:.0f}% ({low:.0f} to {high:.0f}%), in "
         f"{float(seconds[i, j]):.2g} CPU seconds per forcing, and {100 * share[i, -1]:.0f}% after "
         f"{int(scores.n[-1])} steps, in {float(seconds[i, -1]):.2g} s; the answer BARRIER for all "

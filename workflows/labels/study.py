@@ -1,4 +1,4 @@
-"""Forcings with proved answers: random choice, split for training and testing, and data set."""
+"""Forcings with proved answers: their random choice, the train/test split, and the data set."""
 
 import hashlib
 from itertools import pairwise
@@ -27,13 +27,13 @@ _VALUES = {
 
 
 def angles(n_rays, seed):
-    """Return random directions, in degrees, one in each of n_rays equal parts of 0° to 45°."""
+    """Return random directions, in degrees: one in each of n_rays equal parts of [0°, 45°]."""
     random = np.random.default_rng([seed, 0])
     return 45 * (np.arange(n_rays) + random.random(n_rays)) / n_rays
 
 
 def drawn(rays, margins, seed):
-    """Draw forcings κ = (1 + margin)·κ_c on rays: one for each class of margins on either side.
+    """Draw forcings κ = (1 + margin)·κ_c on rays: one per class of margins on each side of κ_c.
 
     Margins are log-uniform within a class. kappa1 ≥ kappa2 ≥ 0; `image` is the index of the
     symmetry that maps the forcing to the image whose indicators are computed.

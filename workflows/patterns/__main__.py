@@ -8,7 +8,7 @@ In units of the period, a pair of kicks is the map p' = p + K sin 2πx/2π, x' =
 the same map with 1 - ε in place of ε. To first order in K, pairs drive resonances at all integers
 p = k. These are as strong as in a standard map of strength 2K|cos πkε|, so their orbits of period
 one have the residue R = K|cos πkε|/2. The resonances near p = 1/(2ε), where the two kicks cancel,
-are the weakest. As ε → 0, the second-order term in K is there a kick of -K²ε/(4π) sin 4πx, which
+are the weakest. As ε → 0, the second-order term in K acts there as a kick -K²ε/(4π) sin 4πx, which
 yields a standard map in 2x and 2p of strength K²ε. Circles there should therefore break at
 K = √(κ_G/ε).
 

@@ -47,11 +47,11 @@ def findings(cube):
             "as K grows, pairs a third of the period apart lose their last barrier first",
             f"their last barrier breaks below K = {third_upper.item():.4g}; for the {others.size} "
             f"other spacings, circles are certified up to K = {others.min():.4g} or more. To first "
-            "order, all resonances of the spacing 1/3 have a strength of at least K, whereas for "
-            "even P the resonance at momentum P/2 is absent",
+            "order, all resonances for the spacing 1/3 have a strength of at least K, whereas for "
+            "spacings 1/P with even P the resonance at momentum P/2 is absent",
             bool((third_upper < others).all()),
             known=bool(np.isfinite([*third_upper, *others]).all()),
         ),
-        "Not tried: kicks of finite duration, spacings other than 1/P and fractions with q ≤ 8, "
+        "Not studied: kicks of finite duration, spacings other than 1/P and fractions with q ≤ 8, "
         "and quantum effects.",
     ])  # fmt: skip

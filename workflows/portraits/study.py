@@ -8,9 +8,10 @@ from workflows.shared.tables import dataset, strengths
 
 _SECTIONS = "arXiv:1606.04824, Sec."
 FORCING = (0.35, 0.5)
-ISLAND = (0.0, 0.55)  # Fig. 1(d): a start in the island of (0, 1/2)
+ISLAND = (0.0, 0.55)  # Fig. 1(d): a start in the island around (0, 1/2)
 SYMMETRIC_FORCING = (0.5, 0.7)
-# Fig. 2: starts in the island of (1/2, 0), the island chain of ω = 2/3, and the island of (0, 1/2).
+# Fig. 2: starts in the island around (1/2, 0), the island chain with ω = 2/3, and the island around
+# (0, 1/2).
 MARKED = ((0.5, 0.12), (0.5, 0.36), (0.0, 0.44))
 
 

@@ -6,8 +6,8 @@ through the breakup, and under forcings of decreasing smoothness, down to random
 does not exclude curves that fold; an orbit that crosses all circles excludes these, too. In a ramp,
 graphs are predicted to be excluded after ~ r^-0.497 kicks. In slow ramps the exponent is below
 0.497, because each kick preserves the area under a graph, whereas the area under the golden
-circle decreases by 0.0073 per unit of κ. With phases of the kicks that follow this area, graphs
-were excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates from 10⁻² to 10⁻⁷).
+circle decreases by 0.0073 per unit of κ. If the phases of the kicks follow this area, graphs
+are excluded after ~ r^-(0.497 ± 0.002) kicks (21 rates from 10⁻² to 10⁻⁷).
 
 Writes two cubes and a figure to OUT. The defaults take about a CPU minute; --quick takes ten
 seconds.

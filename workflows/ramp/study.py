@@ -62,7 +62,7 @@ def irregular(ripples, kicks):
     lifetimes, crossed = ([list(map(f, row)) for row in kappas] for f in (lifetime, _escape))
     dims, graphs = (
         ("kind", "ripple"),
-        "kicks on either side until all families of graphs are excluded",
+        "kicks in each direction until all families of graphs are excluded",
     )
     label = "kicks until one of 64 orbits has crossed all circles; inf if none has"
     kind = text("kind", shapes, "forcing, f_n")
@@ -118,7 +118,7 @@ def findings(ramp, irregular):
             bool(excluded.all() and through.all() and persist.all()),
             float(excluded.mean()) > 0.5 and bool(persist.all()),
         ),
-        "Not tried: decreasing ramps, circles other than the golden one, coloured noise.",
+        "Not studied: decreasing ramps, circles other than the golden one, coloured noise.",
     ])  # fmt: skip
 
 

@@ -1,12 +1,12 @@
 """Reference values for testing codes that trace field lines, iterate maps or track particles.
 
-The critical strength κ_G, last barriers under two and three kicks, residues of thirty p/q, rotation
-numbers to twelve digits, fluxes and turnstiles, diffusion coefficients, escape times and their law,
-and lifetimes of barriers in ramps: each is computed by two independent methods of this program,
-both named on the page. If the two results differ by more than the sum of their errors, the value is
-reported as contradicted. If a few lines of plain Python can check a value, they are printed beside
-it. `claims` judges statements of the paper; the values here are for testing other codes, and the
-verdicts on them judge only this program.
+The critical strength κ_G, last barriers under two and three kicks, residues for thirty p/q,
+rotation numbers to twelve digits, fluxes and turnstiles, diffusion coefficients, escape times and
+their distribution, and lifetimes of barriers in ramps: each is computed by two independent methods
+of this program, both named on the page. If the two results differ by more than the sum of their
+errors, the value is reported as contradicted. If a few lines of plain Python can check a value,
+they are printed beside it. `claims` judges statements of the paper; the values here are for testing
+other codes, and the verdicts on them judge only this program.
 
 Writes a cube, a page and reference.json to OUT. The defaults take about 80 CPU seconds; --quick
 takes ten.

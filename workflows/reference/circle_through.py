@@ -1,4 +1,4 @@
-"""Second method for rotation numbers: find the circle that passes through a start.
+"""A second method for rotation numbers: find the circle that passes through a start.
 
 The momentum Y(ω) at which the circle of ω crosses the line x = const increases with ω. So the
 rotation number of a start (x, y) solves Y(ω) = y. Circles of noble ω, which are robust, are

@@ -229,7 +229,7 @@ def _escape(kind, kappa, n_orbits):
 
 def _ramp(rate):
     def of(lifetime, *efforts):
-        """Return the result of the greater effort, and its difference from the other result."""
+        """Return the result with the greater effort, and its difference from the other result."""
         few, many = (ramps.lost(_kappa_g()[0], rate, partial(lifetime, **each)) for each in efforts)
         return many, abs(many - few)
 
@@ -248,9 +248,9 @@ def measured(quick):
     names = [case.name for case in chosen]
     labels = {
         "number": "value by the first method",
-        "error": "its error",
+        "error": "error of the first value",
         "second": "value by the second method",
-        "second_error": "its error",
+        "second_error": "error of the second value",
     }
     units = [KINDS[case.kind]["unit"] for case in chosen]
     return dataset(
@@ -261,7 +261,7 @@ def measured(quick):
                 name: ("value", column, label)
                 for (name, label), column in zip(labels.items(), numbers, strict=True)
             },
-            "verdict": text("value", verdicts, "whether both agree within their errors"),
+            "verdict": text("value", verdicts, "whether the two values agree within their errors"),
             "unit": text("value", units, "unit of the four numbers"),
         },
     )

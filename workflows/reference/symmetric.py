@@ -25,7 +25,7 @@ EPSILON = np.finfo(float).eps
 
 @dataclass(frozen=True)
 class SymmetricOrbit:
-    """A periodic orbit of rotation number p/q through a point on a symmetry line.
+    """A periodic orbit with rotation number p/q through a point on a symmetry line.
 
     Attributes
     ----------

@@ -73,7 +73,7 @@ def sections(entries):
 
 
 def cells(entry):
-    """Return the texts of the table cells for one reference value."""
+    """Return the text of each table cell for one reference value."""
     return (
         ", ".join(f"{name} = {_plain(value)}" for name, value in entry["conditions"].items()),
         rounded_value(entry["value"], entry["error"]),

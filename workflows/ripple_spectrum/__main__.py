@@ -3,7 +3,7 @@
 For kicks κ_n = κ(1 + d cos 2πnΩ), let κ_c be the strength κ at the last breakup, and κ_G its value
 for constant kicks. The loss is 1 - κ_c/κ_G. To first order in d, small divisors predict it (see
 `small_divisors`): it peaks where Ω is near mω mod 1. A slow ripple keeps the strengths near
-κ(1 + d) for many kicks, so that κ_c tends to κ_G/(1 + d) or less.
+κ(1 + d) for many kicks, so κ_c tends to κ_G/(1 + d) or less.
 
 For Ω = p/q the last barrier is computed up to q = 64. For longer periods, such as those of
 accelerator power supplies, only an upper bound on κ_c is known, from converse KAM or from an orbit
@@ -42,7 +42,7 @@ def parse_depth(text):
 
 
 @command()
-@whole("--max-denominator", 8, 2, 64, "Largest q of the fractions p/q up to 1/2.")
+@whole("--max-denominator", 8, 2, 64, "Largest q in the fractions p/q up to 1/2.")
 @several("--frequency", SLOW, parse_frequency, "FRACTION", "Further Ω, in turns per kick.")
 @several("--depth", DEPTHS, parse_depth, "DEPTH", "Depth d of the modulation, 0.001 to 1.")
 @real("--tol", 1e-2, 1e-4, 0.1, "Relative width of the brackets, for up to 64 kicks a period.")

@@ -1,9 +1,9 @@
-"""Small divisors: when a ripple destroys a circle of constant kicks, to first order in its depth.
+"""Small divisors: when a ripple destroys a circle under constant kicks, to first order in depth.
 
     x_n = h(θ_n + d·Re[w(θ_n) e^{2πinΩ}]) + O(d²),     θ_n = θ + nω
 
-are orbits under κ(1 + d cos 2πnΩ), where h(θ) = θ + u(θ) is a circle of constant kicks κ. As in
-`nasm.circles.newton`, the linearised equation, multiplied by h', telescopes. With
+are orbits under κ(1 + d cos 2πnΩ), where h(θ) = θ + u(θ) is a circle under constant kicks κ. As
+in `nasm.circles.newton`, the linearised equation, multiplied by h', telescopes. With
 f⁺ = e^{2πiΩ} f(θ + ω) and f⁻ = e^{-2πiΩ} f(θ - ω),
 
     c (w⁺ - w) - [c (w⁺ - w)]⁻ = h'(θ) (κ/2π) sin 2πh(θ),     c(θ) = h'(θ) h'(θ + ω).
@@ -11,7 +11,7 @@ f⁺ = e^{2πiΩ} f(θ + ω) and f⁻ = e^{-2πiΩ} f(θ - ω),
 Solving this equation divides the mode e^{2πimθ} twice by e^{2πi(mω + Ω)} - 1: w resonates where Ω
 is near -mω mod 1. To this order the curve is a graph before every kick, whatever the phase of the
 ripple, as long as d·max |w'| < 1. The predicted threshold of a circle is the strength κ at which
-this condition fails. The threshold of the forcing is the largest threshold of several nobles,
+this condition fails. The threshold of the forcing is the largest threshold among several nobles,
 because where a resonance breaks one circle early, another circle persists longer.
 
 The prediction has no free parameter. It neglects the sidebands mω + kΩ, |k| > 1. A slow ripple

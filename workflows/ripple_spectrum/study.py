@@ -45,7 +45,7 @@ def adiabatic_bound(frequency, depth):
 def prediction(fractions, depths, n):
     """Predict κ_c by small divisors, and bound it for slow ripples, at the given Ω and in between.
 
-    The attribute `golden` is κ_G, at which the golden circle of constant kicks breaks; it is
+    The attribute `golden` is κ_G, at which the golden circle breaks under constant kicks; it is
     computed by residues.
     n : number of additional Ω in an evenly spaced series, and also in a geometric series.
     """
@@ -84,15 +84,15 @@ def findings(cube, theory):
     only = cube.fraction.values[(cube.loss.isnull() & cube.upper.notnull()).any("depth")]
     bounds = f"; some at Ω = {', '.join(only)} have only an upper bound" if only.size else ""
     limits = (
-        f"Of {cube.loss.size} ripples, {known} have a value{bounds}. Not tried: phases of the "
-        "ripple other than a maximum at n = 0, and irrational Ω; the prediction is of first order "
-        "in d"
+        f"Of {cube.loss.size} ripples, {known} have a value{bounds}. Not studied: phases of the "
+        "ripple other than a maximum at n = 0, and irrational Ω; the prediction is to first "
+        "order in d"
     )
     return " ".join([_small_divisors(table), _slow(table), f"{limits}."])
 
 
 def steps(table):
-    """Return whether the loss rises (1) or falls (-1) between neighbours in Ω, and the prediction.
+    """Return whether the loss rises (1) or falls (-1) between neighbouring Ω, and what is expected.
 
     The first result is 0 where the brackets of neighbours overlap or where a bracket is missing;
     such pairs are not counted.
@@ -116,7 +116,7 @@ def _small_divisors(table):
         f"{chance:.1g}); its ratio to the predicted loss has a median of {middle:.2g}, and is "
         f"{low:.2g} to {high:.2g} for 80% of the ripples"
     )
-    claim = "losses rise and fall with Ω as small divisors of circles of constant kicks predict"
+    claim = "losses rise and fall with Ω as small divisors of circles under constant kicks predict"
     # If 0.5**n exceeds this probability, even n agreements could be due to chance.
     return finding(claim, text, agree == n, chance < _CHANCE, 0.5**n < _CHANCE)
 

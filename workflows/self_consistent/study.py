@@ -23,7 +23,7 @@ _SHOWN = 4096  # number of particles stored
 _ORBIT = 2000  # number of points of an orbit that are stored
 _BEST, _EFFORT = 3, 8  # number of best lines searched again, and the effort of that search
 
-# Settings of the asymptotic circle under the forcing κ_n = limit + excess·e^(-n/time).
+# Settings for the asymptotic circle under the forcing κ_n = limit + excess·e^(-n/time).
 LIMIT, EXCESS, TIME, POINTS, ASKED = 0.9, 0.5, 5, 8192, 5
 
 _VERDICTS = {

@@ -248,7 +248,7 @@ real = functools.partial(_number, _RealRange)
 def choice(
     name: str, values: Sequence[str], default: Any, help: str, multiple: bool = False
 ) -> Decorator:
-    """Make an option that takes one of the texts `values`; with `multiple`, it may be repeated."""
+    """Make an option that takes one of the `values`; with `multiple`, it may be repeated."""
     return click.option(
         name,
         default=default,
@@ -282,7 +282,7 @@ def parsed(
     default : str or tuple of str
         The text that is parsed by default.
     parse : callable
-        Function of the text, or of the tuple of texts; it raises ValueError for a bad text.
+        Function that converts the text, or the tuple of texts; it raises ValueError for a bad one.
     metavar, help : str
         As shown by --help.
     multiple : bool
@@ -409,7 +409,7 @@ def ray_options(default: int) -> Decorator:
         ),
         whole(
             *("--n-cusp-rays", 8, 0, 1000),
-            "Extra rays on either side of the cusps at 45° and 135° (two kicks only).",
+            "Extra rays on each side of the cusps at 45° and 135° (two kicks only).",
         ),
     )
 
@@ -446,7 +446,7 @@ def proof_options(
     """
     allowed = [str(2**n) for n in range(3, 13) if 2**n >= coarsest]
     return together(
-        choice("--cells", allowed, str(cells), "Number of the finest cells per unit of strength."),
+        choice("--cells", allowed, str(cells), "Number of finest cells per unit of strength."),
         real(
             *("--cpu-seconds", seconds, 1e-3, 1e4),
             "CPU time limit per cell; a cell not proved in time is subdivided, or left open if "
@@ -500,7 +500,7 @@ class _Directory(click.ParamType):
 
 FILE, DIRECTORY = _File(exists=True, dir_okay=False), _Directory()
 _WORKERS = "Worker processes on this machine.  [default: one per core]"
-_OUT = "Directory of the results; an earlier run in it is resumed."
+_OUT = "Directory for the results; an earlier run in it is resumed."
 _RUNS = "Directory of one or more runs; every folder in it that contains cubes is a run."
 _STORE = """Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), or in another
 directory instead of OUT. Credentials come from the environment."""
@@ -529,7 +529,7 @@ _LARGER = "--tol", "--least-excess", "--distance"
 
 
 def directory(help: str) -> Decorator:
-    """Make the option --out, a directory whose use `help` explains."""
+    """Make the option --out, a directory; `help` explains its use."""
     return click.option("--out", metavar="DIR", show_default=True, type=DIRECTORY, help=help)
 
 
@@ -602,5 +602,5 @@ def writes(function: Callable[..., Any]) -> Any:
 
 
 def sweeps(function: Callable[..., Any]) -> Any:
-    """Like `writes`, but also add --store and the options of the cluster."""
+    """Like `writes`, but also add --store and the cluster options."""
     return writes(together(store_option, cluster_options)(function))

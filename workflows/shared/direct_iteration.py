@@ -35,7 +35,7 @@ def steps_up_to(n_max: int) -> IntArray:
 
 
 def bias_job(plane: Plane, scales: Mapping[float, float], sizes: Sequence[int], n_max: int) -> Job:
-    """Return the job of the cube `escape_rays`: excesses from 1% to 100%, sixty per decade.
+    """Return the job for the cube `escape_rays`: excesses from 1% to 100%, sixty per decade.
 
     scales : {angle: critical scale}. sizes : sizes of the nested ensembles.
     """
@@ -44,7 +44,7 @@ def bias_job(plane: Plane, scales: Mapping[float, float], sizes: Sequence[int], 
 
 
 def boundary_job(plane: Plane, scales: Mapping[float, float], n_max: int, n_orbits: int) -> Job:
-    """Return the job of `direct_boundary`: one ensemble, thirty excesses per decade from 1%."""
+    """Return the job for `direct_boundary`: one ensemble, thirty excesses per decade from 1%."""
     excesses = geometric(0.01, 1, 61)
     return escape_times("direct_boundary", plane, scales, excesses, [n_orbits], n_max)  # type: ignore[arg-type]
 
@@ -67,7 +67,7 @@ def sweep_inwards(run: Run, job: Job) -> xr.Dataset:
 def estimate_tiles(
     plane: Plane, angles: Sequence[float], n_max: int, n_orbits: int
 ) -> tuple[Job, set[tuple[int, int]]]:
-    """Return a job like that of `boundary_job`, and the tiles that `sweep_inwards` will need.
+    """Return a job like the one from `boundary_job`, and the tiles that `sweep_inwards` will need.
 
     The estimate assumes that the bias of direct iteration falls like N^(-1/3).
     """
@@ -106,7 +106,7 @@ def exponent(n: FloatArray, bias: FloatArray) -> tuple[float, float]:
     """Fit bias ~ n^(-1/η) by a straight line through the logarithms.
 
     Return η and its standard error; both are NaN if fewer than four biases are known, or if the
-    biases do not fall.
+    biases do not decrease.
     """
     slope, error = power_law.exponent(n, bias)
     return (-1 / slope, error / slope**2) if slope < 0 else (np.nan, np.nan)
@@ -118,7 +118,7 @@ def boundary_dataset(escapes: xr.Dataset, barrier: xr.Dataset, steps: Sequence[i
     Parameters
     ----------
     escapes : xarray.Dataset
-        The cube of `boundary_job`.
+        The cube computed by the job from `boundary_job`.
     barrier : xarray.Dataset
         `critical_scale`, the breakup s_c on the same rays.
     steps : sequence of int

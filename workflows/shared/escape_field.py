@@ -28,7 +28,7 @@ Wanted = set[tuple[int, ...]] | None
 
 @dataclass(frozen=True)
 class Grid:
-    """Settings of the field.
+    """Settings for the field.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ def escape_plane(run: Run, grid: Grid) -> xr.Dataset:
 
 
 def boundary_table(dataset: xr.Dataset, angles: FloatArray, steps: Sequence[int]) -> xr.Dataset:
-    """Find the boundary {n* ≤ N} of the largest ensemble on rays.
+    """Find the boundary of {n* ≤ N} for the largest ensemble, on rays.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ class Verdict(Enum):
 
 
 WORST_FIRST = [Verdict.FAILS, Verdict.CAVEAT, Verdict.UNDECIDED, Verdict.HOLDS]
-"""The order of verdicts on a page."""
+"""The order in which a page lists verdicts."""
 
 
 def grade(
@@ -51,7 +51,7 @@ def agrees(
 ) -> tuple[str, Verdict]:
     """Compare a value with `expected`; they agree if they differ by at most the sum of the errors.
 
-    The verdict on NaN is UNDECIDED.
+    The verdict for NaN is UNDECIDED.
     """
     holds, known = abs(value - expected) <= error + uncertainty, isfinite(value + error)
     text = f"{value:.12g} ± {error:.1g}, compared with {expected:.12g}"

@@ -92,10 +92,10 @@ def resonance(
         try:
             turnstile = manifolds.turnstile(kappa, p, q, edge == "upper")
         except action.LostError as lost:
-            reasons.append(f"No turnstile at its {edge} edge: {lost}.")
+            reasons.append(f"No turnstile at the {edge} edge: {lost}.")
             continue
         lobes += turnstile.lobes
-        areas.append(f"{turnstile.area:.4g} through its {edge} edge")
+        areas.append(f"{turnstile.area:.4g} through the {edge} edge")
     flux = f"Turnstiles of {fraction}: {' and '.join(areas)} per step." if areas else ""
     text = " ".join(filter(None, [flux, *dict.fromkeys(reasons)]))
     drawn = {name: dict(zip("xy", np.hstack(parts), strict=True)) for name, parts in lines.items()}
@@ -110,7 +110,7 @@ def residues(start: FloatArray, profile: FloatArray, omega: RotationNumber) -> d
     start, profile : arrays, shape (P,)
         The segment of forcings start + s·profile, s from 0 to 1.
     omega : RotationNumber
-        Orbits of its convergents are used.
+        Rotation number whose convergents determine the orbits.
 
     Returns
     -------

@@ -13,7 +13,7 @@ _CLOSURE = 1e-9  # maximum distance from the end of a periodic orbit to its star
 
 
 def describe_orbit(kappa: ArrayLike, x: float, y: float) -> str:
-    """Describe in words whether the orbit of (x, y) is chaotic, on a circle or in islands.
+    """Describe in words whether the orbit from (x, y) is chaotic, on a circle or in islands.
 
     The classification uses weighted Birkhoff averages. For a periodic orbit the text also
     states the residue.

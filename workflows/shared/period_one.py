@@ -26,7 +26,7 @@ def primary_dataset(axis: Axis) -> xr.Dataset:
 
 
 def secondary_dataset(axis: Axis) -> xr.Dataset:
-    """Find the secondary point next to (1/2, 0) over axis × axis; NaN where it does not exist."""
+    """Find the secondary point near (1/2, 0) over axis × axis; NaN where it does not exist."""
     kappa2, kappa1 = np.meshgrid(axis.centres, axis.centres, indexing="ij")
     z, x, y = fixed_points.secondary(kappa1, kappa2)
     residue = np.full(z.shape, np.nan)

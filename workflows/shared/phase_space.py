@@ -100,7 +100,7 @@ def _dataset(kappa, box, starts, omega, which, x, y):
     variables = {
         "x": ("point", x, described("x", "turn")),
         "y": ("point", y, "y, mod 1"),
-        "which": ("point", which.astype("int32"), "orbit of the point"),
+        "which": ("point", which.astype("int32"), "number of the point's orbit"),
         "start_x": ("orbit", starts[0], described("x of the orbit's start", "turn")),
         "start_y": ("orbit", starts[1], "y of the orbit's start"),
         "omega": ("orbit", omega, label),
@@ -131,7 +131,7 @@ def in_box(box: Box, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArr
     jumps = np.flatnonzero((abs(np.diff(u)) > 0.5) | (abs(np.diff(v)) > 0.5)) + 1
     u, v = np.insert(u, jumps, np.nan), np.insert(v, jumps, np.nan)
     inside = (abs(u) <= width / 2) & (abs(v) <= height / 2)
-    # Keep one point beyond the edge on either side, so that the line reaches the edge.
+    # Keep one point beyond the edge at each crossing, so that the line reaches the edge.
     kept = inside | np.r_[False, inside[:-1]] | np.r_[inside[1:], False]
     kept |= np.isnan(u) & np.r_[False, kept[:-1]]  # also keep a gap that follows a kept point
     u, v = np.where(kept, u, np.nan), np.where(kept, v, np.nan)

@@ -87,13 +87,13 @@ class Run:
     Parameters
     ----------
     out : str or Path
-        Directory of tables and figures; it must exist by the time something is written.
+        Directory for tables and figures; it must exist by the time something is written.
     place : Place
-        Place of the cubes.
+        Place where the cubes are stored.
     cluster : dict
         Arguments of `cluster.connect`.
     dry : bool
-        Print what would be computed, and end.
+        Print what would be computed, and exit.
     column : bool
         Draw figures for one journal column.
     quiet : bool
@@ -166,7 +166,7 @@ class Run:
         studies: Iterable[tuple[Cube, float]] = (),
         drawing: float = _DRAWING_SECONDS,
     ) -> Iterator["Run"]:
-        """Do what `driving` does and connect to workers; first refuse cubes with other settings.
+        """Do what `driving` does and connect to workers; first refuse cubes whose settings differ.
 
         Parameters
         ----------
@@ -225,8 +225,8 @@ class Run:
     def check(self, cube: Cube, computed_by: str | None = None) -> dict[str, Any]:
         """Return the attributes of the cube in the place; {} if the place has no such cube.
 
-        A cube with other settings is refused. computed_by : `code.computed_by` of the cube's job,
-        if a job computes the cube.
+        A cube with different settings is refused. computed_by : `code.computed_by` of the cube's
+        job, if a job computes the cube.
         """
         return store.check(self.place, cube, computed_by or store.COMPUTED_BY)
 
@@ -266,7 +266,7 @@ class Run:
     def holds(self, cube: Cube, *parts: str) -> bool:
         """Return whether the place holds an undamaged cube that this version of the code wrote.
 
-        A cube with other settings is refused.
+        A cube with different settings is refused.
 
         Parameters
         ----------
@@ -372,7 +372,7 @@ def usage_errors(place: Any) -> Iterator[None]:
 def shared_workers(
     scheduler: str | None, n_workers: int | None, tls: tuple[str, str, str] | None
 ) -> Iterator[list[str]]:
-    """Yield the options with which several commands, run in turn, share the same workers."""
+    """Yield the options that let several commands, run in turn, share the same workers."""
     if scheduler is not None:
         yield ["--scheduler", scheduler, *(["--tls", *tls] if tls else [])]
         return

@@ -35,7 +35,7 @@ def dataset(
     variables : dict
         {name: (dims, values, label)}, or labelled Variables.
     attrs : dict, optional
-        More attributes of the Dataset.
+        Additional attributes of the Dataset.
 
     Returns
     -------

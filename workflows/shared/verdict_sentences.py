@@ -116,6 +116,6 @@ def scale_text(boundary: CriticalScale) -> str:
 
 
 def bracket_of(boundary: CriticalScale) -> tuple[str, str]:
-    """Return the ends of the bracket as strings; "" for an end that is not known."""
+    """Return the ends of the bracket as strings; "" for an unknown end."""
     lower, upper = rounded_bracket(boundary.lower, boundary.upper)
     return lower, upper

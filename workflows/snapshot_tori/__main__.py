@@ -8,8 +8,8 @@ Chaos 29 (2019) 121105). For growth rates r from 10⁻² to 10⁻⁴ per kick, t
   of a torus;
 - the kick at which the ensemble-averaged pairwise distance (EAPD) of a torus exceeds that of any
   graph, and the onset of its growth, after which distances stay ten times larger than on any graph;
-- the finite-time Lyapunov exponents of single orbits, which may contradict such averages (Grime &
-  Morrison, arXiv:2505.04750), and the fraction of orbits that have separated at the onset.
+- the finite-time Lyapunov exponents of individual orbits, which may contradict such averages
+  (Grime & Morrison, arXiv:2505.04750), and the fraction of orbits that have separated at the onset.
 
 `nasm.snapshot` defines these quantities, and derives the bound on the EAPD of a graph. This bound
 requires twist, which this map has; the maps of arXiv:2501.08147 and arXiv:2505.04750 are nontwist.

@@ -1,4 +1,4 @@
-"""When snapshot tori fold, are excluded as graphs, and begin to stretch, in ramps of the kicks.
+"""When snapshot tori fold, are excluded as graphs, and begin to stretch, as kicks grow stronger.
 
 The ensemble-averaged pairwise distance (EAPD) of a torus is defined in `nasm.snapshot`.
 """
@@ -108,7 +108,7 @@ def snapshots(rates, kept, settings=DEFAULT):
     return dataset(
         "Snapshot tori in ramps",
         {
-            "start": (np.arange(y.size), "torus of the initial map, first the golden circle"),
+            "start": (np.arange(y.size), "torus of the initial map; 0 is the golden circle"),
             "rate": (rates, "growth of κ per kick"),
             "kick": (kick, "kicks from κ_G"),
             "quantile": (np.array(QUANTILES), "fraction of the orbits with a smaller exponent"),
@@ -191,7 +191,7 @@ def findings(cube):
             "an onset, or the absence of one, does not show whether graphs exist",
             f"the onset precedes the exclusion of all graphs in {int(before.sum())} of {pairs}, by "
             f"up to {float(early.max()):.0f} kicks, and follows it in {int(after.sum())}; of "
-            f"{silent.size} pairs of a torus in islands, through which no graph passes, "
+            f"{silent.size} pairs of a ramp and an island torus, through which no graph passes, "
             f"{int(silent.sum())} show no onset up to κ = {cube.attrs['last']:g}",
             bool(before.any() and after.any() and silent.any()),
             bool(before.any() or silent.any()),
@@ -205,8 +205,8 @@ def findings(cube):
             float((share >= 0.5).mean()) > 0.5,
             share.size > 0,
         ),
-        "No orbit crosses a torus, even after it has folded, because it is the image of an "
+        "No orbit crosses a torus, even a folded one, because every torus is the image of an "
         "invariant curve. The EAPD and the exclusion of graphs therefore do not show transport. "
         "Distances are linearised, exponents are those of the two-dimensional map, and tori are "
-        "sampled. Not tried: decreasing ramps, maps without twist.",
+        "sampled. Not studied: decreasing ramps, maps without twist.",
     ])  # fmt: skip

@@ -3,7 +3,7 @@
 Four studies test the methods near the cusp at 45°, on both sides of the breakup, for irrational
 rotation numbers close to fractions, and where a step (one period) is no longer a twist map although
 each kick is one (converse KAM requires only the latter). Two others count the starts that the beam
-search of converse KAM misses, and the wrong orbits to which Newton's method converges. The last
+search of converse KAM misses, and the wrong orbits that Newton's method converges to. The last
 computes tori near a resonance. The captions state the results.
 
 Writes seven cubes and three figures to OUT. The defaults take about four CPU minutes; --quick takes

@@ -2,7 +2,7 @@
 
 The studies test the methods at the cusp, beyond the breakup, close to fractions and without twist;
 they count starts that beam searches miss, and wrong orbits that Newton's method finds; and they
-compute tori next to a resonance, and search for tori beyond their breakup.
+compute tori close to a resonance, and search for tori beyond their breakup.
 """
 
 import numpy as np
@@ -33,7 +33,7 @@ _PAIRS = {  # (ω, Ω) at a distance δ from a resonance
 
 
 def near_cusp(quick):
-    """1. Compare values and errors next to the cusp at 45° with those of longer runs.
+    """1. Compare values and errors close to the cusp at 45° with those of longer runs.
 
     The methods are `periodic` and `circles.continuation` for the circle of γ, and
     `converse_kam.symmetry_line` and `barriers` for the last circle. The references are residues
@@ -66,7 +66,7 @@ def near_cusp(quick):
     approaches = "Greene's residue", "continuation of circles", "converse KAM", "all together"
     distance = deltas, described("distance 45° - φ from the cusp", "degree")
     variables = {
-        "off": (dims, off, "difference from the most accurate value known, relative to it"),
+        "off": (dims, off, "relative difference from the most accurate value known"),
         "error": (dims, claimed, "relative error that the method claims"),
         "judge_error": (dims, uncertain, "relative error that the most accurate method claims"),
         "status": outcomes(dims, scales["status"].T[0]),
@@ -91,7 +91,7 @@ def past_boundary(quick):
         return circle.certified, single, *_lifetimes(kappa, n_cones, 5000, n_escape)
 
     certified, single, *lifetimes = _over(angles, excess, answers)
-    label, dims = "1 if a circle of n_modes points is certified", ("angle", "excess")
+    label, dims = "1 if a circle with n_modes points is certified", ("angle", "excess")
     variables = {
         "certified": (dims, certified.astype("int8"), label),
         "escape_time_single": (dims, single, f"{_LIFETIMES['escape_time']}, in single precision"),
@@ -125,7 +125,7 @@ def disguised_fractions(quick):
     certified = [[circles.invariant_circle(omega, kappa) for omega in row] for row in omegas]
     status[:, 2] = field_arrays(certified, {})["status"]
     golden = periodic.critical_scale(RotationNumber((0,), (1,)), kappa).value
-    approaches = "periodic", "continuation", "longer orbits; of status: circles"
+    approaches = "periodic", "continuation", "longer orbits (for status: circles)"
     coords = {
         "quotient": (list(large), "partial quotient a after the ones"),
         "approach": text("approach", approaches, "method"),
@@ -134,7 +134,7 @@ def disguised_fractions(quick):
     variables = {
         "value": ([*coords], value, "breakup, relative to (0.3, 0.2)"),
         "error": ([*coords], error, "error that the method claims for value"),
-        "lower": (("quotient", "q"), lower[:, 1], "last certified circle of continuation"),
+        "lower": (("quotient", "q"), lower[:, 1], "last circle certified by continuation"),
         "status": outcomes([*coords], status),
     }
     title = "Fractions disguised as irrational rotation numbers"
@@ -245,8 +245,8 @@ def disordered_orbits(quick):
     labels = {
         "lost": "fraction of starts without convergence",
         "right": "fraction that converges to the orbit",
-        "refused": "fraction that converges to another orbit, which is refused",
-        "accepted": "fraction that converges to another orbit, which is accepted",
+        "refused": "fraction that converges to a different orbit, which is refused",
+        "accepted": "fraction that converges to a different orbit, which is accepted",
     }
     variables = columns([*coords], labels, counts / trials)
     title = "Orbits that Newton's method finds from bad starts"
@@ -254,10 +254,10 @@ def disordered_orbits(quick):
 
 
 def nearly_resonant(quick):
-    """7. Compute breakups of tori of pairs (ω, Ω) at a distance δ from a resonance.
+    """7. Compute breakups of tori with frequencies (ω, Ω) at a distance δ from a resonance.
 
     The reference is the bound from converse KAM for all tori with the same Ω. Beyond this bound,
-    tori of the first pair are sought on grids of up to n points.
+    tori with the first pair of frequencies are sought on grids of up to n points.
     """
     deltas = np.e * 10.0 ** -np.array([2, 5, 10] if quick else range(2, 13))
     profile, tol, kicks = ray(45), *((0.1, 1000) if quick else (0.03, 8000))
@@ -279,11 +279,11 @@ def nearly_resonant(quick):
         "excess": (excess, "scale relative to upper, minus 1"),
     }
     variables = {
-        "value": (dims, numbers["value"], "breakup on the ray of 45°"),
+        "value": (dims, numbers["value"], "breakup on the ray at 45°"),
         "error": (dims, numbers["error"], "error that the method claims for value"),
         "lower": (dims, numbers["lower"], "scale of the last certified torus"),
-        "upper": (dims, upper, "scale at which no torus of that Ω exists"),
+        "upper": (dims, upper, "scale at which no torus with this Ω exists"),
         "status": outcomes(dims, numbers["status"]),
         "past": outcomes(("n", "excess"), field_arrays(past, {})["status"]),
     }
-    return dataset("Tori next to a resonance, and beyond their breakup", coords, variables)
+    return dataset("Tori close to a resonance, and beyond their breakup", coords, variables)

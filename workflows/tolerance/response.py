@@ -49,7 +49,7 @@ def orbits(n):
 
 
 def response(orbit, f):
-    """Return dR/dd of an orbit of constant kicks under κ_G(1 + d·f_n); f has the orbit's period."""
+    """Return dR/dd of a constant-kick orbit under κ_G(1 + d·f_n); f has the orbit's period."""
     x = orbit.sites()
     moved = splu(_ring(x, 1.0)).solve(-golden() * f * np.sin(2 * np.pi * x) / (2 * np.pi))
     step = 1e-30j  # for complex-step differentiation
@@ -75,7 +75,7 @@ def finer(circle, period, mode):
     """
     omega, h = parse(circle), steps(period)
     a, b, c = map(fibonacci, (h - 1, h, h + 1))
-    sign = 1 if float(omega) > period / 2 else -1  # take ω per kick, or 1 - ω, whichever is near γ
+    sign = 1 if float(omega) > period / 2 else -1  # use ω per kick or 1 - ω, whichever is near γ
     per_kick = moebius(omega, sign, period * (sign < 0), 0, period)
     image = next(k for k in range(1, period) if k * c % period in (mode, period - mode))
     return str(moebius(per_kick, period * a, period * b, b, c)), min(image, period - image)

@@ -49,18 +49,18 @@ def forcings(n, climbs):
 
 
 def laws(cube):
-    """Predict and measure the exponent of the loss caused by cosine ripples of P = 2 to 8.
+    """Predict and measure the exponent of the loss caused by cosine ripples with P = 2 to 8.
 
     The loss is the fraction by which a ripple lowers the threshold.
 
     predicted : from the factor δ^h by which the loss grows in the h renormalisations of each mode
-    of the cycle, and from the growth of the ripple, which is computed from the responses; its error
+    in the cycle, and from the growth of the ripple, which is computed from the responses; its error
     is the change when longer orbits are used. measured : from the losses of the last circle under a
-    ripple of the cube, and of the `finer` circle under the renormalised ripple; its error is due to
+    ripple in the cube, and of the `finer` circle under the renormalised ripple; its error is due to
     the errors of the losses, plus the larger of two terms: the change from a larger ripple, and 2.5
     times the first loss over the growth of ln |response|.
-    orbits : the shortest period of orbits that resolve the ripple into which renormalisation turns
-    a ripple of 1%.
+    orbits : the shortest period of orbits that resolve the ripple obtained by renormalising a
+    ripple of 1%.
 
     The corrections to this law are large. For P = 4 the law extrapolates from a ripple of 0.3% to a
     loss of 0.00173, whereas residues of the finer circle, with periods up to 46 000, yield 0.00301;
@@ -126,15 +126,15 @@ def findings(cube, laws, tried):
         f"to kick, and by {span(longer)}% otherwise.",
         _law(laws),
         _conjecture(tried),
-        "Forcings of more than 8 kicks, aperiodic forcings, ripples of P > 2 with d < 0.003, and "
-        "other shapes were not tried.",
+        "Forcings of more than 8 kicks, aperiodic forcings, ripples with P > 2 and d < 0.003, "
+        "and other shapes were not tested.",
     ])  # fmt: skip
 
 
 def _law(laws):
     table = laws.to_dataframe()
     error = table.measured_error + table.predicted_error
-    sharp = error < 0.1 * table.predicted  # False where an error is not known
+    sharp = error < 0.1 * table.predicted  # False where an error is unknown
     fits = bool((abs(table.measured - table.predicted) < error)[sharp].all())
     exponents = ", ".join(
         f"{row.measured:.3f} ± {row.measured_error:.1g} ({row.predicted:.3f} ± "
@@ -150,7 +150,7 @@ def _law(laws):
         f"loss are {exponents}; the error of a measured exponent includes the errors of the losses "
         "and the larger of two terms, one proportional to the loss and the other the change from a "
         "larger ripple; the error of a predicted exponent is the change from shorter orbits. "
-        f"{unsettled}Other P were not measured: if a ripple of 1% is renormalised, only orbits of "
+        f"{unsettled}Other P were not tested: if a ripple of 1% is renormalised, only orbits of "
         f"about the following periods, or longer ones, resolve it: {long}"
     )
     claim = "for each P the loss scales with the power of the ripple that renormalisation predicts"
@@ -164,7 +164,7 @@ def _conjecture(tried):
     by_converse_kam = [(part > 1) & np.isfinite(part) for part in (random, ends)]
     text = (
         f"{beaten} of {random.size} random forcings of 2 to 8 kicks and {ends.size} hill climbs "
-        "have a barrier at an rms strength of 1.001 κ_G, where κ_G is the threshold of constant "
+        "have a barrier at an rms strength of 1.001 κ_G, where κ_G is the threshold for constant "
         f"kicks. Orbits escape under {int((random <= 1).sum())} of the random forcings; converse "
         f"KAM excludes all circles under {by_converse_kam[0].sum()} others, and under the final "
         f"forcings of {by_converse_kam[1].sum()} climbs where no orbit escapes. Under the final "

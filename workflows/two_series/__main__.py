@@ -2,15 +2,15 @@
 
 With time in units of the period, kicks of strength K act at integer times, and kicks of strength
 K_α a time τ later (arXiv:2509.11593; for K_α = -K arXiv:physics/0408088): p' = p + K sin 2πx/2π,
-then x' = x + τp', followed by the same with K_α and 1 - τ. For τ = a/q the forcing has q kicks, two
+then x' = x + τp', followed by that map with K_α and 1 - τ. For τ = a/q the forcing has q kicks, two
 of them nonzero, and the map is periodic in p with period q. K_c(τ) is the strength K at which the
 last barrier breaks, for K_α = K, K/2 and -K. Panels show the critical boundary CB_gt in the
 (K, K_α) plane, coloured by the last circle, whose ω is the mean of p along it.
 
 To first order, the kicks drive a resonance at every integer p = k. It is as strong as the resonance
-of a standard map with strength abs(K + K_α e^{2πikτ}). So a barrier next to a weak resonance should
-persist up to strong kicks, and the threshold should be lowest at the delay whose weakest resonance
-is strongest.
+of a standard map with strength abs(K + K_α e^{2πikτ}). So a barrier close to a weak resonance
+should persist up to strong kicks, and the threshold should be lowest at the delay whose weakest
+resonance is strongest.
 
 If one series vanishes, the map is the standard map for any τ, so CB_gt meets the axes at κ_G,
 the only number in the abstract of arXiv:2509.11593, whose authors obtain it with a neural network.

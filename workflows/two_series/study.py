@@ -63,7 +63,7 @@ def thresholds(cube, delays):
         name: xr.Variable(dims, images[name].values.reshape(shape), images[name].attrs)
         for name in names
     }
-    long_name = "K_c, strength K of the kicks at integer times where the last barrier breaks"
+    long_name = "K_c, strength K (kicks at integer times) at which the last barrier breaks"
     variables["critical_scale"].attrs["long_name"] = long_name
     weakest = [[weakest_resonance(delay, r) for r in RATIOS.values()] for delay in delays]
     label = "strength over K of the weakest resonance, to first order"
@@ -114,7 +114,7 @@ def findings(table):
 
 
 def _order(table):
-    """Judge whether K_c falls as the weakest resonance grows, and is lowest where it is largest."""
+    """Judge whether K_c falls as the weakest resonance grows, and is lowest where that peaks."""
     follows, decided, lowest, places = 0, 0, [], []
     for name, ratio in RATIOS.items():
         part = table.sel(ratio=ratio)
@@ -162,7 +162,7 @@ def _window(table):
         "strengths down to 0. At the convergents "
         f"{', '.join(near.delay.values.tolist())} of τ, K_c is {values}. So transport that is "
         "global in a window of p excludes barriers only in that window, and a fraction can replace "
-        "an irrational delay only in a window narrower than its denominator q. K_c of irrational "
+        "an irrational delay only in a window narrower than its denominator q. K_c for irrational "
         "delays was not computed."
     )
 

@@ -23,7 +23,7 @@ _NO_DIGESTS = (
 
 
 def examine(path, place, repair, proofs, longest):
-    """Print which tiles and metadata are damaged in the cubes of a run.
+    """Print which tiles and metadata in the cubes of a run are damaged.
 
     Return the number of damaged tiles, counting the metadata of a cube as one tile, and the number
     of those that `repair` marks as missing.

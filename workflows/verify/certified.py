@@ -1,4 +1,4 @@
-"""Certificates of a store: do they exist, and do they prove what the cubes claim?"""
+"""Certificates in a store: do they exist, and do they prove what the cubes claim?"""
 
 import sys
 import time

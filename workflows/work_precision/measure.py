@@ -15,7 +15,7 @@ ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
 
 
 def timed(run, *arguments):
-    """Return the result and the median CPU time of up to five runs begun within 0.2 CPU seconds."""
+    """Return the result and the median CPU time of up to five runs, started within 0.2 CPU s."""
     seconds = []
     while len(seconds) < 5 and sum(seconds) < 0.2:
         start = thread_time()
@@ -89,7 +89,7 @@ def seconds_for(data, accuracy):
 
     The accuracy refers to the scale of the last breakup. On each ray, a level of effort qualifies
     if all errors at this level and above are within the accuracy, and the qualifying level with the
-    shortest CPU time is taken. The result is the time on the slowest ray, or NaN if no level
+    shortest CPU time is chosen. The result is the time on the slowest ray, or NaN if no level
     qualifies on some ray. Rays on which a method has no answer are skipped.
     """
     failed = (data.error > accuracy) | data.error.isnull() & data.effort.notnull()

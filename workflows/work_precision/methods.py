@@ -110,7 +110,7 @@ def last_circle(ray, n_points):
 
 
 def birkhoff(ray, n):
-    """Find the last scale at which converse KAM's longest-lived orbit looks quasiperiodic.
+    """Find the largest scale at which converse KAM's longest-lived orbit looks quasiperiodic.
 
     An orbit looks quasiperiodic if its rotation number is known to five digits and is not a
     fraction with q ≤ 200; in an island chain it is such a fraction. This does not show that a
@@ -135,7 +135,7 @@ def birkhoff(ray, n):
 
 
 def _last(holds, low, high, precision):
-    """Bisect for the scale up to which `holds` is true, to a relative precision."""
+    """Bisect for the scale up to which `holds` is true, to a given relative precision."""
     while high - low > precision * high:
         middle = (low + high) / 2
         low, high = (middle, high) if holds(middle) else (low, middle)
