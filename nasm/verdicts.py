@@ -106,8 +106,8 @@ class Evidence(Enum):
         "finer grid; this is not a computer-assisted proof"
     )
     CIRCLE_BEYOND = (
-        "the circle is certified further out on the ray from κ = 0, not at this forcing; that it "
-        "also exists here, closer to κ = 0, is an assumption"
+        "the circle is certified further out on the ray from κ = 0, not at this forcing; its "
+        "existence here, closer to κ = 0, is an assumption"
     )
     CONVERSE_KAM = (
         "at exactly this forcing, converse KAM shows that no circle passes through any sampled "
@@ -139,7 +139,7 @@ class Verdict(Result):
     kappa : ndarray, shape (P,)
         The forcing, first kick first.
     answer : Answer
-        Whether a barrier exists or transport is global. UNDECIDED makes no statement about either.
+        Whether a barrier exists or transport is global. UNDECIDED makes no claim either way.
     evidence : Evidence
         The kind of evidence for the answer.
     boundary : CriticalScale

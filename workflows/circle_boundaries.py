@@ -21,8 +21,9 @@ def parse_omega(text):
     if omega.is_rational:
         like = str(RotationNumber(omega.prefix, (1,)))
         raise ValueError(
-            f"{abbreviate(text)} is rational, so no invariant circle has it; write an "
-            f"irrational number with a periodic continued fraction, like {abbreviate(like)}"
+            f"{abbreviate(text)} is rational, so no invariant circle has this rotation number; "
+            "write an irrational number with a periodic continued fraction, like "
+            f"{abbreviate(like)}"
         )
     return omega
 

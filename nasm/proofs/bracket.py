@@ -97,7 +97,7 @@ def critical_scale(profile: ArrayLike, seconds: float = 8.0) -> ProvedBracket:
     seconds : float
         CPU time for `below`; the two bounds together may take twice as much. The upper bound uses
         only seconds/2, but is ten times tighter than the lower one. The width of the bracket
-        depends on the time and on the machine, but its bounds are proved in any case.
+        depends on the time and on the machine, but its bounds are proved regardless.
 
     Returns
     -------

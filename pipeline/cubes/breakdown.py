@@ -237,7 +237,7 @@ def scale_arrays(answers: Sequence[Any], axes: Iterable[str], angles: ArrayLike)
     Parameters
     ----------
     answers : nested lists of CriticalScale
-        The last dimension is that of the rays.
+        The last dimension runs over the rays.
     axes : iterable of str
         Names of the plane's coordinates.
     angles : array_like

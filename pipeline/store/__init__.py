@@ -3,7 +3,7 @@
 A tile passes through these states: missing → data chunks written → commit record written. The
 record contains the tile's CPU seconds and the checksum of its data. *A tile is done if its record
 and its data exist*; there is no separate list of done tiles. A copy made during a sweep may contain
-records without data: their tiles count as missing. Each file appears completely or not at all.
+records without data: their tiles count as missing. Each file appears whole or not at all.
 Workers and drivers may write in any order: data written twice are identical, except for proofs,
 whose bounds depend on the speed of the machine. The store depends neither on the mathematics nor on
 clusters.

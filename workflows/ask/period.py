@@ -22,8 +22,8 @@ def escaping_orbit(kappa):
     """Return x, y of an orbit up to its escape from the paper's window; None if no orbit escapes.
 
     The orbits that escape first are iterated again by `orbits.orbit`, whose rounding differs.
-    Because they are chaotic, few of them escape at the same step as before; but if many orbits are
-    iterated, some of them escape soon.
+    Because they are chaotic, few of them escape at the same step as before; but among many orbits,
+    some still escape early.
     """
     x, y = escape.ensemble(_STARTS)
     times = escape.escape_time(kappa, x, y, _STEPS)
