@@ -78,8 +78,8 @@ class Status(Enum):
         "diffusion constant; change the forcing"
     )
     TOO_LONG = (
-        "the period has more than 64 kicks, so no circle was sought; only upper is known, and is a "
-        "few per cent too large; take a shorter period"
+        "the period has more than 64 kicks, so no circle was sought, and only upper is known, "
+        "which is a few per cent too large; take a shorter period"
     )
 
     __repr__ = Enum.__str__  # Status.OK, not <Status.OK: 'ok'>

@@ -472,8 +472,8 @@ def _irrational(omega: OmegaLike) -> RotationNumber:
     number = parse(omega) if isinstance(omega, str) else omega
     if number.is_rational:
         raise ValueError(
-            f"omega={omega} is rational, so no invariant circle has it; use an irrational "
-            "number with a periodic continued fraction, like [0;2,(1)]"
+            f"omega={omega} is rational, so no invariant circle has this rotation number; use an "
+            "irrational number with a periodic continued fraction, like [0;2,(1)]"
         )
     return number
 

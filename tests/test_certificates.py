@@ -146,7 +146,7 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("fan", {"scales": in_hex(0.2, 0.2)}, "not an interval"),
     ("fan", {"scales": in_hex(-0.2, 0.2)}, "not an interval"),
     ("fan", {"tilt": in_hex(0.0625, 0.126)}, "inequality"),
-    ("fan", {"tilt": in_hex(0, 0)}, "functions of t"),
+    ("fan", {"tilt": in_hex(0, 0)}, "functions depend on t"),
     ("fan", {"tilt": in_hex(0.125)}, "for each kick"),
     ("fan", {"rho": (-0.01).hex()}, "rho is not"),
     ("barrier", {"rho": (-0.07).hex()}, "rho is not"),
@@ -156,7 +156,7 @@ FALSE = [  # a certificate, what is changed in it, and why it is refused
     ("barrier", {"moves": {"unit": -76, "numbers": [[]]}}, "degrees"),
     ("barrier", {"moves": {"unit": -76, "numbers": [[[[[], [0, 1]]]]]}}, "inequality"),
     ("barrier", {"moves": {"unit": -76, "numbers": [[[[[], [0, 1]]] * 2]]}}, "for each kick"),
-    ("barrier", {"moves": {"unit": -76, "numbers": [[[[[], [0, 1]]]]] * 2}}, "functions of s"),
+    ("barrier", {"moves": {"unit": -76, "numbers": [[[[[], [0, 1]]]]] * 2}}, "functions depend on s"),
     ("fan", {"moves": {"unit": -76, "numbers": []}}, "degrees"),
     ("fan", {"moves": {"unit": -76, "numbers": [[], []]}}, "degrees"),
     ("fan", {"moves": {"unit": -76, "numbers": [[[[[], [1]]] * 2]]}}, "not real"),
@@ -413,7 +413,7 @@ def test_the_caller_sets_how_many_kicks_are_checked(made):
 def test_orbits_too_far_apart_are_not_followed_further(made):
     """The bounds grow like 4^(4^n), so their exponents would exhaust the memory."""
     lives = [10**5] * len(made["transport"]["lives"])
-    refuted(made["transport"], {"lives": lives}, "orbits of a box are too far apart")
+    refuted(made["transport"], {"lives": lives}, "orbits in a box are too far apart")
 
 
 def test_a_circle_with_a_large_residual_is_refused_before_any_inversion(made, monkeypatch):

@@ -108,7 +108,7 @@ def test_reading_warns_of_lost_data_but_not_of_tiles_yet_to_be_computed(place):
     cube = store.read(place, "toy")
     cube.sign.load()
     assert not np.isnan(cube.wave[:, :3, :3]).any()
-    with pytest.warns(UserWarning, match=r"toy.zarr: chunks of wave are lost.* run again"):
+    with pytest.warns(UserWarning, match=r"toy.zarr: chunks of wave are lost.* rerun the command"):
         cube.wave.load()
     put(place, "toy.zarr/cell/c/0/0", None)
     with pytest.warns(UserWarning, match="chunks of cell are lost"):
