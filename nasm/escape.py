@@ -57,7 +57,7 @@ _ETA = 3.012  # η of the bias, k_N - k_c ~ N^(-1/η)
 
 @dataclass(frozen=True)
 class IterationSettings:
-    """Sizes of the portions in which orbits are iterated; they do not affect escape times.
+    """How many steps orbits are iterated at a time; this does not affect escape times.
 
     Attributes
     ----------
@@ -148,7 +148,7 @@ def escape_time(
     Raises
     ------
     ValueError
-        If an argument is not finite, empty, or out of range.
+        If an argument is empty, not finite, or out of range.
 
     Examples
     --------
@@ -368,8 +368,8 @@ def _onset_scales(
     *_, lo, hi, shift = _checked(profile, x, y, 1, window)
     if not ((lo <= y - shift) & (y - shift <= hi)).all():
         raise ValueError(
-            f"window={window!r} leaves out starts of the ensemble, which would escape without a "
-            "kick; it must contain y from 0 to 0.3"
+            f"window={window!r} leaves out some starts of the ensemble, which would escape without "
+            "a kick; it must contain y from 0 to 0.3"
         )
 
     def escapes(scale: float, n: int) -> bool:
@@ -474,7 +474,7 @@ def _checked(
     strengths = forcing(kappa)
     x, y = points(x, y)
     if x.size == 0:
-        raise ValueError("x and y are empty; an ensemble has at least one start")
+        raise ValueError("x and y are empty; an ensemble needs at least one start")
     n_max = count("n_max", n_max, 1, MAX_STEPS)
     ends = floats("window", window)
     if ends.shape != (2,) or not np.isfinite(ends).all() or not ends[0] < ends[1]:

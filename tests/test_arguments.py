@@ -178,13 +178,13 @@ STARTS = {
     ],
     "y": [
         ((*ORBITS, escape.escape_time, LINES[0]), [[0.0, inf]], "y is not finite"),
-        (escape.escape_time, [[]], "are empty; an ensemble has at least one start"),
+        (escape.escape_time, [[]], "are empty; an ensemble needs at least one start"),
         (orbits.orbit, [np.zeros(3)], "do not broadcast"),
     ],
     "window": [
         (ESCAPES, [(2.3, -2.0), (0.0, 0.0), (-inf, 2.0)], "={value} must be two finite"),
         (aperiodic.escape_time, [(2.0, -2.0), (nan, 2.0), 5], "window={value} must be (lo, hi)"),
-        (escape.critical_scale, [(0.1, 2.3), (-2.0, 0.29)], "leaves out starts"),
+        (escape.critical_scale, [(0.1, 2.3), (-2.0, 0.29)], "leaves out some starts"),
     ],
     "box": [
         (orbits.passages, [(0, 0, 0, 1), (0, 0, 1, 1.01), (0, 0, nan, 1)], "sizes up to 1"),

@@ -39,8 +39,8 @@ def is_honest(found):
 
 
 # P equal kicks of strength κ are P steps of the standard map at κ. A single kick of strength κ in a
-# period of P kicks is one step of the standard map at Pκ, whose breakups depend on ω only modulo 1.
-# The last circle has one of the rotation numbers `omegas`.
+# period of P kicks is one step of the standard map at Pκ, where the breakup of a circle depends on
+# ω only modulo 1. The rotation number of the last circle is one of `omegas`.
 @pytest.mark.parametrize(
     ("profile", "exact", "omegas"),
     [
@@ -152,7 +152,7 @@ def test_close_to_a_cusp_errors_are_honest_or_there_is_no_answer(offset):
 
 
 @pytest.mark.parametrize(("name", "angle"), [("2gamma", 135), ("2gamma+1", 45)])
-def test_two_circles_of_the_paper_have_values_at_each_others_cusps(name, angle):
+def test_two_circles_from_the_paper_have_values_at_each_others_cusps(name, angle):
     # At these cusps both circles are circles of the standard map, with the tail (8, 2); the default
     # q_max covers two periods of the tail. The reference value comes from half orbits on symmetry
     # lines, with periods up to 200 000; its error is 1.5e-11.

@@ -26,7 +26,7 @@ def draw_escape_plane(plane, steps):
     of = r"$\mathcal{T}_{\kappa_1\kappa_2}$" if of_two_kicks(plane) else plane_of(plane.attrs).name
     steps_of = f"up to ${style.power(plane.attrs['n_max'])}$ steps of {of}"
     axes.set_title(f"Global transport: {int(plane.ensemble[-1])} orbits, {steps_of}")
-    field = median_filter(draw_field(axes, plane), _CELLS)  # a single cell depends partly on chance
+    field = median_filter(draw_field(axes, plane), _CELLS)  # each cell is partly random
     for n, colour, dash in zip(steps[::-1], _BOUNDARY_COLOURS, ("-", "--", ":"), strict=False):
         look = {"linewidths": 1.6, "linestyles": dash, "colors": colour}
         curve = axes.contour(x, y, field <= n, levels=[0.5], **look)

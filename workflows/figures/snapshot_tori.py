@@ -26,14 +26,15 @@ def draw_snapshot_tori(cube):
 
 def snapshot_tori_caption(cube, findings):
     return (
-        f"Snapshot tori in ramps that begin at κ = {float(cube.strength[0]):g} and grow by r per "
+        f"Snapshot tori in ramps that begin at κ = {float(cube.strength[0]):g} and rise by r per "
         "kick. (a) EAPD (ensemble-averaged pairwise distance, as a logarithm) of each torus for "
         f"r = {cube.attrs['kept_rate']:g}, and its bound for graphs; vertical line: "
         "converse KAM excludes all graphs. (b) Finite-time exponents on two of these tori: median, "
-        "and range of 80% of the orbits. (c) κ at which four events occur on each torus of (a): "
+        "and the central 80% of the orbits. (c) κ at which four events occur on each torus of (a): "
         "all graphs through one of its points are excluded; its EAPD exceeds the bound; mean "
-        f"distances exceed the bound for good by a factor of {cube.attrs['factor']:g}; and half of "
-        "its orbits are stretched by more than n². Horizontal line: all graphs are excluded. "
+        f"distances exceed the bound by a factor of {cube.attrs['factor']:g} from then on; and "
+        "half of its orbits are stretched by more than n². Horizontal line: all graphs are "
+        "excluded. "
         "(d) Kicks from the first of these events to the second, for all tori that wind around "
         "the cylinder; red: the golden circle."
         f"\n{findings}"
@@ -105,7 +106,8 @@ def _draw_delays(axes, cube):
     for face, label in (("0.4", "onset before all graphs are excluded"), ("none", "onset later")):
         axes.plot([], [], "o", color="0.4", mfc=face, ms=5, label=label)
     axes.set(xscale="log", yscale="log", title="Delay of the EAPD, all ramps")
-    axes.set(xlabel=r"growth $r$ of $\kappa$ per kick", ylabel="kicks from exclusion to excess")
+    axes.set(xlabel=r"growth $r$ of $\kappa$ per kick")
+    axes.set(ylabel="kicks from exclusion until EAPD > bound")
     legend_below(axes, 2, 1)
 
 
