@@ -439,7 +439,7 @@ def test_ctrl_c_does_not_stop_workers(client):
 
 @pytest.fixture
 def messages(monkeypatch):
-    """Collect what a sweep prints about workers; make the sweep notice soon if none are left."""
+    """Collect what a sweep prints about workers; make the sweep notice quickly if none are left."""
     printed = []
     monkeypatch.setattr(submit, "print", lambda text, file: printed.append(text), raising=False)
     monkeypatch.setattr(submit, "_PATIENCE", 0.2)

@@ -169,7 +169,7 @@ class Progress(AbstractContextManager):
         return self.drawn
 
     def _sweeps_left(self) -> float:
-        """Return the predicted CPU seconds of the tiles that are not completed."""
+        """Return the predicted CPU seconds of the tiles that are not yet complete."""
         return self.begun - self.done + sum(self.predicted.values())
 
     def remaining(self) -> float | None:

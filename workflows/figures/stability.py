@@ -206,7 +206,7 @@ def _draw_disorder(axes, study):
     labels = {
         "lost": "no convergence",
         "right": "the orbit of 13/21",
-        "refused": "another orbit, refused",
+        "refused": "another orbit, rejected",
         "accepted": "another orbit, accepted",
     }
     lines = "o-", "s--"  # for the smaller and the larger noise

@@ -212,8 +212,8 @@ def missed_survivors(quick):
 def disordered_orbits(quick):
     """6. Start Newton's method far from the orbit of 13/21, and classify the results.
 
-    The forcing increases from below the last breakup to far beyond it. Each start is the rotation
-    with random deviations of 0.03 or 0.1 turns (rms).
+    The forcing increases from below the last breakup to far beyond it. Each start is the rigid
+    rotation plus random deviations of 0.03 or 0.1 turns (rms).
     """
     p, q, noises = 13, 21, (0.03, 0.1)
     scales = np.linspace(0.2, 1.6, 8)
@@ -243,9 +243,9 @@ def disordered_orbits(quick):
         "scale": (scales, "scale s of the forcing s·(1, 0.5)"),
     }
     labels = {
-        "lost": "fraction of starts without convergence",
+        "lost": "fraction of starts that do not converge",
         "right": "fraction that converges to the orbit",
-        "refused": "fraction that converges to a different orbit, which is refused",
+        "refused": "fraction that converges to a different orbit, which is rejected",
         "accepted": "fraction that converges to a different orbit, which is accepted",
     }
     variables = columns([*coords], labels, counts / trials)
