@@ -157,6 +157,8 @@ def test_a_point_outside_the_view_is_marked_at_the_edge(opened):
 
 def test_copied_python_code_runs_and_the_data_shown_can_be_saved(opened, tmp_path, capsys):
     tab, _ = opened
+    message_with(tab, "BARRIER at")
+    ready(tab, SLOW)
     tab.context.grant_permissions(["clipboard-read", "clipboard-write"])
     tab.get_by_role("button", name="copy as Python").click()
     tab.get_by_role("button", name="copied").wait_for()
