@@ -27,7 +27,7 @@ def test_at_least_thirty_six_of_forty_unsound_changes_are_noticed():
     assert all("noticed" in row for row in table() if row["number"] >= 200)
 
 
-def test_every_line_of_the_table_about_sums_of_two_floats_is_in_the_sources():
+def test_each_line_of_the_table_on_sums_of_two_floats_is_in_the_sources():
     rows = [row for row in table() if row["module"] == "residuals"]
     assert len(rows) >= 10
     for row in rows:

@@ -23,7 +23,7 @@ ROOT = "toy.zarr/zarr.json"
 DIGESTS = "toy.zarr/digests.json"
 
 
-def test_a_recorded_tile_whose_data_are_lost_or_truncated_counts_as_missing(place):
+def test_a_recorded_tile_with_lost_or_truncated_data_counts_as_missing(place):
     plan = toy.cube()
     fill(place, plan)
     store.record_failure(place, "toy", (0, 0), "before it was computed")
@@ -187,7 +187,7 @@ EDITS = {
 
 
 @pytest.mark.parametrize("edit", EDITS)
-def test_rerunning_the_command_restores_edited_metadata_without_recomputing_tiles(on_disk, edit):
+def test_a_rerun_restores_edited_metadata_without_recomputing_tiles(on_disk, edit):
     plan = toy.cube(10, 15, 5, plane='{"name": "a plane"}', n_max=10, precision="double")
     fill(on_disk, plan)
     before = {key: get(on_disk, key) for key in contents(on_disk)}

@@ -102,7 +102,7 @@ def test_a_patch_whose_inequalities_fail_is_retried_with_a_smaller_residual(monk
 
 
 @pytest.mark.slow
-def test_other_circles_are_proved_to_exist_in_a_triangle_close_to_the_boundary():
+def test_other_circles_are_proved_to_exist_close_to_the_boundary():
     # The triangle lies between 34.5 and 40 degrees, where [0;1,3,(1)] breaks last.
     low, high = np.array([0.64836, 0.44560]), np.array([0.73828, 0.61949])
     middle, tilt = (low + high) / 2, (high - low) / 2
@@ -483,7 +483,7 @@ def test_circles_at_all_points_have_the_same_phase():
     assert not modes[:, :, 0, :, 0].any()
 
 
-def test_a_patch_with_a_strength_that_is_not_known_to_106_bits_is_not_proved(monkeypatch):
+def test_no_patch_is_proved_if_a_strength_is_not_known_to_106_bits(monkeypatch):
     def strength_nearly_cancels(*_):
         return residuals._pairs([arb(1e-9, 1e-39)], relative=True)
 

@@ -11,8 +11,6 @@ from contextlib import suppress
 
 __all__ = ["keep_freed_memory"]
 
-_GIGABYTE = 2**30
-
 
 def keep_freed_memory() -> None:
     """Make the whole process keep freed memory for reuse.
@@ -27,7 +25,7 @@ def keep_freed_memory() -> None:
     >>> keep_freed_memory()  # doctest: +SKIP
     """
     with suppress(OSError, AttributeError):
-        set_option = ctypes.CDLL(None).mallopt
-        set_option(-3, _GIGABYTE)  # M_MMAP_THRESHOLD: smaller blocks come from the heap
-        set_option(-1, _GIGABYTE)  # M_TRIM_THRESHOLD: the heap keeps freed blocks
+        set_option, gigabyte = ctypes.CDLL(None).mallopt, 2**30
+        set_option(-3, gigabyte)  # M_MMAP_THRESHOLD: smaller blocks come from the heap
+        set_option(-1, gigabyte)  # M_TRIM_THRESHOLD: the heap keeps freed blocks
         set_option(-8, 1)  # M_ARENA_MAX: one heap serves all threads

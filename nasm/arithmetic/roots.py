@@ -7,10 +7,9 @@ module that takes 0.3 s to import.
 """
 
 from collections.abc import Callable
+from math import ulp
 
 __all__ = ["root"]
-
-_SPACING = 4e-16  # relative spacing of floats
 
 
 def root(
@@ -51,7 +50,7 @@ def root(
     c, at_c, fraction = a, at_a, 0.5
     for _ in range(max_steps):
         best, at_best = (a, at_a) if abs(at_a) < abs(at_b) else (b, at_b)
-        margin = (tol + _SPACING * abs(best)) / abs(b - a)
+        margin = (tol + 2 * ulp(best)) / abs(b - a)
         if at_best == 0 or margin > 0.5:
             break
         x = a + min(max(fraction, margin), 1 - margin) * (b - a)
