@@ -1,4 +1,4 @@
-"""Evaluate the results of `stability`, `work_precision` and `claims`, which test the methods.
+"""Evaluate the results of `stability` and `work_precision`, which test methods, and of `claims`.
 
 Each function reads the results that its command has written to a folder. A promise is what the
 documentation of a method states about its results, e.g. that a value is accurate to within its

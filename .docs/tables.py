@@ -145,7 +145,7 @@ def values() -> str:
             f"*First method*: {section['method']}. *Second*: {section['second_method']}.\n\n"
         )
         parts.append(markdown(HEADER, [row for row, _ in section["rows"]]) + "\n")
-        parts.append(f"The first value in the table is computed by `{section['command']}`\n\n")
+        parts.append(f"The first value in the table is computed by `{section['command']}`.\n\n")
         if section["check"]:
             parts.append(
                 f"Plain Python that checks a value in the table, to a relative accuracy of "

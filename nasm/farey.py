@@ -143,7 +143,7 @@ def find_existing_circle(
         A noble in [0, P/2] per period whose circle exists according to `circle_exists`; None if
         none was found.
     nobles : list of RotationNumber
-        If a circle was found before the search reached `deepest`, only its noble. Otherwise all
+        If a circle was found while mediants were computed, only its noble. Otherwise all
         nobles that were not excluded, whether the search stopped at `deepest` or did not reach
         them, the simplest first; if all were excluded, the one whose exclusion required the
         longest orbit. Just beyond the last breakup, the noble of the last circle is in the list.

@@ -112,7 +112,7 @@ def alternate(
     if strengths.size % (2 * spacing) or (np.abs(form) != np.abs(strengths)).any():
         raise ValueError(
             f"kappa={kappa!r} must have an even number of kicks per period, at a spacing of "
-            f"{spacing}; e.g. repeat it twice"
+            f"{spacing}, and no others; e.g. repeat it twice"
         )
     return form, x - first / (2 * spacing), y + 1 / (2 * spacing)
 

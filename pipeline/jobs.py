@@ -217,9 +217,9 @@ def frequency_map(
 def last_barrier(angles: ArrayLike, tol: float = 2e-5, plane: Plane | str = "two-kicks") -> Job:
     """Return the Job for the cube `barrier`: the last barrier on rays, bracketed from both sides.
 
-    If rays are images of each other under the symmetries of the plane, the cube contains only one
-    of them. `pipeline.cubes.barrier.unfolded(cube, angles)` returns all rays, with the last circles
-    as strings.
+    The cube contains, instead of each ray, its image with the smallest angle under the symmetries
+    of the plane, and each image only once. `pipeline.cubes.barrier.unfolded(cube, angles)` returns
+    all rays, with the last circles as strings.
 
     Parameters
     ----------
@@ -281,9 +281,9 @@ def breakdown(
     angles : array_like
         Directions of rays, in degrees.
     tol : float or None
-        Target error of the scale, 10⁻⁷ to 0.1. Circles are continued, and residues are used where
-        continuation does not reach the target; the cube is `breakdown`. If None, only residues are
-        used; the cube is `breakdown_residue`.
+        Target error of the scale, 10⁻⁷ to 0.1. Circles are continued; where continuation does not
+        reach the target, residues are used if they are more accurate; the cube is `breakdown`. If
+        None, only residues are used; the cube is `breakdown_residue`.
     q_max : int
         Longest period of the orbits whose residues are used, 10 to 10⁶.
     plane : Plane or str

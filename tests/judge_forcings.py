@@ -308,7 +308,7 @@ def _has_circle(omega, start, profile, scale, breakup):
 
 
 def doubts(row):
-    """Return messages, one for each statement in a row that the methods do not confirm."""
+    """Return messages that state what the methods do not confirm about a row."""
     start = np.zeros(len(row.profile)) if row.start is None else np.array(row.start)
     profile, result = np.array(row.profile), []
     if row.image_of is not None:

@@ -320,7 +320,7 @@ def test_if_all_candidates_are_wrong_the_farey_tree_finds_the_circle(wrong, monk
 
 
 @pytest.mark.parametrize(("profile", "questions"), [(GENERIC, 1), ((1, 0.8, 1), 8)])
-def test_a_search_limited_to_too_few_scales_has_bounds_but_no_value(profile, questions):
+def test_a_search_limited_to_too_few_scales_has_a_bound_but_no_value(profile, questions):
     exact = critical_scale(profile, 1e-3)
     result = critical_scale(profile, 1e-3, effort=barriers.Effort(max_questions=questions))
     assert result.status is Status.NOT_CONVERGED

@@ -222,7 +222,7 @@ def test_boxes_that_are_eliminated_too_late_or_leave_a_gap_are_refused(name):
         changes += [other_box(2, other) for other in (slope + 0.5, slope / 3)]
         changes += [other_life(life[:1]), {"points": right["points"][:-1]}]
         changes += [{"points": [in_hex(x + 2.0**-10, y), *right["points"][1:]]}]
-        # If a site's weights in the halves of Q were rounded, both halves could be 0 for Q = 2⁻⁵³.
+        # If η before the curve, 1 - split, were rounded, both halves could be 0 for Q = 2⁻⁵³.
         refuted(right, other_box(2, -(2.0**-53)), "a part of the site is")
     for change in changes:
         refuted(right, change)

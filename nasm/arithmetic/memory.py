@@ -16,8 +16,8 @@ def keep_freed_memory() -> None:
     """Make the whole process keep freed memory for reuse.
 
     Programs that compute circles, such as workers and commands, should call this function; no
-    module calls it on import. The call affects only threads that start after it. With a C library
-    other than GNU's it has no effect.
+    module calls it on import. Call it before starting threads: those that started earlier may keep
+    heaps of their own. With a C library other than GNU's it has no effect.
 
     Examples
     --------

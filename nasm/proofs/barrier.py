@@ -102,8 +102,8 @@ class BarrierProof(Result):
         first step is computed, E was bounded in the strip of half width 2ρ.
     constants : dict of float
         Upper bounds on the constants of the theorem for all s and t; see proofs/README.md. If the
-        first step is computed, n, p, k and error refer to u before the step, w bounds the step,
-        and the other constants follow from the bounds after it.
+        first step is computed, n, p, k and error refer to u before the step, w bounds ‖w_j‖ in
+        the step, and the other constants follow from the bounds after it.
     unit : int
         Binary exponent of the coefficients.
     coefficients : list

@@ -485,7 +485,7 @@ def curve(
 def on_the_segment(
     points: list[tuple[Fraction, ...]], piece: int, s: Fraction, delta: Fraction
 ) -> tuple[tuple[Fraction, Fraction], tuple[Fraction, Fraction]]:
-    """Return x and y in the middle of a box on a segment, and the changes from there to its end."""
+    """Return x and y in the middle of a box on a segment, and their changes to the box's end."""
     (x, y), (x_end, y_end) = points[piece : piece + 2]
     dx, dy, part = x_end - x, y_end - y, 2 * s - piece
     return (x + part * dx, y + part * dy), (2 * delta * dx, 2 * delta * dy)

@@ -65,7 +65,7 @@ def _period(kappa, x, y, p, q):
 
 
 def _six_orbits():
-    """Count sign changes of y' - y on the curves 2y = m - (κ1/2π) sin 2πx, where x' = x + m."""
+    """Count sign changes of y' - y = x' - x - m on the curves 2y = m - (κ1/2π) sin 2πx."""
     first, second = np.random.default_rng(3).uniform(-1, 1, (2, 200, 1, 1))
     x, m = (np.arange(4000) + 0.5) / 4000, np.array([[-1], [0], [1]])
     y = (m - first / TWO_PI * np.sin(TWO_PI * x)) / 2

@@ -49,9 +49,9 @@ def circle_style(text, whole=0):
 
     The index of the colour is the sum of a - 1 over the quotients a between the first one and the
     repeating ones, minus the same sum over the repeating quotients. It is 0, blue, for the golden
-    circle; for noble circles it increases by one with each unit added to a quotient. ω + 1 has the
-    colour of ω, and the colours recur after seven; circles of the same colour usually differ in
-    marker and dash.
+    circle; for noble circles it increases by one with each unit added to a quotient after the first
+    one. ω + 1 has the colour of ω, and the colours recur after seven; circles of the same colour
+    usually differ in marker and dash.
     """
     if not text:
         return {"color": "black", "marker": "x", "ls": "-"}

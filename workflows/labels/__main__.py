@@ -2,12 +2,13 @@
 
 Forcings (κ1, κ2) are drawn at random at given distances from CB_gt, on both sides. For each of
 them the correct answer, BARRIER or TRANSPORT, is a theorem: the forcing lies in a cell or a patch
-of the proved map, or has its own proof (nasm/proofs/README.md). Four indicators answer the same
-question after N steps (periods of the forcing): an escape, the weighted Birkhoff average, the
-finite-time Lyapunov exponent and the fast Lyapunov indicator. The last three describe individual
-orbits: they answer BARRIER if some orbit that starts on a line across all circles looks regular and
-rotational. Their thresholds are fitted on the split `train`; false answers are counted on the split
-`test`. A forcing and its images under the symmetries of the plane always belong to the same split.
+of the proved map, or has its own proof (nasm/proofs/README.md); forcings without a proof are left
+out. Four indicators answer the same question after N steps (periods of the forcing): an escape, the
+weighted Birkhoff average, the finite-time Lyapunov exponent and the fast Lyapunov indicator. The
+last three describe individual orbits: they answer BARRIER if some orbit that starts on a line
+across all circles looks regular and rotational. Their thresholds are fitted on the split `train`;
+false answers are counted on the split `test`. A forcing and its images under the symmetries of the
+plane always belong to the same split.
 
 Writes cubes, two tables and a figure to OUT; needs the extra `proof`. The proved map is
 computed as in `proved_map`, with the same options; one that is already in OUT is reused. The
@@ -26,7 +27,7 @@ from workflows.shared.cli import (
 
 
 def parse_margins(text):
-    """Parse the bounds between classes of margins: increasing numbers from 0.0003 to 0.5."""
+    """Parse the ends of the classes of margins: increasing numbers from 0.0003 to 0.5."""
     from nasm.texts import parse_float, short_repr
 
     ends = [parse_float(part) for part in text.split(",")]
@@ -40,7 +41,7 @@ def parse_margins(text):
 @whole("--n-rays", 60, 2, 10**5, "Rays; each has one forcing per class on each side of CB_gt.")
 @parsed(
     *("--margins", "0.003,0.01,0.03,0.1,0.3", parse_margins, "M,M[,M...]"),
-    "Bounds between the classes of margins (relative distances from CB_gt).",
+    "Ends of the classes of margins (relative distances from CB_gt).",
 )
 @increasing("--n-max", "300,3000,30000", 10**7, "Steps N after which the indicators answer.")
 @whole("--n-orbits", 1024, 1, 10**6, "Orbits in the ensemble for the escape indicator.")

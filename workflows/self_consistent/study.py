@@ -106,7 +106,7 @@ def verdicts(fields):
         modulation = np.sqrt(2) * kappa.std()
         rotation = Fraction(frequency).limit_denominator(_LONGEST_PERIOD)
         periodic = rotating_forcing(kappa.mean(), modulation, rotation)
-        # If minimizing orbits cross a line, starts on it survive: try a line for each kick.
+        # If minimizing orbits cross a line, starts on it survive: try one per kick of a period.
         sites = half // 2 + np.arange(periodic.size)
         lifetimes = [aperiodic.longest_lived(kappa, theta, int(site))[2] for site in sites]
         best = sites[np.argsort(lifetimes, kind="stable")[:_BEST]].tolist()
