@@ -106,7 +106,12 @@ def test_every_exhibit_has_a_recipe():
 
 
 @pytest.mark.parametrize(
-    "parts", [1, pytest.param(99, marks=pytest.mark.slow)], ids=["the boundary", "all"]
+    "parts",
+    [
+        pytest.param(1, id="the boundary"),
+        pytest.param(4, id="with certificates", marks=pytest.mark.slow),
+        pytest.param(99, id="all", marks=pytest.mark.release),
+    ],
 )
 def test_a_release_is_complete_and_intact_and_states_how_it_was_made(parts, tmp_path, monkeypatch):
     monkeypatch.setattr(release, "RELEASE", exhibits := release.RELEASE[:parts])
