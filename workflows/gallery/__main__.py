@@ -74,7 +74,7 @@ def section_of(exhibit, out, quick):
 _NAMES = [exhibit.name for exhibit in EXHIBITS]
 _RELEASE = (
     "Instead, write the data set for a DOI to DIR: boundaries, reference values, a proved map with "
-    "certificates, a licence, checksums, and metadata for Zenodo. This takes about an hour. "
+    "certificates, a licence, checksums, and metadata for Zenodo. This takes an hour of CPU time. "
     "With --full, write only the proved map, in full, which takes two CPU hours."
 )
 
