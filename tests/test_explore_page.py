@@ -78,6 +78,12 @@ def is_smaller(side):
     return f"Math.max({data}.w[0], {data}.h[0]) < {side}"
 
 
+def width_asked(tab):
+    """Return the width of the plane's view in the page's address, NaN until it has one."""
+    low, high = map(float, asked(tab).get("a", "nan:nan").split(":"))
+    return high - low
+
+
 def box_of(tab):
     """Return the left, bottom, width and height of the portrait."""
     result = columns(tab, "orbits")
@@ -514,6 +520,7 @@ def test_on_a_phone_panels_are_stacked_and_a_zoom_shows_escape_times(opened):
     browser.zoom(tab, PLANE, (0.98, 0.47), *[-600] * 5)  # each turn of the wheel zooms in tenfold
     shown = "Bokeh.documents[0].get_model_by_name('times').data"
     wait(tab, f"{shown}.da[0] < 1e-4 && {shown}.values[0].some(Number.isFinite)")
+    toy.wait_until(lambda: np.isclose(tab.evaluate(f"{shown}.da[0]"), width_asked(tab), rtol=1e-9))
     ready(tab, "boundary|circle")
     shape = tuple(tab.evaluate(f"{shown}.values[0].shape"))
     times = np.reshape(columns(tab, "times")["values"][0], shape)
