@@ -106,8 +106,8 @@ def _draw_delays(axes, cube):
     for face, label in (("0.4", "onset before all graphs are excluded"), ("none", "onset later")):
         axes.plot([], [], "o", color="0.4", mfc=face, ms=5, label=label)
     axes.set(xscale="log", yscale="log", title="Delay of the EAPD, all ramps")
-    axes.set(xlabel=r"growth $r$ of $\kappa$ per kick")
-    axes.set(ylabel="kicks from exclusion until EAPD > bound")
+    xlabel, ylabel = r"growth $r$ of $\kappa$ per kick", "kicks from exclusion until EAPD > bound"
+    axes.set(xlabel=xlabel, ylabel=ylabel)
     legend_below(axes, 2, 1)
 
 
