@@ -372,15 +372,15 @@ TOTAL = "missed[0] + constants[0] * (missed[1] + constants[1] * errors[j])"
 WRONG_CHECKS = {
     (TOTAL, "missed[0] + missed[1] + constants[1] * errors[j]"): "points",
     (TOTAL, "missed[0] + constants[0] * (missed[1] + errors[j])"): "points in t",
-    ("defect + moved * norm(d, r)", "defect"): "steep",
+    ("defect + moved * size", "defect"): "steep",
     ("(step[0][m] + step[1][i])", "step[0][m]"): "steep in t",
     ("n = [1 + sum(column) for column", "n = [1 + column[0] for column"): "steep",
     ("(two_pi * (rho + real_norm(f, r))).exp() for", "(two_pi * rho).exp() for"): "steep",
     (
-        "errors = [old.max(new) for old, new in zip(errors, found, strict=True)] # An angle",
-        "errors = found # An angle",
+        "errors = [old.max(new) for old, new in zip(errors, found, strict=True)] for j, f in",
+        "errors = found\n        for j, f in",
     ): "kicks",
-    ("p[j] = p[j].max(neumann(", "p[j] = (neumann("): "between",
+    ("p[j] = p[j].max(bound)", "p[j] = bound"): "between",
     ("[o + s * (a + t * b) for", "[o + 0 * s for"): "kicks",
     ("[o + s * (a + t * b) for", "[o + s * a for"): "kicks in t",
     ("[o + s * (a + t * b) for", "[s * (a + t * b) for"): "kicks in a plane",
@@ -502,3 +502,17 @@ def test_a_patch_whose_certificate_might_not_be_confirmed_is_not_proved(monkeypa
     for _BOUND_FRACTION, proved in ((0.999 * part, False), (1.001 * part, True)):
         monkeypatch.setattr(module, "_BOUND_FRACTION", _BOUND_FRACTION)
         assert tried(GAMMA, *TRIANGLE, scales).proved == proved
+
+
+@pytest.mark.parametrize(
+    ("profile", "tilt", "low", "high"),
+    [((0.5, 0.25), NONE, 0.87, 0.94), (*TRIANGLE, 0, 0.5), (*TRIANGLE, 0.5, 0.75)],
+)
+def test_the_checker_needs_no_larger_margin_than_a_proof_leaves(profile, tilt, low, high):
+    result = tried(GAMMA, profile, tilt, np.array([low, high, 1.0]) * breakup(profile, tilt))
+    assert result.proved
+    with ctx.workprec(checker.BITS):
+        holds, found = checker.theorem(result.certificate())
+    assert holds
+    for name in ("ratio", "chi", "room", "moved"):
+        assert module._BOUND_FRACTION * found[name] <= result.constants[name]

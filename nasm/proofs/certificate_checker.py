@@ -811,23 +811,17 @@ def multiplied(f: list[Ball], g: list[Ball]) -> list[Ball]:
 
 
 def inverse(f: list[Ball], r: Ball, most: int) -> tuple[list[Ball], Ball]:
-    """Iterate d → d(2 - fd) towards 1/f, f > 0; return the modes |k| ≤ most of d, and ‖1 - fd‖."""
-    after = [1 / norm(f, r)]
-    for _ in range(41):
-        d, defect = after, [-x for x in multiplied(f, after)]
-        defect[len(defect) // 2] += 1
-        size = norm(defect, r)
-        if size < arb(1) / 10**6:
-            break
-        defect[len(defect) // 2] += 1
-        after = [x.mid() for x in inner(multiplied(d, inner(defect, most)), most)]
-    return d, size
+    """Return d ≈ 1/f, f > 0, in modes |k| ≤ most, and ‖1 - fd‖.
 
-
-def inner(modes: list[Ball], most: int) -> list[Ball]:
-    """Return the modes |k| ≤ most."""
-    beyond = max(0, len(modes) // 2 - most)
-    return modes[beyond : len(modes) - beyond]
+    d is computed from values of f at more than 2·most points; no bound depends on its accuracy.
+    """
+    middle, zeros = len(f) // 2, [acb(0)] * ((2 << most.bit_length()) - len(f))
+    values = acb.dft([*f[middle:], *zeros, *f[:middle]])
+    modes = acb.dft([1 / x.mid() for x in values], inverse=True)
+    d = [x.mid() for x in modes[len(modes) - most :] + modes[: most + 1]]
+    defect = multiplied(f, d)
+    defect[len(defect) // 2] -= 1
+    return d, norm(defect, r)
 
 
 def neumann(size: Ball, defect: Ball) -> Ball:
@@ -971,6 +965,8 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
     largest_E, near, apart = [[arb(0)]] * len(n), [[arb(0)]] * len(n), [arb(0)] * len(n)
     # There are more points than degrees in s and in t, but only one in a variable that is absent.
     points = len(numbers) + more if long else 1, widest + more if fanned else 1
+    # An angle differs from the nearest of N points by at most π/2N, and T_m by 2 sin(mπ/4N).
+    step = [[2 * (arb(min(m, 2 * N)) / (4 * N)).sin_pi() for m in range(N)] for N in points]
     for angle, beside, u in at_points(moves, points):
         there = strengths(middle + half * angle.cos_pi(), beside.cos_pi())
         found = grid.residuals(there, u, omega / len(kappa))
@@ -979,21 +975,16 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
             modes, found = grid.modes, grid.rests
             largest_E = [larger(old, new) for old, new in zip(largest_E, modes, strict=True)]
         errors = [old.max(new) for old, new in zip(errors, found, strict=True)]
-    # An angle differs from the nearest of f points by at most π/2f, and T_m by 2 sin(mπ/4f).
-    nodes = 12 if long else 1, 8 if fanned else 1
-    step = [
-        [2 * (arb(min(m, 2 * f)) / (4 * f)).sin_pi() for m in range(sum(points))] for f in nodes
-    ]
-    for *_, u in at_points(moves, nodes):
         for j, f in enumerate(u):
             terms = ((step[0][m] + step[1][i]) * row[j] for (m, i), row in slopes.items())
             moved = sum(terms, arb(0))
             with ctx.workprec(64):
                 d, defect = inverse(slope(f), r, 2 * max(map(len, totals)))
-                p[j] = p[j].max(neumann(norm(d, r), defect + moved * norm(d, r)))
+                size = norm(d, r)
+                bound = neumann(size, defect + moved * size)
+                p[j] = p[j].max(bound)
                 if stepped:
-                    missing = neumann(norm(d, r), moved * norm(d, r) + defect) - norm(d, r)
-                    apart[j] = apart[j].max(missing)
+                    apart[j] = apart[j].max(bound - size)
                     middle_of_d, d = len(d) // 2, [abs(x) for x in d]
                     both = larger(d[middle_of_d:], d[middle_of_d::-1])  # modes k and -k
                     near[j] = larger(near[j], both)

@@ -104,10 +104,8 @@ _SLOWDOWN = 1.25  # allowance for work that grows faster than 1/distance
 _BOUND_FRACTION = 0.8
 """A patch counts as proved if the left side of each inequality is below this fraction of the right.
 
-The checker of certificates computes its own bounds, which may be larger. With an explicit step, the
-left side of (1) in a triangle at 22° was larger by factors of 1.7, 2.7 and 3.8 in the patches that
-end 6%, 3% and 2% below the breakup, because the checker bounds 1/g_j' between fewer points. It
-refuses the last of these certificates, whose proof is valid.
+The checker of certificates computes its own bounds. In seven patches, on rays and in triangles, that
+end 2% to 50% below the breakup, its left sides were larger by 1.4% at most.
 """
 
 
