@@ -104,8 +104,8 @@ _SLOWDOWN = 1.25  # allowance for work that grows faster than 1/distance
 _BOUND_FRACTION = 0.8
 """A patch counts as proved if the left side of each inequality is below this fraction of the right.
 
-The checker of certificates computes its own bounds. In seven patches, on rays and in triangles, that
-end 2% to 50% below the breakup, its left sides were larger by 1.4% at most.
+The checker of certificates computes its own bounds. In seven patches, on rays and in triangles,
+that end 2% to 50% below the breakup, its left sides were larger by 1.4% at most.
 """
 
 
