@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -410,10 +411,18 @@ def test_the_caller_sets_how_many_kicks_are_checked(made):
     assert check(made["transport"], n) == made["transport"]["claim"]
 
 
-def test_orbits_too_far_apart_are_not_followed_further(made):
+def test_orbits_too_far_apart_are_not_followed_further():
     """The bounds grow like 4^(4^n), so their exponents would exhaust the memory."""
+    box = [Fraction(x) for x in ("1/3", "1/1000", "2", "0", "1", "0")]
+    begun, _ = certificate_checker.on_a_line(Fraction(0), box)
+    with pytest.raises(Refuted, match="orbits in a box are too far apart"):
+        list(certificate_checker.orbits(*begun, 10**5))
+
+
+def test_orbits_are_followed_only_until_the_second_variation_is_decided(made):
     lives = [10**5] * len(made["transport"]["lives"])
-    refuted(made["transport"], {"lives": lives}, "orbits in a box are too far apart")
+    certificate = resealed(made["transport"] | {"lives": lives})
+    assert check(certificate) == certificate["claim"]
 
 
 def test_a_circle_with_a_large_residual_is_refused_before_any_inversion(made, monkeypatch):

@@ -16,11 +16,12 @@ On a symmetry line η is even, and only half of Q is summed. On a polygon η = 1
 curve, and both halves are summed: the sites from there on, and the earlier ones. The orbits in a
 box are
 
-    x_k = x̂_k + Σ_i σ_i ξ_ik + Σ_{i≤j} σ_iσ_j ξ_ijk + ρ_k,   |σ_i| ≤ 1,
+    x_k = x̂_k + ξ_k σ + σᵀ B_k σ + ρ_k,   |σ_i| ≤ 1,
 
-where x̂_k, ξ_ik, … are 128-bit numbers that are treated as exact; the bound on ρ_k includes their
-rounding errors. One parameter σ_i describes the initial condition; in a cell there are two
-more, for the strengths k + Σ_i σ_i h_i. Any sequence of floats may serve as η.
+where the numbers x̂_k, the rows ξ_k and the symmetric matrices B_k have 128 bits and are treated as
+exact; the bound on ρ_k includes their rounding errors. One parameter σ_i describes the initial
+condition; in a cell there are two more, for the strengths k + Σ_i σ_i h_i. Any sequence of floats
+may serve as η.
 
 *A barrier.* The claim is about one forcing or a whole patch (called a "fan" in certificates).
 Functions are Laurent polynomials in z = e^{2πiφ} with balls as coefficients; with g_j = φ + u_j,
@@ -37,14 +38,13 @@ import lzma
 import re
 import struct
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from functools import reduce
-from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from flint import acb, acb_poly, arb, arb_poly, ctx, fmpq
+from flint import acb, acb_poly, arb, arb_mat, arb_poly, ctx, fmpq
 
 __all__ = ["Refuted", "check"]
 
@@ -61,8 +61,8 @@ BITS = 192
 # Larger certificates are refused before anything is computed.
 MAX_PERIOD = 64  # kicks
 MAX_ORIGINAL_PERIOD = 1000  # kicks, before the forcing was shortened
-MAX_LIFETIME = 10**5  # kicks of one box: 50 MB of memory
-MAX_TOTAL_KICKS = 10**7  # kicks of all boxes: a quarter of an hour
+MAX_LIFETIME = 10**5  # kicks of one box
+MAX_TOTAL_KICKS = 10**7  # kicks of all boxes: eight minutes
 MAX_QUOTIENTS, MAX_DIGITS = 200, 50  # quotients of ω, and digits of each quotient
 MAX_DEGREES = 64  # in s, and in t
 MAX_UNIT = 10**4  # limit on |unit| in 2^unit, and on the bits of the integers in a function
@@ -131,7 +131,7 @@ def check(certificate: Certificate, max_kicks: float = MAX_TOTAL_KICKS) -> str:
         A JSON object; see nasm/proofs/README.md, "Certificates".
     max_kicks : float
         For transport, maximum number of kicks in all boxes together; each kick takes about
-        7·10⁻⁵ s.
+        5·10⁻⁵ s.
 
     Raises
     ------
@@ -510,8 +510,7 @@ def both_halves(
             eta, *orbit = [[ball(number) for number in pair] for pair in half]
             strengths = [(ball(k), [ball(width) for width in widths]) for k, *widths in ahead]
             orbit += [[arb(0), arb(0)]] * len(strengths[0][1])
-            sites = list(orbits(orbit, strengths, n))
-            bound = summed(sites, eta[0], float(half[0][1]))
+            bound, _ = summed(orbits(orbit, strengths, n), eta[0], float(half[0][1]))
         demand(bound <= 0, f"half of Q may be {bound} in {place}")
 
 
@@ -626,7 +625,7 @@ def second_variation(a: Fraction, box: Sequence[Fraction], lifetime: int) -> Bal
     """
     with ctx.workprec(128):
         (begun, strengths), eta = on_a_line(a, box)
-        return summed(list(orbits(begun, strengths, lifetime)), *eta)
+        return summed(orbits(begun, strengths, lifetime), *eta)[0]
 
 
 def on_a_line(a: Fraction, box: Sequence[Fraction]) -> tuple[Any, tuple[Any, ...]]:
@@ -642,156 +641,121 @@ def on_a_line(a: Fraction, box: Sequence[Fraction]) -> tuple[Any, tuple[Any, ...
     return (begun, kicks), (before, 1.0, fmpq(1, 2))
 
 
-def summed(sites: list[Any], before: Ball, first: float, share: Any = 1) -> Ball:
-    """Bound from above the sum of Q over the sites that `orbits` yields, for an η chosen here.
+def summed(
+    sites: Iterable[tuple[Ball, arb_mat, arb_mat, Ball]], before: Ball, first: float, share: Any = 1
+) -> tuple[Ball, list[float]]:
+    """Bound from above the sum of Q over the sites that `orbits` yields; return the bound and η.
+
+    η is chosen here, in floats: a solution of the linearised equation in the middle of the box,
+    raised to offset the amount by which Q may exceed its value in the middle. It is cut off where
+    it would not be positive.
 
     before, first : η at the site before the first one, and at the first one. share : weight of the
-    first site; if it is 1/2, η is even about that site.
+    first site, 1 or 1/2; if it is 1/2, η is even about that site, and `before` is η on both sides.
     """
-    eta = some_sequence(sites, before, first, share)
+    last, eta, paid = float(before.mid()), [first], 0.0
     middle = rest = arb(0)
-    signed, squares = ([arb(0)] * len(terms) for terms in sites[0][1:3])
-    for n, (terms, value) in enumerate(zip(sites, eta, strict=True)):
-        half = share if n == 0 else 1  # the rest of that site belongs to the other half of Q
-        square = arb(value) ** 2 * half
-        after = arb(eta[n + 1]) if n + 1 < len(eta) else arb(0)
-        if n > 0:
-            before = arb(eta[n - 1])
-        elif share != 1:
-            before = after
-        middle += square * (2 + terms[0]) - arb(value) * (after + before) * half
-        signed = [total + square * term for total, term in zip(signed, terms[1], strict=True)]
-        squares = [total + square * term for total, term in zip(squares, terms[2], strict=True)]
-        rest += square * terms[3]
-    return middle + sum(map(upper, signed)) + sum(map(positive, squares)) + rest
+    linear = quadratic = 0
+    for n, (cosine, row, matrix, bound) in enumerate(sites):
+        # The rest of the first site belongs to the other half of Q.
+        square = arb(eta[n]) ** 2 * (share if n == 0 else 1)
+        neighbours = 2 * arb(eta[n - 1]) if n > 0 else before if share == 1 else 0
+        middle += square * (2 + cosine) - eta[n] * neighbours
+        linear, quadratic = row * square + linear, matrix * square + quadratic
+        rest += square * bound
+        excess = largest_value(linear, quadratic) + rest
+        due = max(0.0, float(excess.mid()) - paid)
+        paid += due
+        after = (2 + float(cosine.mid())) * eta[n] - last + due / eta[n]
+        if not after > 0:
+            break
+        last = eta[n]
+        eta.append(after)
+    return middle + upper(excess), eta[: n + 1]
 
 
 def orbits(
     begun: Any, strengths: Sequence[tuple[Ball, list[Ball]]], lifetime: int
-) -> Iterator[tuple[Ball, list[Ball], list[Ball], Ball]]:
-    """Yield balls for each site: κ cos 2πx = [0] + Σ f_i [1]_i + Σ σ_i² [2]_i ± [3] on the box.
+) -> Iterator[tuple[Ball, arb_mat, arb_mat, Ball]]:
+    """Yield balls for each site: κ cos 2πx = [0] + [1]σ + σᵀ[2]σ ± [3] on the box, |σ_i| ≤ 1.
 
-    The f_i are the parameters σ_i, followed by the products of two different parameters.
+    [1] is a row, and [2] a symmetric matrix.
 
     begun : x, v, and the change of x with each parameter, at the site before the first and at the
     first. The first parameter is that of the initial condition. strengths : k and its change with
     each of the other parameters, for each kick, beginning with the first site.
     """
-    pi = arb.pi()
+    pi, two_pi = arb.pi(), 2 * arb.pi()
+    pi_2, pi_3 = 2 * pi**2 / 3, pi**3 / 3
     (x_last, x), (v_last, v), *both = begun
-    # First order in the parameters (initial condition and strengths), then second order.
-    moves_last, moves = [list(at) for at in zip(*both, strict=True)]
-    pairs = list(combinations_with_replacement(range(len(moves)), 2))
-    bends_last = bends = [arb(0)] * len(pairs)
+    moves_last, moves = (arb_mat([row]) for row in zip(*both, strict=True))
+    bends_last = bends = arb_mat(len(both), len(both))
+    ones = arb_mat([[arb(1)]] * len(both))
+    kicks = [
+        (k, upper(k), arb_mat([[arb(0), *widths]]), sum(map(upper, widths), arb(0)))
+        for k, widths in strengths
+    ]
     on_v = on_t = arb(0)  # |ρ| ≤ on_v |v| + on_t |t|
     for n in range(lifetime):
-        k, widths = strengths[n % len(strengths)]
-        changes = [arb(0), *widths]
-        width = sum(map(upper, widths), arb(0))
+        k, strength, changes, width = kicks[n % len(kicks)]
         sine, cosine = (2 * x).sin_cos_pi()
-        # x - x̂ = ξ + Σ σ_iσ_j bends_ij + ρ, ξ = Σ σ_i moves_i
-        t = moves[0]
-        rho = on_v * upper(v) + on_t * upper(t)
-        curved = sum(map(upper, bends)) + rho
-        straight = sum(map(upper, moves))
+        sine_bound, cosine_bound = upper(sine), upper(cosine)
+        # x - x̂ = ξ + σᵀ bends σ + ρ, ξ = moves σ
+        v_bound, t_bound = upper(v), upper(moves[0, 0])
+        rho = on_v * v_bound + on_t * t_bound
+        straight = sum(map(abs, moves.entries()))
+        curved = sum(map(abs, bends.entries())) + rho
         largest = straight + curved
         demand(largest < _MAX_SPREAD, f"after {n} kicks the orbits in a box are too far apart")
         squares = curved * (largest + straight)  # ≥ |(x - x̂)² - ξ²|
-        products = [moves[a] * moves[b] * (1 if a == b else 2) for a, b in pairs]
-        # The change of this kick's strength, times ξ.
-        mixed = [changes[a] * moves[b] + (changes[b] * moves[a] if a < b else 0) for a, b in pairs]
-        linear = [
-            change * cosine - 2 * pi * k * sine * move
-            for change, move in zip(changes, moves, strict=True)
-        ]
-        quadratic = [
-            -2 * pi * (k * (sine * bend + pi * cosine * product) + sine * other)
-            for bend, product, other in zip(bends, products, mixed, strict=True)
-        ]
-        crossed = [term for term, (a, b) in zip(quadratic, pairs, strict=True) if a != b]
+        square, cube = largest * largest, largest**3
+        product = moves.transpose() * moves
+        mixed = changes.transpose() * moves  # the change of this kick's strength, times ξ
+        mixed = (mixed + mixed.transpose()) * arb(0.5)
+        force, stiffness = k * sine, k * cosine
         yield (
-            k * cosine,
-            linear + crossed,
-            [term for term, (a, b) in zip(quadratic, pairs, strict=True) if a == b],
-            upper(k) * (2 * pi * upper(sine) * rho + 2 * pi**2 * upper(cosine) * squares)
-            + upper(k) * 4 * pi**3 / 3 * largest**3
+            stiffness,
+            changes * cosine - moves * (two_pi * force),
+            (bends * force + product * (pi * stiffness) + mixed * sine) * -two_pi,
+            strength * (two_pi * sine_bound * rho + 3 * pi_2 * cosine_bound * squares)
+            + strength * 4 * pi_3 * cube
             # The change of the strength times the change of cos 2πx, without the term in ξ
-            + width * 2 * pi * (upper(sine) * curved + pi * largest**2),
+            + width * two_pi * (sine_bound * curved + pi * square),
         )
         # By Cramer's rule, with the Wronskian v_n t_{n+1} - v_{n+1} t_n, the defect of the
         # expansion at the next site is written in terms of v and t, which have defects too.
-        defect = upper(k) * (
-            pi * upper(sine) * squares
-            + 2 * pi**2 / 3 * upper(cosine) * largest**3
-            + pi**3 / 3 * largest**4
-        )
-        defect += width * (
-            upper(cosine) * curved
-            + pi * upper(sine) * largest**2
-            + 2 * pi**2 / 3 * largest**3
-            + pi**3 / 3 * largest**4
-        )
-        slope = 2 + k * cosine
-        x_next = 2 * x - x_last + k * sine / (2 * pi)
+        defect = strength * (pi * sine_bound * squares + pi_2 * cosine_bound * cube)
+        defect += width * (cosine_bound * curved + pi * sine_bound * square + pi_2 * cube)
+        defect += (strength + width) * pi_3 * square**2
+        slope = 2 + stiffness
+        x_next = 2 * x - x_last + force / two_pi
         v_next = slope * v - v_last
-        moves_next = [slope * move - last for move, last in zip(moves, moves_last, strict=True)]
-        moves_next = [
-            move + change * sine / (2 * pi)
-            for move, change in zip(moves_next, changes, strict=True)
-        ]
-        bends_next = [
-            slope * bend - last - pi * k * sine * product + cosine * other
-            for bend, last, product, other in zip(bends, bends_last, products, mixed, strict=True)
-        ]
+        moves_next = moves * slope - moves_last + changes * (sine / two_pi)
+        bends_next = bends * slope - bends_last - product * (pi * force) + mixed * cosine
         # Exact numbers replace the balls, which would grow; the defect includes this change.
-        x_next, missed = x_next.mid(), upper(x_next - x_next.mid())
-        defect += missed + on_v * upper(v_next - v_next.mid())
-        defect += sum(upper(move - move.mid()) for move in moves_next + bends_next)
-        defect += on_t * upper(moves_next[0] - moves_next[0].mid())
-        v_next, moves_next = v_next.mid(), [move.mid() for move in moves_next]
-        wronskian = arb((v * moves_next[0] - v_next * t).abs_lower())
-        on_v += defect * upper(t) / wronskian
-        on_t += defect * upper(v) / wronskian
-        x, x_last, v, v_last = x_next, x, v_next, v
-        moves, moves_last = moves_next, moves
-        bends, bends_last = [bend.mid() for bend in bends_next], bends
+        x, x_last, v, v_last = x_next.mid(), x, v_next.mid(), v
+        moves, moves_last, bends, bends_last = moves_next.mid(), moves, bends_next.mid(), bends
+        defect += x_next.rad() + on_v * v_next.rad() + on_t * moves_next[0, 0].rad()
+        for errors in (moves_next, ones.transpose() * bends_next):
+            defect += (errors * ones)[0, 0].rad()  # at least the sum of the radii of all entries
+        wronskian = arb((v_last * moves[0, 0] - v * moves_last[0, 0]).abs_lower())
+        on_v += upper(defect * t_bound / wronskian)
+        on_t += upper(defect * v_bound / wronskian)
 
 
-def some_sequence(sites: list[Any], before: Ball, first: float, share: Any = 1) -> list[float]:
-    """Choose η, in floats: a solution of the linearised equation in the middle of the box.
-
-    This solution is raised to offset the amount by which Q may exceed its value in the middle, and
-    is cut off where it would not be positive. The arguments are those of `summed`.
-    """
-    eta, last, paid = [first], float(arb(before).mid()), 0.0
-    signed, squares = ([0.0] * len(terms) for terms in sites[0][1:3])
-    rest = 0.0
-    for n, terms in enumerate(sites[:-1]):
-        cosine, bound = (float(terms[i].mid()) for i in (0, 3))
-        weight = eta[n] ** 2 * (float(share) if n == 0 else 1)
-        signed, squares = (
-            [total + weight * float(term.mid()) for total, term in zip(totals, parts, strict=True)]
-            for totals, parts in ((signed, terms[1]), (squares, terms[2]))
-        )
-        rest += weight * bound
-        due = max(0.0, sum(map(abs, signed)) + sum(max(0.0, x) for x in squares) + rest - paid)
-        paid += due
-        after = 2 * eta[n] - last + cosine * eta[n] + due / eta[n]
-        if not after > 0:
-            break
-        last = eta[n]
-        eta.append(after)
-    return eta + [0.0] * (len(sites) - len(eta))
+def largest_value(row: arb_mat, matrix: arb_mat) -> Ball:
+    """Bound row·σ + σᵀ·matrix·σ from above for |σ_i| ≤ 1; the matrix is symmetric."""
+    total = arb(0)
+    for i in range(row.ncols()):
+        total += abs(row[0, i]) + matrix[i, i].nonnegative_part()
+        for j in range(i):
+            total += 2 * abs(matrix[i, j])
+    return total
 
 
 def upper(number: Ball) -> Ball:
     """Bound |number| from above."""
     return arb(number.abs_upper())
-
-
-def positive(number: Ball) -> Ball:
-    """Bound max(0, number) from above."""
-    return arb(number.max(arb(0)).upper())
 
 
 # --- a barrier exists -----------------------------------------------------------------------------

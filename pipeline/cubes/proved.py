@@ -11,6 +11,7 @@ import lzma
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from io import BytesIO, TextIOWrapper
+from math import prod
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -591,12 +592,11 @@ def seconds_to_check(certificate: Certificate) -> float:
         numbers = [n for each in lifetimes for n in (each if isinstance(each, list) else [each])]
         if not all(type(n) is int and n > 0 for n in numbers):
             raise ValueError("a box has a lifetime that is not a positive integer")
-        return 7e-5 * sum(numbers)
+        return 5e-5 * sum(numbers)
     degrees = certificate["moves"]["numbers"]
     functions = [function for across in degrees for each in across for function in each]
     size = max(len(part) for function in functions for part in function)
     rows = certificate.get("plane", {"origin": certificate.get("kappa")})
-    across, n_kicks = max(map(len, degrees)), len(rows["origin"])
-    nodes = len(degrees) * (across + 1 if across > 1 else 1)
-    inverses = 240 if across > 1 else 30 if "scales" in certificate else 4
-    return 1e-4 * n_kicks * size * (nodes + inverses)
+    counts = len(degrees), max(map(len, degrees))
+    n_points = prod(count + 2 if count > 1 else 1 for count in counts)
+    return 1.4e-4 * len(rows["origin"]) * size * n_points
