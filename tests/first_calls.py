@@ -1,12 +1,14 @@
 """List the kernels that tiles load after the warm-up of a job: `first_calls.py FILE`.
 
-FILE contains a pickled Job. The script prints, as a JSON list, the kernels that some tiles of the
-job still have to load or compile. The script must run in a process of its own, because the process
-that planned the job may already have loaded some of the kernels.
+FILE contains a pickled list of Jobs. The script prints a JSON list with, for each job, the kernels
+that some tiles still have to load or compile. The script must run in a process of its own, because
+the process that planned the jobs may already have loaded some of the kernels; it forks a process
+for each job.
 """
 
 import gc
 import json
+import multiprocessing
 import pickle
 import sys
 from pathlib import Path
@@ -40,5 +42,11 @@ def late(job):
     return sorted({name for name, _ in loaded() - before})
 
 
+def late_of(index):
+    return late(jobs[index])
+
+
 if __name__ == "__main__":
-    print(json.dumps(late(pickle.loads(Path(sys.argv[1]).read_bytes()))))
+    jobs = pickle.loads(Path(sys.argv[1]).read_bytes())
+    with multiprocessing.get_context("fork").Pool(1, maxtasksperchild=1) as pool:
+        print(json.dumps(pool.map(late_of, range(len(jobs)), chunksize=1)))
