@@ -159,14 +159,17 @@ def test_hiding_a_symmetry_from_the_search_does_not_change_the_result(profile, m
     assert assert_both_ways_agree(profile, np.random.default_rng(18), 1e-2, monkeypatch)
 
 
-@pytest.mark.slow
-def test_hiding_symmetries_of_random_forcings_does_not_change_results(monkeypatch):
+@pytest.mark.parametrize("n_forcings", [
+    pytest.param(12, marks=pytest.mark.slow),
+    pytest.param(24, marks=pytest.mark.release),
+])  # fmt: skip
+def test_hiding_symmetries_of_random_forcings_does_not_change_results(n_forcings, monkeypatch):
     rng, decided = np.random.default_rng(18), 0
-    for _ in range(24):
+    for _ in range(n_forcings):
         half, period = rng.normal(size=4), int(rng.integers(2, 7))
         profile = np.array([half[min(n, period - n)] for n in range(period)])
         decided += assert_both_ways_agree(profile, rng, 1e-2, monkeypatch)
-    assert decided >= 0.9 * 24
+    assert decided >= 0.9 * n_forcings
 
 
 # So close to a forcing with a shorter period, the boundary falls steeply, as at a cusp. For

@@ -333,12 +333,19 @@ def test_results_of_mackay_percival_1985_and_jungreis_1991_are_confirmed(kappa, 
         checker.check(json.loads(json.dumps(proof.certificate())))
 
 
+SIGNS = (1, 1), (-1, 1), (1, -1)
+
+
 @pytest.mark.parametrize(
-    ("angle", "excess"),
-    [(0, 0.1), (20, 0.1), (30, 0.03), (45, 0.03), pytest.param(45, 1e-3, marks=pytest.mark.slow)],
+    ("angle", "excess", "all_signs"),
+    [
+        *((0, 0.1, SIGNS), (20, 0.1, SIGNS), (30, 0.03, SIGNS), (45, 0.03, SIGNS)),
+        pytest.param(45, 1e-3, SIGNS[2:], marks=pytest.mark.slow),
+        pytest.param(45, 1e-3, SIGNS[:2], marks=pytest.mark.release),
+    ],
 )
-def test_an_independent_program_accepts_the_certificate(angle, excess):
-    for signs in ((1, 1), (-1, 1), (1, -1)):
+def test_an_independent_program_accepts_the_certificate(angle, excess, all_signs):
+    for signs in all_signs:
         proof = prove(signs * beyond(angle, excess)[::-1])
         assert proof.proved
         checker.check(json.loads(json.dumps(proof.certificate())))
@@ -433,10 +440,13 @@ def test_below_the_breakup_nothing_is_proved():
     assert not prove((0.0,), 0.02).proved
 
 
-@pytest.mark.slow
-def test_below_the_breakup_of_random_rays_nothing_is_proved():
+@pytest.mark.parametrize("n_rays", [
+    pytest.param(20, marks=pytest.mark.slow),
+    pytest.param(40, marks=pytest.mark.release),
+])  # fmt: skip
+def test_below_the_breakup_of_random_rays_nothing_is_proved(n_rays):
     random = np.random.default_rng(17)
-    for angle in random.uniform(0, 45, 40):
+    for angle in random.uniform(0, 45, n_rays):
         value = barriers.critical_scale(ray(angle), 1e-3).value
         for excess in 10.0 ** random.uniform(-6, -1, 10):
             kappa = random.permutation(value * (1 - excess) * ray(angle))
