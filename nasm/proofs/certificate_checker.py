@@ -18,15 +18,16 @@ box are
 
     x_k = x̂_k + ξ_k σ + σᵀ B_k σ + ρ_k,   |σ_i| ≤ 1,
 
-where the numbers x̂_k, the rows ξ_k and the symmetric matrices B_k have 128 bits and are treated as
-exact; the bound on ρ_k includes their rounding errors. One parameter σ_i describes the initial
-condition; in a cell there are two more, for the strengths k + Σ_i σ_i h_i. Any sequence of floats
-may serve as η.
+where the numbers x̂_k, the rows ξ_k and the symmetric matrices B_k have 128 bits and, after the
+first two sites, are treated as exact; the bound on ρ_k includes their rounding errors. One
+parameter σ_i describes the initial condition; in a cell there are two more, for the strengths
+k + Σ_i σ_i h_i. Any sequence of floats may serve as η.
 
 *A barrier.* The claim is about one forcing or a whole patch (called a "fan" in certificates).
-Functions are Laurent polynomials in z = e^{2πiφ} with balls as coefficients; with g_j = φ + u_j,
-1/g_j' is computed from their sums and products. The sine is evaluated on a grid of φ, for several
-forcings of a patch; `Grid` bounds the aliasing errors.
+Functions are Laurent polynomials in z = e^{2πiφ} with balls as coefficients. With g_j = φ + u_j,
+‖1/g_j'‖ is bounded by means of ‖1 - g_j'd‖, where d ≈ 1/g_j' may be any Laurent polynomial. The
+sine is evaluated on a grid of φ, for several forcings of a patch; `Grid` bounds the aliasing
+errors.
 
 A certificate may come from anyone. Before anything is computed, `within_limits` refuses it if the
 check would take too much time or memory.
@@ -67,7 +68,7 @@ MAX_QUOTIENTS, MAX_DIGITS = 200, 50  # quotients of ω, and digits of each quoti
 MAX_DEGREES = 64  # in s, and in t
 MAX_UNIT = 10**4  # limit on |unit| in 2^unit, and on the bits of the integers in a function
 _MAX_SPREAD = 1000  # turns between orbits in a box; above it, bounds grow like 4 to the power 4^n
-MAX_MODES = 3 * 10**7  # modes of the longest function, times points, times kicks: an hour
+MAX_MODES = 3 * 10**7  # modes of the longest function, times points, times kicks: one to two hours
 
 _TRANSPORT = {"site", "boxes", "lives"}
 _BARRIER = {"omega", "rho", "moves"}
@@ -636,7 +637,7 @@ def on_a_line(a: Fraction, box: Sequence[Fraction]) -> tuple[Any, tuple[Any, ...
     kicks = [(x, [w if i == j else arb(0) for j, w in enumerate(widths)]) for i, x in enumerate(k)]
     shears = [ball(number) for number in box[6:8]] or [arb(0)] * len(k)
     moves = [delta, *(shear * width for shear, width in zip(shears, widths, strict=True))]
-    before = 1 + k[0] / 2 * (1 if a == 0 else -1)  # equals η after the site
+    before = 1 + k[0] / 2 * (1 if a == 0 else -1)  # η after the site, before it is raised
     begun = (ball(a) - y, ball(a)), (before, arb(1)), *((-move, arb(0)) for move in moves)
     return (begun, kicks), (before, 1.0, fmpq(1, 2))
 
@@ -651,7 +652,8 @@ def summed(
     it would not be positive.
 
     before, first : η at the site before the first one, and at the first one. share : weight of the
-    first site, 1 or 1/2; if it is 1/2, η is even about that site, and `before` is η on both sides.
+    first site, 1 or 1/2; if it is 1/2, η is even about that site, and `before` only affects the
+    choice of η.
     """
     last, eta, paid = float(before.mid()), [first], 0.0
     middle = rest = arb(0)
@@ -775,9 +777,9 @@ def multiplied(f: list[Ball], g: list[Ball]) -> list[Ball]:
 
 
 def inverse(f: list[Ball], r: Ball, most: int) -> tuple[list[Ball], Ball]:
-    """Return d ≈ 1/f, f > 0, in modes |k| ≤ most, and ‖1 - fd‖.
+    """Return d ≈ 1/f, f > 0, in modes |k| ≤ most, and a ball that contains ‖1 - fd‖.
 
-    d is computed from values of f at more than 2·most points; no bound depends on its accuracy.
+    d is computed from values of f at more than 2·most points; any d is valid.
     """
     middle, zeros = len(f) // 2, [acb(0)] * ((2 << most.bit_length()) - len(f))
     values = acb.dft([*f[middle:], *zeros, *f[:middle]])
@@ -930,7 +932,10 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
     # There are more points than degrees in s and in t, but only one in a variable that is absent.
     points = len(numbers) + more if long else 1, widest + more if fanned else 1
     # An angle differs from the nearest of N points by at most π/2N, and T_m by 2 sin(mπ/4N).
-    step = [[2 * (arb(min(m, 2 * N)) / (4 * N)).sin_pi() for m in range(N)] for N in points]
+    step = [[2 * (arb(m) / (4 * N)).sin_pi() for m in range(N)] for N in points]
+    moved = [arb(0)] * len(n)  # bounds on the change of g_j' from the nearest point
+    for (m, i), row in slopes.items():
+        moved = [x + (step[0][m] + step[1][i]) * y for x, y in zip(moved, row, strict=True)]
     for angle, beside, u in at_points(moves, points):
         there = strengths(middle + half * angle.cos_pi(), beside.cos_pi())
         found = grid.residuals(there, u, omega / len(kappa))
@@ -940,12 +945,10 @@ def theorem(data: Certificate) -> tuple[bool, dict[str, float]]:
             largest_E = [larger(old, new) for old, new in zip(largest_E, modes, strict=True)]
         errors = [old.max(new) for old, new in zip(errors, found, strict=True)]
         for j, f in enumerate(u):
-            terms = ((step[0][m] + step[1][i]) * row[j] for (m, i), row in slopes.items())
-            moved = sum(terms, arb(0))
             with ctx.workprec(64):
                 d, defect = inverse(slope(f), r, 2 * max(map(len, totals)))
                 size = norm(d, r)
-                bound = neumann(size, defect + moved * size)
+                bound = neumann(size, defect + moved[j] * size)
                 p[j] = p[j].max(bound)
                 if stepped:
                     apart[j] = apart[j].max(bound - size)
