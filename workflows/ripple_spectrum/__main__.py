@@ -15,7 +15,7 @@ takes half a minute.
 
 from workflows.shared.cli import command, preset, real, several, sweeps, whole
 
-SLOW = "1/200", "1/120", "1/80"
+SLOW = "1/200", "1/120", "1/80", "1/16"
 DEPTHS = "0.1", "0.3"
 MANY = "0.03", "0.1", "0.3", "0.6"
 
