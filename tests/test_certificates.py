@@ -4,6 +4,7 @@ import hashlib
 import json
 import re
 from fractions import Fraction
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -229,6 +230,13 @@ def test_boxes_that_are_eliminated_too_late_or_leave_a_gap_are_refused(name):
         refuted(right, change)
 
 
+def test_a_cell_with_a_negative_width_is_refused(made):
+    rows = boxes_of(made["cell"]).copy()
+    rows[:, 5] *= -1
+    changes = {"half_width": in_hex(2.0**-6, -(2.0**-6)), "boxes": columns_in_hex(rows)}
+    refuted(made["cell"], changes, "the width of a box is not positive")
+
+
 @pytest.mark.parametrize("name", PROOFS)
 @pytest.mark.parametrize("key", ["version", "sha256", "name"])
 def test_a_certificate_for_another_statement_is_refused(name, key, made):
@@ -256,6 +264,18 @@ def test_a_certificate_with_one_digit_changed_is_refused(name, made):
 def test_the_checker_accepts_the_shorter_form_of_a_forcing(kappa):
     check(proofs.transport.prove(kappa).certificate())
     check(proofs.barrier.prove(parse("gamma"), np.array(kappa) / 10).certificate())
+
+
+def test_only_repetitions_with_equal_or_alternating_signs_are_shortened():
+    def is_shortened(long):
+        data = {"kappa": in_hex(0.5), "shortened_from": {"kappa": in_hex(*long)}}
+        try:
+            return certificate_checker.shortened(data) is None
+        except Refuted:
+            return False
+
+    both = [*filter(is_shortened, product((0.0, 0.5, -0.5, 2.0, -2.0), repeat=2))]
+    assert both == [(0.5, 0.5), (0.5, -0.5)]
 
 
 # --- individual lines without which the checker would accept a false certificate -----------------

@@ -20,11 +20,17 @@ def test_a_seed_always_draws_the_same_changes_and_each_affects_one_line():
         assert sum(right != wrong for right, wrong in pairs) == 1
 
 
-def test_at_least_thirty_six_of_forty_unsound_changes_are_noticed():
-    first = [row for row in table() if row["number"] < 100]  # others were drawn later
-    assert len([row for row in first if "noticed" in row]) >= 36
-    assert len([row for row in first if "harmless" not in row]) == 40
-    assert all("noticed" in row for row in table() if row["number"] >= 200)
+@pytest.mark.parametrize("numbers", [range(100), range(400, 500)])  # seeds 53 and 71
+def test_at_least_thirty_six_of_forty_unsound_changes_are_noticed(numbers):
+    rows = [row for row in table() if row["number"] in numbers]
+    assert len([row for row in rows if "noticed" in row]) >= 36
+    assert len([row for row in rows if "harmless" not in row]) == 40
+
+
+def test_each_change_drawn_later_is_noticed_or_harmless():
+    later = [row for row in table() if row["number"] >= 200]
+    assert all("noticed" in row for row in later if row["number"] < 400)
+    assert all(("noticed" in row) != ("harmless" in row) for row in later)
 
 
 def test_each_line_of_the_table_on_sums_of_two_floats_is_in_the_sources():

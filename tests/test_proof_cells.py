@@ -77,6 +77,12 @@ def test_cells_outside_the_scope_of_the_theorem_are_not_proved(kappa):
     assert prove_cell(kappa, 2.0**-7).outcome is Outcome.SCOPE
 
 
+@pytest.mark.parametrize("width", [0.0, -(2.0**-7)])
+def test_cells_without_a_positive_width_are_refused(width):
+    with pytest.raises(ValueError, match="must be positive"):
+        prove_cell((0.75, 0.25), (2.0**-7, width))
+
+
 NAMES = "t", "p", "q", "tt", "tp", "tq", "pp", "pq", "qq"  # first- and second-order terms
 KNOWN = [(name, f"z{name}", f"l{name}") for name in NAMES]
 KERNEL = audit.Kernel(
@@ -115,6 +121,16 @@ def test_half_of_a_kick_on_the_symmetry_line_counts_whatever_its_sign(a, k0):
 def test_bounds_for_a_kick_in_a_cell_are_sufficient_and_nearly_sharp():
     shares = audit.audit_of_kicks(KERNEL)
     assert all(0.9 < share <= 1 for share in shares.values())
+
+
+@pytest.mark.parametrize("deviation", [0.0, 0.3])
+def test_a_box_whose_v_might_overflow_is_bad_however_far_it_extends(deviation):
+    """A kick of strength 0 leaves V unchanged; boxes that extend further than 0.1 are bad too."""
+    for V in (1.0, 0.99e100, 1.01e100, 1e120):
+        values = dict.fromkeys(KERNEL.names, 0.0)
+        values |= {"x": 0.1, "v": 1.0, "V": V, "t": deviation, "zt": 1.0}
+        _, bad = proofs.transport_cells._kick(0.0, 0.0, 0.0, 0.0, 1.0, tuple(values.values()))
+        assert (bad > 0) == (V > 1e100 or deviation > 0.1)
 
 
 CHANGES = {

@@ -175,11 +175,15 @@ def test_changed_certificates_of_cells_are_refuted(cell):
     certificate, _ = cell
     plane, points = certificate["plane"], certificate["points"]
     below = {**plane, "first": in_hex(0.5, 0, 0), "second": in_hex(0, 0.5, 0)}
+    # |κ_j| ≤ 0.75 in the middle of this cell, but 1.25 elsewhere; the limit is 1.
+    steep = {"origin": in_hex(0, 0, 0), "first": in_hex(4, 4, 4), "second": in_hex(4, 4, 4)}
+    steep = {"plane": steep, "centre": in_hex(0.1875, 0), "half_width": in_hex(0.125, 2**-20)}
     changes = [
         ({"plane": below}, "half of Q may be"),
         ({"plane": {**plane, "second": in_hex(0, 1)}}, "equal length"),
         ({"plane": {**plane, "third": in_hex(0, 1, 0)}}, "three rows"),
         ({"plane": {**plane, "origin": in_hex(0, 1.9, 1.9)}}, "does not apply"),
+        (steep, "does not apply"),
         ({"half_width": in_hex(2**-7, 2**-8)}, "do not tile"),
         ({"half_width": in_hex(0, 2**-8)}, "not positive"),
         ({"centre": in_hex(0.5, 0.5)}, "do not tile|half of Q"),

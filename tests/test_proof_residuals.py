@@ -175,6 +175,17 @@ def exactly(u, node, odd):
     return rows
 
 
+@pytest.mark.parametrize(("n", "size"), [(64, 33), (112, 20)])
+def test_grids_that_do_not_fit_the_modes_are_refused(n, size, monkeypatch):
+    """Nothing is computed, so that a grid that is not refused fails here, without a crash."""
+    monkeypatch.setattr(module, "_compute", lambda *_: None)
+    u = np.zeros((2, 1, 2, 1, size))
+    with ctx.workprec(128):
+        grid = barrier.Grid(parse("gamma"), KAPPA[:2], n)
+        with pytest.raises(ValueError, match="do not fit"):
+            module.residuals([grid], u, u[0, 0, :, 0])
+
+
 @pytest.mark.parametrize("case", ["decaying", "flat", "large"])
 @pytest.mark.parametrize(("n", "n_sites"), [(128, 1), (96, 2), (160, 2), (96, 3), (80, 4)])
 def test_residuals_enclose_those_computed_with_256_bits(n, n_sites, case):
@@ -218,6 +229,20 @@ def test_the_bound_on_rounding_is_at_most_10000_times_too_large():
         )
     assert 1e-4 < ratio < 1
     assert radii.max() < 1e-28
+
+
+def test_the_bound_on_a_residual_contains_those_on_its_neighbours():
+    """Without kicks, compare with the other terms of the bound in README.md, one by one."""
+    rng, u = np.random.default_rng(9), np.zeros((2, 2, 4, 2, 9))
+    u[0], errors = rng.normal(size=u[0].shape), rng.uniform(size=(4, 9)) * 2.0**-102
+    radii = module._radii(np.zeros((2, 4)), u, errors, 64)
+    assert (radii[..., 9:] == 2.0**-500).all()
+    for node, j, k in np.ndindex(2, 4, 9):
+        terms = [
+            31 * 2.0**-106 * hypot(*u[0, node, i % 4, :, k]) + errors[i % 4, k]
+            for i in (j - 1, j, j, j + 1)
+        ]
+        assert radii[node, j, k] == pytest.approx(1.01 * sum(terms), rel=1e-12, abs=0)
 
 
 def test_errors_of_combinations_are_within_their_bound():
@@ -309,15 +334,6 @@ def test_modes_that_are_not_finite_or_too_large_have_no_bound(value):
         _, radii = module.residuals([grid] * 3, u, np.zeros(u.shape[2:5:2]))
     assert not np.isfinite(radii[1]).any()
     assert np.isfinite(radii[[0, 2]]).all()
-
-
-@pytest.mark.parametrize(("n", "size"), [(64, 33), (112, 20)])
-def test_grids_that_do_not_fit_the_modes_are_refused(n, size):
-    u = np.zeros((2, 1, 2, 1, size))
-    with ctx.workprec(128):
-        grid = barrier.Grid(parse("gamma"), KAPPA[:2], n)
-        with pytest.raises(ValueError, match="do not fit"):
-            module.residuals([grid], u, u[0, 0, :, 0])
 
 
 def test_a_thread_does_not_change_the_precision_of_other_threads():

@@ -8,7 +8,7 @@ import re
 from fractions import Fraction
 from functools import partial
 from itertools import count
-from types import SimpleNamespace
+from types import FunctionType, SimpleNamespace
 
 import audit
 import numpy as np
@@ -286,6 +286,51 @@ def test_nothing_is_proved_with_arithmetic_that_is_not_ieee_754(monkeypatch):
     monkeypatch.setattr(proofs.transport, "_arithmetic_is_ieee", lambda *_: False)
     with pytest.raises(RuntimeError, match="IEEE 754"):
         prove((2.5,))
+
+
+class Rounded:
+    """A number of 53 bits, rounded by a function such as `math.floor`."""
+
+    def __init__(self, exact, way):
+        digits = exact.numerator.bit_length() - exact.denominator.bit_length()
+        unit = Fraction(2) ** (digits - 52)
+        self.exact, self.way = way(exact / unit) * unit, way
+
+    def __add__(self, other):
+        return Rounded(self.exact + other.exact, self.way)
+
+    def __mul__(self, other):
+        factor = other.exact if isinstance(other, Rounded) else Fraction(other)
+        return Rounded(self.exact * factor, self.way)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other):
+        return self * (1 / other)
+
+    def __neg__(self):
+        return Rounded(-self.exact, self.way)
+
+    def __sub__(self, other):
+        return self + -other
+
+    def __eq__(self, other):
+        return self.exact == other.exact
+
+    def __gt__(self, other):
+        return self.exact > other
+
+
+@pytest.mark.parametrize("way", [round, math.floor, math.ceil, math.trunc])
+def test_only_rounding_to_nearest_with_a_fused_fma_is_accepted(way):
+    numbers = [Rounded(Fraction(2) ** i, way) for i in (0, -53, -52, -1022)]
+    for fma, fused in (
+        (lambda a, b, c: Rounded(a.exact * b.exact + c.exact, way), True),
+        (lambda a, b, c: a * b + c, False),
+    ):
+        code = proofs.transport._arithmetic_is_ieee.py_func.__code__
+        accepted = FunctionType(code, {"fma": fma})(*numbers)
+        assert accepted == (way is round and fused)
 
 
 def after_a_block(row, value, kappa=(1.5, 1.2)):
