@@ -13,7 +13,7 @@ from pipeline.cubes.rotating_maps import breakups
 from workflows.convergence.study import on_the_diagonal
 from workflows.figures.convergence import diagonal_caption
 from workflows.figures.flux import flux_caption
-from workflows.figures.proved_map import proved_map_caption
+from workflows.figures.proved_map import draw_proved_map, proved_map_caption
 from workflows.figures.tori import breakups_caption
 from workflows.flux import study as flux
 from workflows.shared.boundary_captions import describe_boundary, describe_direct_iteration
@@ -49,6 +49,12 @@ def test_the_proved_map_caption_gives_distances_in_plain_percentages(away, expec
     assert expected in caption
     assert "to within 10% of CB_gt on half of its rays" in caption
     assert "e+0" not in caption
+    assert "Inset" not in caption
+    assert not draw_proved_map(whole, within, barrier).axes[0].child_axes
+    finer = whole.assign_attrs(cells=1024)
+    (inset,) = draw_proved_map(finer, within, barrier).axes[0].child_axes
+    assert np.hypot(np.mean(inset.get_xlim()), np.mean(inset.get_ylim())) == pytest.approx(0.5)
+    assert "Inset: the open cells on one ray" in proved_map_caption(finer, within, barrier)
 
 
 def test_a_flux_law_that_cannot_be_fitted_is_reported_as_no_fit():

@@ -16,14 +16,49 @@ _LEGEND = {
 }
 
 
+_INSET = 0.36  # width of the inset, relative to the map
+_CELLS_IN_INSET = 48  # finest cells across the inset
+_LEAST_MAGNIFICATION = 5
+
+
 def draw_proved_map(whole, triangles, barrier):
     """Draw the whole plane, including images under its symmetries, and CB_gt by residues as a line.
 
     whole : cells of the whole plane. triangles : `proved_triangles`. barrier : CB_gt in the part of
     the plane whose images cover the whole plane.
     """
-    plane, figure, (axes,) = plane_of(whole.attrs), *panels(1, 1, 7.5, 7.4)
+    figure, (axes,) = panels(1, 1, 7.5, 7.4)
     reach = float(whole[whole.proved.dims[0]][-1]) + 0.5 / whole.attrs["cells"]
+    _draw(axes, whole, triangles, barrier, reach)
+    label_plane(axes, barrier)
+    axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
+    if _magnification(whole, barrier):
+        x, y = _rays(barrier)[barrier.sizes["angle"] // 2]
+        half = 0.5 * _CELLS_IN_INSET / whole.attrs["cells"]
+        inset = axes.inset_axes([0.5 - _INSET / 2, 0.5 - _INSET / 2, _INSET, _INSET])
+        _draw(inset, whole, triangles, barrier, reach)
+        inset.set(xlim=(x - half, x + half), ylim=(y - half, y + half), xticks=[], yticks=[])
+        axes.indicate_inset_zoom(inset, edgecolor="black")
+    patches = [Patch(color=colour, label=label) for label, colour in _LEGEND.items()]
+    patches.append(Line2D([], [], color="black", lw=0.8, label=r"$\mathit{CB}_{gt}$ by residues"))
+    outer_legend(figure, 2, 1, "upper", handles=patches, frameon=False, fontsize=None)
+    return figure
+
+
+def _magnification(whole, barrier):
+    """Return the magnification of an inset that shows the open cells, or 0 if there is none.
+
+    There is one if it magnifies enough, and if CB_gt leaves room for it in the middle.
+    """
+    reach = float(whole[whole.proved.dims[0]][-1])
+    room = np.abs(_rays(barrier)).max(axis=1).min()
+    times = _INSET * 2 * reach * whole.attrs["cells"] / _CELLS_IN_INSET
+    fits = 1.1 * _INSET * reach < room and times >= _LEAST_MAGNIFICATION
+    return times if fits else 0
+
+
+def _draw(axes, whole, triangles, barrier, reach):
+    plane = plane_of(whole.attrs)
     style = {"origin": "lower", "extent": 2 * (-reach, reach), "interpolation": "nearest"}
     axes.imshow(whole.proved, cmap=ListedColormap([*_LEGEND.values()][:2]), vmin=0, vmax=1, **style)
     corners, rays = _corners(triangles, plane), _rays(barrier)
@@ -32,12 +67,6 @@ def draw_proved_map(whole, triangles, barrier):
             axes.fill(*_image(one, mirrored, turn).T, color=COLOURS[0], lw=0, aa=False)
     for mirrored, turn, _ in plane.exact_symmetries:
         axes.plot(*_image(rays, mirrored, turn).T, color="black", lw=0.8)
-    label_plane(axes, barrier)
-    axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
-    patches = [Patch(color=colour, label=label) for label, colour in _LEGEND.items()]
-    patches.append(Line2D([], [], color="black", lw=0.8, label=r"$\mathit{CB}_{gt}$ by residues"))
-    outer_legend(figure, 2, 1, "upper", handles=patches, frameon=False, fontsize=None)
-    return figure
 
 
 def _image(points, mirrored, turn):
@@ -89,6 +118,8 @@ def proved_map_caption(whole, triangles, barrier):
         ends = np.where(inside, np.maximum(ends, 1 / parts.sum(axis=0)), ends)
     half, most, last = 100 * (1 - np.quantile(ends, [0.5, 0.05, 0]))
     place = "" if plane == two_kicks() else f"Plane of forcings: {plane.name}. "
+    times = _magnification(whole, barrier)
+    inset = f" Inset: the open cells on one ray, {times:.0f} times magnified." if times else ""
     return (
         f"{place}Transport is proved to be global for every forcing in {share:.1f}% of the area "
         "shown outside CB_gt (line, by residues); the smallest cells measure "
@@ -96,5 +127,5 @@ def proved_map_caption(whole, triangles, barrier):
         f"{within} A "
         f"barrier is proved to exist in {triangles.sizes['triangle']} triangles with a corner at 0 "
         f"and their images: they reach to within {half:.3g}% of CB_gt on half of its rays, "
-        f"{most:.3g}% on 95%, and {last:.3g}% on all."
+        f"{most:.3g}% on 95%, and {last:.3g}% on all.{inset}"
     )
