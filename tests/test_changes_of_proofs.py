@@ -42,7 +42,7 @@ def test_each_line_of_the_table_on_sums_of_two_floats_is_in_the_sources():
 
 @pytest.mark.slow
 def test_unsound_changes_are_still_noticed():
-    """Check every twelfth noticed change in the table; `changes_of_proofs.py` can check them all."""
+    """Check every twelfth noticed change of the table; `changes_of_proofs.py` checks them all."""
     numbers = NOTICED[::12]
     command = [sys.executable, changes_of_proofs.__file__, "table", *map(str, numbers)]
     output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
