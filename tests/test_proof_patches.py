@@ -372,7 +372,7 @@ TOTAL = "missed[0] + constants[0] * (missed[1] + constants[1] * errors[j])"
 WRONG_CHECKS = {
     (TOTAL, "missed[0] + missed[1] + constants[1] * errors[j]"): "points",
     (TOTAL, "missed[0] + constants[0] * (missed[1] + errors[j])"): "points in t",
-    ("defect + moved * size", "defect"): "steep",
+    ("defect + moved[j] * size", "defect"): "steep",
     ("(step[0][m] + step[1][i])", "step[0][m]"): "steep in t",
     ("n = [1 + sum(column) for column", "n = [1 + column[0] for column"): "steep",
     ("(two_pi * (rho + real_norm(f, r))).exp() for", "(two_pi * rho).exp() for"): "steep",
