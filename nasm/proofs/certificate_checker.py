@@ -688,7 +688,8 @@ def orbits(
     each of the other parameters, for each kick, beginning with the first site.
     """
     pi, two_pi = arb.pi(), 2 * arb.pi()
-    pi_2, pi_3 = 2 * pi**2 / 3, pi**3 / 3
+    # Taylor coefficients of (sin 2πx)/2π from the second order on, without signs: π and these.
+    third, fourth = 2 * pi**2 / 3, pi**3 / 3
     (x_last, x), (v_last, v), *both = begun
     moves_last, moves = (arb_mat([row]) for row in zip(*both, strict=True))
     bends_last = bends = arb_mat(len(both), len(both))
@@ -719,16 +720,16 @@ def orbits(
             stiffness,
             changes * cosine - moves * (two_pi * force),
             (bends * force + product * (pi * stiffness) + mixed * sine) * -two_pi,
-            strength * (two_pi * sine_bound * rho + 3 * pi_2 * cosine_bound * squares)
-            + strength * 4 * pi_3 * cube
+            strength * (two_pi * sine_bound * rho + 3 * third * cosine_bound * squares)
+            + strength * 4 * fourth * cube
             # The change of the strength times the change of cos 2πx, without the term in ξ
             + width * two_pi * (sine_bound * curved + pi * square),
         )
         # By Cramer's rule, with the Wronskian v_n t_{n+1} - v_{n+1} t_n, the defect of the
         # expansion at the next site is written in terms of v and t, which have defects too.
-        defect = strength * (pi * sine_bound * squares + pi_2 * cosine_bound * cube)
-        defect += width * (cosine_bound * curved + pi * sine_bound * square + pi_2 * cube)
-        defect += (strength + width) * pi_3 * square**2
+        defect = strength * (pi * sine_bound * squares + third * cosine_bound * cube)
+        defect += width * (cosine_bound * curved + pi * sine_bound * square + third * cube)
+        defect += (strength + width) * fourth * square**2
         slope = 2 + stiffness
         x_next = 2 * x - x_last + force / two_pi
         v_next = slope * v - v_last

@@ -14,8 +14,6 @@ _LEGEND = {
     "transport is proved to be global": COLOURS[1],
     "a barrier is proved to exist": COLOURS[0],
 }
-
-
 _INSET = 0.36  # width of the inset, relative to the map
 _CELLS_IN_INSET = 48  # finest cells across the inset
 _LEAST_MAGNIFICATION = 5
@@ -24,19 +22,21 @@ _LEAST_MAGNIFICATION = 5
 def draw_proved_map(whole, triangles, barrier):
     """Draw the whole plane, including images under its symmetries, and CB_gt by residues as a line.
 
+    If cells are fine and there is room in the middle, an inset magnifies the open cells on one ray.
+
     whole : cells of the whole plane. triangles : `proved_triangles`. barrier : CB_gt in the part of
     the plane whose images cover the whole plane.
     """
     figure, (axes,) = panels(1, 1, 7.5, 7.4)
-    reach = float(whole[whole.proved.dims[0]][-1]) + 0.5 / whole.attrs["cells"]
-    _draw(axes, whole, triangles, barrier, reach)
+    reach = _reach(whole)
+    _draw(axes, whole, triangles, barrier)
     label_plane(axes, barrier)
     axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
     if _magnification(whole, barrier):
         x, y = _rays(barrier)[barrier.sizes["angle"] // 2]
         half = 0.5 * _CELLS_IN_INSET / whole.attrs["cells"]
         inset = axes.inset_axes([0.5 - _INSET / 2, 0.5 - _INSET / 2, _INSET, _INSET])
-        _draw(inset, whole, triangles, barrier, reach)
+        _draw(inset, whole, triangles, barrier)
         inset.set(xlim=(x - half, x + half), ylim=(y - half, y + half), xticks=[], yticks=[])
         axes.indicate_inset_zoom(inset, edgecolor="black")
     patches = [Patch(color=colour, label=label) for label, colour in _LEGEND.items()]
@@ -46,19 +46,21 @@ def draw_proved_map(whole, triangles, barrier):
 
 
 def _magnification(whole, barrier):
-    """Return the magnification of an inset that shows the open cells, or 0 if there is none.
-
-    There is one if it magnifies enough, and if CB_gt leaves room for it in the middle.
-    """
-    reach = float(whole[whole.proved.dims[0]][-1])
+    """Return how much the inset magnifies, or 0 if there is no inset."""
+    reach = _reach(whole)
     room = np.abs(_rays(barrier)).max(axis=1).min()
     times = _INSET * 2 * reach * whole.attrs["cells"] / _CELLS_IN_INSET
     fits = 1.1 * _INSET * reach < room and times >= _LEAST_MAGNIFICATION
     return times if fits else 0
 
 
-def _draw(axes, whole, triangles, barrier, reach):
-    plane = plane_of(whole.attrs)
+def _reach(whole):
+    """Return half the width of the map."""
+    return float(whole[whole.proved.dims[0]][-1]) + 0.5 / whole.attrs["cells"]
+
+
+def _draw(axes, whole, triangles, barrier):
+    plane, reach = plane_of(whole.attrs), _reach(whole)
     style = {"origin": "lower", "extent": 2 * (-reach, reach), "interpolation": "nearest"}
     axes.imshow(whole.proved, cmap=ListedColormap([*_LEGEND.values()][:2]), vmin=0, vmax=1, **style)
     corners, rays = _corners(triangles, plane), _rays(barrier)
