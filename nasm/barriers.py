@@ -106,7 +106,8 @@ class Effort:
         Relative distance, below a scale without circles, within which the last breakup is sought.
     orbit_period, last_period : int
         Longest periods of the orbits used for a leap and for the final value; their residues
-        yield nine and eleven digits, respectively.
+        yield nine and eleven digits, respectively. If tol is `resolution` or more, orbits are no
+        longer than `orbit_period` for the final value, too.
     cusp_period : int
         Longest period of the orbits that determine the final value if periods up to `last_period`
         are not precise enough, as happens close to a cusp. It also limits the period of the orbits
@@ -163,6 +164,10 @@ class Effort:
     def search_tol(self, tol: float) -> float:
         """Return the tolerance for searching the tree, given the tolerance of the bracket."""
         return min(tol, self.resolution)
+
+    def value_period(self, tol: float) -> int:
+        """Return the longest period of the orbits for the final value, given the tolerance."""
+        return self.orbit_period if tol >= self.resolution else self.last_period
 
     def error_in_bands(self, tol: float) -> float:
         """Return the smallest relative error where circles break and reappear in bands.
@@ -522,10 +527,13 @@ def _with_rivals(tree, tol, breakup, inside, outside, nobles):
             breakup = later
     near = segment.length(outside, tree.effort.share_above * tol)
     around = breakup.value - near, breakup.value + near
-    period = tree.effort.last_period
-    longer = periodic.critical_scale(breakup.omega, segment.profile, period, segment.start, around)
-    if longer.status is Status.OK and longer.error < breakup.error:
-        breakup = longer
+    period = tree.effort.value_period(tol)
+    if period > tree.effort.orbit_period:
+        longer = periodic.critical_scale(
+            breakup.omega, segment.profile, period, segment.start, around
+        )
+        if longer.status is Status.OK and longer.error < breakup.error:
+            breakup = longer
     return _Bracket(around[0], outside, breakup.omega, breakup)
 
 
@@ -554,16 +562,24 @@ def _search_by_survivors(tree, tol):
         n_steps = _steps_to_eliminate(tree, near, last.value)
         longest = longest_lived(segment.at(outside), n_steps)
         if longest.kicks < inf:
-            inside, period = last.value - near, effort.cusp_period
+            inside = last.value - near
+            # Close to a cusp, shorter orbits do not distinguish the forcing from the cusp.
+            resolving = periodic.cusp_period(segment.at(last.value))
+            period = int(np.clip(resolving, LONGEST_PERIOD, effort.cusp_period))
             is_there = tree.shows(last.omega, inside, period)
-            return _Bracket(inside, outside, last.omega, last, period, True) if is_there else None
+            longest_period = effort.cusp_period
+            return (
+                _Bracket(inside, outside, last.omega, last, longest_period, True)
+                if is_there
+                else None
+            )
         names = candidates(segment.at(outside), longest, n_steps)
     return None
 
 
 def _breakup_of_two_kicks(omega, profile, tol, effort):
     """Return the CriticalScale of a circle, from longer orbits if a cusp is unresolved."""
-    for longest in (effort.last_period, effort.cusp_period):
+    for longest in (effort.value_period(tol), effort.cusp_period):
         found = periodic.critical_scale(omega, profile, longest)
         is_precise = found.error <= effort.share_above * tol * found.value
         if is_precise or found.status not in (Status.OK, Status.NEAR_CUSP):

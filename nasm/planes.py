@@ -251,6 +251,31 @@ class Plane:
         images = [turn - angle if mirror else turn + angle for mirror, turn, _ in self.symmetries]
         return np.round(images, 9) % 360
 
+    def fold_keeping_circles(self, angle: ArrayLike) -> FloatArray:
+        """Choose one representative of the rays on which each circle breaks at the same scale.
+
+        These are fewer rays than those of `fold`, whose symmetries may also change rotation
+        numbers.
+
+        Parameters
+        ----------
+        angle : array_like
+            Degrees.
+
+        Returns
+        -------
+        ndarray, shape of angle
+            The smallest angle of `unfold` whose symmetry preserves every ω, in degrees.
+
+        Examples
+        --------
+        >>> from nasm.planes import two_kicks
+        >>> two_kicks().fold_keeping_circles([60, 120, 150])
+        array([ 30., 120., 120.])
+        """
+        preserves_omega = [shift == 0 for *_, shift in self.symmetries]
+        return self.unfold(angle)[preserves_omega].min(axis=0)
+
     def fold(self, angle: ArrayLike) -> tuple[FloatArray, IntArray]:
         """Choose one representative of the rays that are equivalent to the ray at `angle`.
 

@@ -10,7 +10,7 @@ import xarray as xr
 from oracles import KAPPA_G
 from scipy.io import netcdf_file
 
-from nasm import barriers, numbers, proofs
+from nasm import barriers, numbers, periodic, proofs
 from nasm.numbers import moebius
 from nasm.planes import Plane, rotating, three_kicks, two_kicks
 from nasm.results import Status
@@ -167,6 +167,32 @@ def test_the_hash_depends_only_on_settings_that_affect_the_results():
 def test_a_tile_of_rays_takes_seconds_so_that_there_are_few_files(job):
     axes = {dim: job.cube.template[dim].values[:n] for dim, n in job.cube.tile.items()}
     assert 1 < job.predict(axes, job.cube.settings) <= 3
+
+
+def test_circles_are_computed_once_on_rays_that_are_images_of_each_other(monkeypatch):
+    angles = np.array([10.0, 80.0, 100.0, 170.0, 190.0, 260.0])
+    computed = []
+
+    def critical_scale(omega, profile, q_max):
+        computed.append(np.rad2deg(np.arctan2(*profile[::-1])).round(9))
+        return periodic.critical_scale(omega, profile, q_max)
+
+    monkeypatch.setitem(breakdown._METHODS, periodic.METHOD, (critical_scale, {"q_max": 10}))
+    job = breakdown.by_residue(TWO, [GAMMA], angles, 400)
+    coords = {"circle": np.array([str(GAMMA)]), "angle": angles}
+    scales = job.compute(coords, job.cube.settings)["critical_scale"][0]
+    # The swap κ1 ↔ κ2 and κ → -κ preserve ω; the reflection κ1 → -κ1 maps it to 1 - ω.
+    assert computed == [10.0, 100.0]
+    assert job.predict(coords, job.cube.settings) == pytest.approx(2 * 0.045)
+    for angle, scale in zip(angles, scales, strict=True):
+        alone = periodic.critical_scale(GAMMA, ray(angle), 400)
+        assert abs(scale - alone.value) <= 2 * alone.error < 1e-6
+    # Orbits that start at the same points on all rays may escape at different times.
+    escapes = breakdown.by_escape(TWO, angles, n_max=100, n_orbits=4)
+    assert escapes.cube.template.angle.size == angles.size
+    assert escapes.predict({"angle": angles}, escapes.cube.settings) == pytest.approx(
+        3 * escapes.predict({"angle": angles[:2]}, escapes.cube.settings)
+    )
 
 
 def test_the_boundary_at_any_angle_is_computed_on_the_folded_ray():

@@ -399,9 +399,7 @@ def residual(omega: OmegaLike, kappa: ArrayLike, u: ArrayLike) -> FloatArray:
     n_sites, n = u.shape
     turn = fourier.turns(omega, n // 2 + 1)
     before, after = fourier.rotate(u[-1], turn.conj()), fourier.rotate(u[0], turn)
-    sites = np.vstack([before, u, after])
-    h = np.arange(n) / n + _angles(omega, n_sites)[:, None] + u
-    return sites[2:] - 2 * u + sites[:-2] - kappa[:, None] / TWO_PI * sin2pi(h)
+    return _residual(kappa, _angles(omega, n_sites), np.vstack([before, u, after]))
 
 
 def graph(circle: InvariantCircle) -> tuple[FloatArray, FloatArray]:
@@ -541,6 +539,19 @@ def step_outcome(error, change, slope, twist, tail, last_error, last_change, max
         return 1
     next_change = change * (change / last_change) ** 2
     return 0 if change < max_update or (change < 1e-6 and next_change < 1e-2 * max_update) else 3
+
+
+@kernel
+def _residual(kappa, angles, sites):
+    """Return E_j, given u_{-1}, …, u_P in the rows of `sites`."""
+    n = sites.shape[1]
+    residuals = np.empty((kappa.size, n))
+    for j in range(kappa.size):
+        strength = kappa[j] / TWO_PI
+        for i in range(n):
+            kick = strength * sin2pi(i / n + angles[j] + sites[j + 1, i])
+            residuals[j, i] = sites[j + 2, i] - 2 * sites[j + 1, i] + sites[j, i] - kick
+    return residuals
 
 
 @kernel(error_model="numpy")

@@ -25,7 +25,7 @@ from nasm.numbers import RotationNumber, parse
 from nasm.planes import Plane, plane_of
 from nasm.results import CriticalScale, Status
 from nasm.symmetries import ray
-from nasm.types import OmegaLike
+from nasm.types import FloatArray, IntArray, OmegaLike
 from pipeline.cubes import cube
 from pipeline.cubes.cube import (
     FLAGS,
@@ -122,18 +122,7 @@ def by_continuation(
     settings = {"method": _CONTINUED, "tol": tol, "q_max": q_max}
     # A fifth of the main job's rays need residues; with a smaller tol nearly all do.
     seconds = 0.03 if tol >= 1e-4 else 0.1
-    job = _job("breakdown", plane, _circles(omegas), angles, seconds, settings)
-    return replace(job, predict=partial(_predict_continuation, seconds))
-
-
-def _predict_continuation(seconds: float, coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds from the tail of ω and the mean time per ray for the paper's circles.
-
-    Golden circles take two thirds as long as the mean. Circles with a tail of fours, whose breakup
-    is resolved only with more modes, take 2.6 times as long as golden ones.
-    """
-    is_golden = [parse(circle).tail == (1,) for circle in coords["circle"]]
-    return seconds * coords["angle"].size * np.where(is_golden, 0.65, 1.7).sum()
+    return _job("breakdown", plane, _circles(omegas), angles, seconds, settings)
 
 
 def by_residue(
@@ -186,6 +175,7 @@ def job_on_rays(
     warm_up: Callable[[], object],
     title: str,
     more: Mapping[str, xr.Variable] | None = None,
+    n_distinct: Callable[[FloatArray], int] = len,
 ) -> Job:
     """Return the Job for a cube of critical scales; a tile contains several rays of one row.
 
@@ -201,23 +191,41 @@ def job_on_rays(
     angles : sequence of float
         Directions of the rays, in degrees.
     seconds : float
-        CPU seconds per ray.
+        CPU seconds for each distinct ray.
     settings, compute, warm_up
         As for `cube.Cube` and `cube.Job`.
     title : str
         Title of the cube.
     more : mapping of str to xr.Variable, optional
         Additional variables of the cube.
+    n_distinct : callable
+        Maps the angles of a tile to the number of rays that `compute` evaluates.
     """
     known = {**rows, "angle": cube.angles_of_rays(angles)}
     variables = blank_scales(known) | dict(more or {})
     coords = known | {key: blank(known, f"{label} at the breakup") for key, label in axes.items()}
-    n_rays = known["angle"].size
     tile = {str(dim): 1 for dim in variables["status"].dims}
-    tile["angle"] = ceil(n_rays / ceil(n_rays / max(1, int(_TILE_SECONDS / seconds))))
+    tile["angle"] = _tile_size(known["angle"].values, lambda part: seconds * n_distinct(part))
     labels = {"title": f"{title} of the nonautonomous standard map"}
     plan = cube.Cube(name, xr.Dataset(variables, coords, labels), tile, settings | STATUS_SETTING)
-    return Job(plan, compute, lambda coords, _: seconds * coords["angle"].size, warm_up)
+    return Job(plan, compute, lambda coords, _: seconds * n_distinct(coords["angle"]), warm_up)
+
+
+def _tile_size(angles: FloatArray, seconds: Callable[[FloatArray], float]) -> int:
+    """Return the number of rays of each tile but the last, which may be smaller.
+
+    It is the largest number for which no tile takes longer than `_TILE_SECONDS`, or 1, reduced as
+    far as the number of tiles stays the same.
+    """
+    limit, n_rays = _TILE_SECONDS * (1 + 1e-9), angles.size
+
+    def takes_too_long(size: int) -> bool:
+        return any(seconds(angles[i : i + size]) > limit for i in range(0, n_rays, size))
+
+    size = ceil(n_rays / ceil(seconds(angles) / limit))
+    while size > 1 and takes_too_long(size):
+        size -= 1
+    return ceil(n_rays / ceil(n_rays / size))
 
 
 def blank_scales(known: Mapping[str, xr.Variable]) -> Labels:
@@ -273,9 +281,26 @@ def _job(
     label = "method that gave the value or, if there is none, the status"
     more = {"method": blank(on, label, np.int8(0), **cube.flags(_FLAG_OF.values()))}
     title = "Breakup of circles"
-    return job_on_rays(
-        name, plane.axes, rows, angles, seconds, settings, _compute, warm_up, title, more
-    )
+    method = settings["method"]
+    job = job_on_rays(
+        name, plane.axes, rows, angles, seconds, settings, _compute, warm_up, title, more,
+        lambda part: _distinct_rays(plane, method, part)[0].size,
+    )  # fmt: skip
+    return replace(job, predict=partial(_predict, seconds))
+
+
+def _predict(seconds: float, coords: Coords, settings: Settings) -> float:
+    """Predict CPU seconds of a tile from the mean time per ray and row.
+
+    For continuation, the mean is that of the paper's circles. Golden circles take two thirds as
+    long as the mean. Circles with a tail of fours, whose breakup is resolved only with more modes,
+    take 2.6 times as long as golden ones.
+    """
+    folded, _ = _distinct_rays(plane_of(settings), settings["method"], coords["angle"])
+    if settings["method"] == _CONTINUED:
+        is_golden = [parse(circle).tail == (1,) for circle in coords["circle"]]
+        seconds *= np.where(is_golden, 0.65, 1.7).sum()
+    return seconds * folded.size
 
 
 def _load(coords: Coords, settings: Settings) -> None:
@@ -285,13 +310,25 @@ def _load(coords: Coords, settings: Settings) -> None:
     _compute(coords, settings)
 
 
+def _distinct_rays(plane: Plane, method: str, angles: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return the angles at which a method is evaluated, and the index of each ray's angle.
+
+    A circle breaks at the same scale on rays that are images of each other, but its orbits, which
+    are started at the same points on each ray, may escape at different times.
+    """
+    folded = angles if method == escape.METHOD else plane.fold_keeping_circles(angles)
+    return np.unique(folded, return_inverse=True)
+
+
 def _compute(coords: Coords, settings: Settings) -> Arrays:
     """Compute a tile: several rays of one row, or of a cube without rows."""
     (method, effort), plane = _METHODS[settings["method"]], plane_of(settings)
-    start, profiles = plane.ray(coords["angle"])
+    folded, where = _distinct_rays(plane, settings["method"], coords["angle"])
+    start, profiles = plane.ray(folded)
     more = [settings[name] for name in effort] + ([start] if start.any() else [])
     rows = [[parse(circle)] for circle in coords["circle"]] if "circle" in coords else [[]]
-    answers: Any = [[method(*row, profile, *more) for profile in profiles] for row in rows]
+    on_distinct: Any = [[method(*row, profile, *more) for profile in profiles] for row in rows]
+    answers: Any = [[row[i] for i in where] for row in on_distinct]
     answers = answers if "circle" in coords else answers[0]
     methods = cube.codes(answers, lambda answer: 1 + [*_FLAG_OF].index(answer.method))
     return scale_arrays(answers, plane.axes, coords["angle"]) | {"method": methods}

@@ -17,7 +17,6 @@ from numbers import Integral, Real
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-import dask.array
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
@@ -261,6 +260,8 @@ def blank(
     fill : float or NumPy scalar
         Fill value, which also determines the dtype of the variable.
     """
+    import dask.array  # takes 0.3 s, and workers do not need it
+
     sizes = {name: c.size for name, c in coords.items() if c.dims == (name,)}
     values = dask.array.full(tuple(sizes.values()), fill, chunks=-1)
     return xr.Variable(tuple(sizes), values, {"long_name": long_name, "units": "1", **attrs})

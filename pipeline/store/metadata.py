@@ -16,7 +16,6 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-import dask.array
 import numpy as np
 import xarray as xr
 from zarr import Array
@@ -304,6 +303,8 @@ def _files(cube: "Cube", by: Mapping[str, Any]) -> dict[str, bytes]:
             chunks = [min(n, _MAX_CHUNK) for n in array.shape]
             encoding["/"][key] = _encoding(array.dtype, chunks, ZstdCodec())
     if computed:
+        import dask.array  # takes 0.3 s, and workers do not need it
+
         (group, name), counts = COMMIT.split("/"), cube.tile_counts
         labels_of_records = {
             "long_name": "CPU seconds of the tile, and the CRC-32 of its data",

@@ -189,8 +189,7 @@ def circle(client, plane, omega, view):
     None is yielded while nothing is added to the line.
     """
     angles, _ = _across(view, 1.0)
-    alike = [shift == 0 for *_, shift in plane.symmetries]  # symmetries that preserve ω
-    folded, where = np.unique(plane.unfold(angles)[alike].min(axis=0), return_inverse=True)
+    folded, where = np.unique(plane.fold_keeping_circles(angles), return_inverse=True)
     scale, call = np.full(folded.size, np.nan), (_circle_on_rays, plane, omega)
     parts = np.array_split(np.arange(folded.size), _PARTS)
     calls = deque((part, *call, folded[part], _effort(view)[1]) for part in parts)
