@@ -3,10 +3,31 @@
 Otherwise compilation would count towards the time of a tile, and workers would wait for each other.
 """
 
+from collections.abc import Callable
+from functools import partial
+from zlib import crc32
+
 from numpy.typing import ArrayLike
 
 from nasm import barriers, circles, periodic
 from nasm.action import ordered_orbits
+
+
+def in_own_order(*loads: Callable[[], object]) -> None:
+    """Call all functions, each worker beginning with another one.
+
+    Workers that need the same kernel wait until one of them has compiled it. Those that begin with
+    different functions compile at the same time.
+    """
+    from distributed import get_worker
+
+    try:
+        name = get_worker().name
+    except ValueError:  # this process is not a worker
+        name = 0
+    first = (name if isinstance(name, int) else crc32(str(name).encode())) % len(loads)
+    for load in (*loads[first:], *loads[:first]):
+        load()
 
 
 def load_orbits() -> None:
@@ -17,9 +38,11 @@ def load_orbits() -> None:
 
 def load_search(profile: ArrayLike) -> None:
     """Compile the kernels needed to search for the last barrier on the ray along a profile."""
-    load_orbits()
-    circles.invariant_circle("gamma", (0.1,))
-    barriers.critical_scale(profile, 0.1)
+    in_own_order(
+        load_orbits,
+        partial(circles.invariant_circle, "gamma", (0.1,)),
+        partial(barriers.critical_scale, profile, 0.1),
+    )
 
 
 def load_searches() -> None:
