@@ -23,7 +23,7 @@ from workflows.shared.direct_iteration import exponent
 @pytest.mark.parametrize(
     ("away", "expected"), [(0.02, "within 1."), (0.1, "within 10"), (9, "No cell is open")]
 )
-def test_the_proved_map_caption_gives_distances_in_plain_percentages(away, expected):
+def test_the_proved_map_caption_gives_distances_in_percent(away, expected, monkeypatch):
     angles = np.array([0.0, 45.0])
     kappa1, kappa2 = 0.5 * ray(angles).T
     known = {"angle": angles, "critical_scale": ("angle", [0.5, 0.5])}
@@ -44,13 +44,25 @@ def test_the_proved_map_caption_gives_distances_in_plain_percentages(away, expec
     numbers = {key: ("triangle", [x]) for key, x in (sides | {"proved_below": 0.9}).items()}
     within = triangles.template.assign(numbers)
     barrier = xr.Dataset(known, attrs=two_kicks().record)
-    whole = everywhere(filled.assign_attrs(cube.attributes), barrier)
+    filled = filled.assign_attrs(cube.attributes)
+    whole, reach = everywhere(filled, barrier), float(filled.kappa1[-1]) + 0.5 / 64
+    monkeypatch.setattr("pipeline.cubes.proved._BLOCK_CELLS", 1000)
+    xr.testing.assert_identical(everywhere(filled, barrier), whole)
     caption = proved_map_caption(whole, within, barrier)
     assert expected in caption
     assert "to within 10% of CB_gt on half of its rays" in caption
     assert "e+0" not in caption
     assert "Inset" not in caption
-    assert not draw_proved_map(whole, within, barrier).axes[0].child_axes
+    axes = draw_proved_map(whole, within, barrier).axes[0]
+    assert not axes.child_axes
+    # All four quadrants are drawn, to the ends of the outermost cells.
+    assert axes.get_xlim() == axes.get_ylim() == (-reach, reach)
+    assert axes.images[0].get_extent() == [-reach, reach, -reach, reach]
+    assert (axes.images[0].get_array() == whole.proved.values).all()
+    monkeypatch.setattr("workflows.figures.proved_map._MAX_DRAWN", 60)
+    (image,) = draw_proved_map(whole, within, barrier).axes[0].images
+    assert image.get_array().shape == (40, 40)  # every second cell of 80
+    assert image.get_extent() == [-reach, reach, -reach, reach]
     finer = whole.assign_attrs(cells=1024)
     (inset,) = draw_proved_map(finer, within, barrier).axes[0].child_axes
     assert np.hypot(np.mean(inset.get_xlim()), np.mean(inset.get_ylim())) == pytest.approx(0.5)

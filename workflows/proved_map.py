@@ -17,7 +17,7 @@ from workflows.shared.cli import command, plane_option, preset, proof_options, s
 @command()
 @plane_option
 @proof_options(8, 1024, 0.06, 0.025)
-@preset("--full", "In full, most of a CPU hour", cells="2048", cpu_seconds=0.25, distance=0.01)
+@preset("--full", "In full, about a CPU hour", cells="4096", cpu_seconds=0.2, distance=0.01)
 @sweeps
 def main(run, plane, cells, cpu_seconds, distance):
     from nasm.proofs.barrier import need_flint

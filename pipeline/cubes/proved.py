@@ -11,7 +11,7 @@ import lzma
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from io import BytesIO, TextIOWrapper
-from math import prod
+from math import ceil, prod
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -54,6 +54,7 @@ _MAX_RATIO = 100  # maximum ratio of unpacked to packed size; at most 27 for cer
 _MAX_WINDOW = 2**26  # bytes of memory for unpacking; files from `pack_certificates` need 2**19
 _BLOCKS = 36  # number of tiles along an axis of a map; fewer if cells are coarse
 _MARGIN, _STEP = 1.15, 8  # factor by which a map exceeds CB_gt; its reach is a multiple of 1/_STEP
+_BLOCK_CELLS = 2**18  # cells that are unfolded together
 _SWAP = True, 90  # the symmetry that exchanges the coordinates of a plane
 _STATES = {
     NOT_COMPUTED: "not_computed",
@@ -275,23 +276,24 @@ def everywhere(cube: xr.Dataset, barrier: xr.Dataset) -> xr.Dataset:
     here = (cube.proved.transpose(*names) == proofs.cells.TRANSPORT).values
     at, first = cube[names[0]].values, float(cube[names[0]][0])
     at = np.concatenate([-at[::-1], at]) if first > 0 else at
-    a, b = np.meshgrid(at, at)  # indexed by b and a
-    proved = np.zeros(a.shape, bool)
-    for mirrored, turn, _ in plane.exact_symmetries:
-        cos, sin = round(np.cos(np.deg2rad(turn))), round(np.sin(np.deg2rad(turn)))
-        c = -b if mirrored else b
-        image = np.stack([cos * a - sin * c, sin * a + cos * c])
-        index = np.rint((image - first) / (2 * half)).astype(int)
-        inside = ((index >= 0) & (index < np.array(here.shape)[:, None, None])).all(axis=0)
-        proved[inside] |= here[index[0][inside], index[1][inside]]
     known = barrier.dropna("angle", subset=["critical_scale"])
     rays = list(zip(known.angle.values, known.critical_scale.values, strict=True))
-    excess = -proofs.cells.distance(plane, rays, a, b)
-    variables = {
-        "proved": proved,
-        "excess": excess,
-        "outside_theorem": outside_theorem(plane, a, b, half),
-    }
+    shape = (at.size, at.size)  # indexed by b and a
+    proved, outside = np.zeros(shape, bool), np.empty(shape, bool)
+    excess = np.empty(shape, np.float32)
+    # Temporary arrays for all cells of a full-size map would take several gigabytes.
+    for rows in np.array_split(np.arange(at.size), ceil(at.size**2 / _BLOCK_CELLS)):
+        a, b = np.meshgrid(at, at[rows])
+        for mirrored, turn, _ in plane.exact_symmetries:
+            cos, sin = round(np.cos(np.deg2rad(turn))), round(np.sin(np.deg2rad(turn)))
+            c = -b if mirrored else b
+            image = np.stack([cos * a - sin * c, sin * a + cos * c])
+            index = np.rint((image - first) / (2 * half)).astype(int)
+            inside = ((index >= 0) & (index < np.array(here.shape)[:, None, None])).all(axis=0)
+            proved[rows] |= inside & here[tuple(index * inside)]
+        excess[rows] = -proofs.cells.distance(plane, rays, a, b)
+        outside[rows] = outside_theorem(plane, a, b, half)
+    variables = {"proved": proved, "excess": excess, "outside_theorem": outside}
     dims = names[::-1]
     arrays = {name: (dims, array) for name, array in variables.items()}
     return xr.Dataset(arrays, dict.fromkeys(names, at), cube.attrs)

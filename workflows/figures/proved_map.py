@@ -1,5 +1,7 @@
 """The map of forcings for which global transport, or the existence of a barrier, is proved."""
 
+from math import ceil, log2
+
 import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.lines import Line2D
@@ -17,6 +19,7 @@ _LEGEND = {
 _INSET = 0.36  # width of the inset, relative to the map
 _CELLS_IN_INSET = 48  # finest cells across the inset
 _LEAST_MAGNIFICATION = 5
+_MAX_DRAWN = 3000  # cells along an axis; more would take gigabytes, and cannot be seen
 
 
 def draw_proved_map(whole, triangles, barrier):
@@ -29,15 +32,14 @@ def draw_proved_map(whole, triangles, barrier):
     """
     figure, (axes,) = panels(1, 1, 7.5, 7.4)
     reach = _reach(whole)
-    _draw(axes, whole, triangles, barrier)
     label_plane(axes, barrier)
-    axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
+    _draw(axes, whole, triangles, barrier, (0, 0), reach)
     if _magnification(whole, barrier):
         x, y = _rays(barrier)[barrier.sizes["angle"] // 2]
         half = 0.5 * _CELLS_IN_INSET / whole.attrs["cells"]
         inset = axes.inset_axes([0.5 - _INSET / 2, 0.5 - _INSET / 2, _INSET, _INSET])
-        _draw(inset, whole, triangles, barrier)
-        inset.set(xlim=(x - half, x + half), ylim=(y - half, y + half), xticks=[], yticks=[])
+        _draw(inset, whole, triangles, barrier, (x, y), half)
+        inset.set(xticks=[], yticks=[])
         axes.indicate_inset_zoom(inset, edgecolor="black")
     patches = [Patch(color=colour, label=label) for label, colour in _LEGEND.items()]
     patches.append(Line2D([], [], color="black", lw=0.8, label=r"$\mathit{CB}_{gt}$ by residues"))
@@ -59,16 +61,34 @@ def _reach(whole):
     return float(whole[whole.proved.dims[0]][-1]) + 0.5 / whole.attrs["cells"]
 
 
-def _draw(axes, whole, triangles, barrier):
-    plane, reach = plane_of(whole.attrs), _reach(whole)
-    style = {"origin": "lower", "extent": 2 * (-reach, reach), "interpolation": "nearest"}
-    axes.imshow(whole.proved, cmap=ListedColormap([*_LEGEND.values()][:2]), vmin=0, vmax=1, **style)
+def _draw(axes, whole, triangles, barrier, middle, half):
+    """Draw the square of the map within a distance `half` of its middle along both axes."""
+    plane, cell = plane_of(whole.attrs), 1 / whole.attrs["cells"]
+    limits = [(at - half, at + half) for at in middle]
+    window = {
+        name: slice(low - cell, high + cell)
+        for name, (low, high) in zip(plane.axes, limits, strict=True)
+    }
+    cells = whole.proved.sel(window)
+    ends = [cells[name].values[[0, -1]] + (-0.5 * cell, 0.5 * cell) for name in plane.axes]
+    # The number of cells along an axis is a multiple of this power of two.
+    stride = 2 ** max(0, ceil(log2(max(cells.shape) / _MAX_DRAWN)))
+    axes.imshow(
+        cells.values[stride // 2 :: stride, stride // 2 :: stride],
+        cmap=ListedColormap([*_LEGEND.values()][:2]),
+        vmin=0,
+        vmax=1,
+        origin="lower",
+        extent=np.concatenate(ends),
+        interpolation="nearest",
+    )
     corners, rays = _corners(triangles, plane), _rays(barrier)
     for mirrored, turn, _ in plane.exact_symmetries:
         for one in corners:
             axes.fill(*_image(one, mirrored, turn).T, color=COLOURS[0], lw=0, aa=False)
     for mirrored, turn, _ in plane.exact_symmetries:
         axes.plot(*_image(rays, mirrored, turn).T, color="black", lw=0.8)
+    axes.set(aspect="equal", xlim=limits[0], ylim=limits[1])
 
 
 def _image(points, mirrored, turn):

@@ -75,7 +75,7 @@ _NAMES = [exhibit.name for exhibit in EXHIBITS]
 _RELEASE = (
     "Instead, write the data set for a DOI to DIR: boundaries, reference values, a proved map with "
     "certificates, a licence, checksums, and metadata for Zenodo. This takes an hour of CPU time. "
-    "With --full, write only the proved map, in full, which takes most of a CPU hour."
+    "With --full, write only the proved map, in full, which takes about a CPU hour."
 )
 
 
@@ -103,7 +103,7 @@ def main(out, full, yes, exhibit, release, quick, quiet, workers, scheduler, tls
                 "combine --release with --quick or --full only, and --quick with --release only"
             )
         if full and not (yes or scheduler):
-            raise click.UsageError("--release with --full takes most of a CPU hour; add --yes")
+            raise click.UsageError("--release with --full takes about a CPU hour; add --yes")
         with shared_workers(scheduler, workers, tls) as workers:
             exhibits = FULL_MAP if full else RELEASE
             size = make_release(release, exhibits, workers, quick, quiet)
