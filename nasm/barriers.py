@@ -114,7 +114,8 @@ class Effort:
         whose hull functions are used to certify circles.
     blurred_period : int
         If a cusp is resolved only by orbits with periods longer than this, the error extends up to
-        `upper`.
+        `upper`. With one or two kicks, the existence of the circle is then tested with orbits whose
+        periods reach `cusp_period`.
     circles_tried : int
         Maximum number of circles that are tried at each scale below a bracket, until one is
         certified.
@@ -564,15 +565,11 @@ def _search_by_survivors(tree, tol):
         if longest.kicks < inf:
             inside = last.value - near
             # Close to a cusp, shorter orbits do not distinguish the forcing from the cusp.
-            resolving = periodic.cusp_period(segment.at(last.value))
-            period = int(np.clip(resolving, LONGEST_PERIOD, effort.cusp_period))
-            is_there = tree.shows(last.omega, inside, period)
-            longest_period = effort.cusp_period
-            return (
-                _Bracket(inside, outside, last.omega, last, longest_period, True)
-                if is_there
-                else None
-            )
+            is_blurred = periodic.cusp_period(segment.at(last.value)) > effort.blurred_period
+            period = effort.cusp_period if is_blurred else LONGEST_PERIOD
+            if not tree.shows(last.omega, inside, period):
+                return None
+            return _Bracket(inside, outside, last.omega, last, effort.cusp_period, True)
         names = candidates(segment.at(outside), longest, n_steps)
     return None
 

@@ -10,11 +10,11 @@ import pytest
 from cases import thirds
 from oracles import KAPPA_G
 
-from nasm import barriers, circles, escape, orbits, periodic, survivors, symmetries
+from nasm import action, barriers, circles, escape, orbits, periodic, survivors, symmetries
 from nasm.barriers import critical_scale
 from nasm.circles import continuation
 from nasm.converse_kam import transversal
-from nasm.farey import circle_exists
+from nasm.farey import LONGEST_PERIOD, circle_exists
 from nasm.maps import rotating_forcing
 from nasm.numbers import moebius, parse
 from nasm.planes import two_kicks
@@ -320,6 +320,19 @@ def test_if_all_candidates_are_wrong_the_farey_tree_finds_the_circle(wrong, monk
     rounds = misled(monkeypatch, [wrong] * 100)
     assert_same_barrier(critical_scale(ray(30), 1e-3), expected)
     assert rounds
+
+
+@pytest.mark.parametrize(("angle", "needs_long_orbits"), [(30, False), (44.999, True)])
+def test_long_orbits_are_used_only_close_to_a_cusp(angle, needs_long_orbits, monkeypatch):
+    periods, join = [], action.joined
+
+    def joined(last, one, chain, kind):
+        periods.append(chain.q)
+        return join(last, one, chain, kind)
+
+    monkeypatch.setattr(action, "joined", joined)
+    assert is_shown(critical_scale(ray(angle), 1e-4))
+    assert (max(periods) > 4 * LONGEST_PERIOD) == needs_long_orbits
 
 
 @pytest.mark.parametrize(("profile", "questions"), [(GENERIC, 1), ((1, 0.8, 1), 8)])

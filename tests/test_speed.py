@@ -12,6 +12,7 @@ import oracles
 import pytest
 import toy
 
+import nasm
 from nasm import circles, diffusion, escape
 from nasm.circles import fourier, parameterization
 from nasm.converse_kam import symmetry_line
@@ -102,3 +103,26 @@ def test_fill_adds_less_than_a_millisecond_per_tile_to_the_sweep(here, tmp_path)
     sweep, more = median_times(swept, filled, repeats=3) * 1e3 / side**2
     print(f"\nCPU time per tile: sweep {sweep:.2f} ms, fill {more:.2f} ms", end="")
     assert more < sweep + 1
+
+
+def test_an_answer_costs_as_much_as_a_known_number_of_kicks():
+    # Measured: 3.8, 17, 1.2 and 9.0 times as long as 10⁸ kicks; the limits are 1.5 times as large.
+    n_orbits, n = 1024, 50_000
+    x, y = escape.ensemble(n_orbits)
+    timed = {
+        "10⁸ kicks": lambda: escape.escape_time(KAPPA, x, y, n),
+        "ray, 1e-4": lambda: nasm.critical_scale((1.0, 0.58), 1e-4),
+        "ray, 2e-5": lambda: nasm.critical_scale((1.0, 0.58), 2e-5),
+        "verdict": lambda: nasm.verdict((0.5, 0.29)),
+        "three kicks": lambda: nasm.critical_scale((0.3, 0.2, 0.25), 1e-3),
+    }
+    for function in timed.values():
+        function()
+    unit, *times = median_times(*timed.values(), repeats=5)
+    costs = dict(zip([*timed][1:], np.array(times) / unit, strict=True))
+    for name, cost in costs.items():
+        print(f"\n{name:12} {cost:6.1f} times as long as 10⁸ kicks", end="")
+    assert costs["ray, 1e-4"] < 5.7
+    assert costs["ray, 2e-5"] < 26
+    assert costs["verdict"] < 1.8
+    assert costs["three kicks"] < 14
