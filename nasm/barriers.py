@@ -106,8 +106,7 @@ class Effort:
         Relative distance, below a scale without circles, within which the last breakup is sought.
     orbit_period, last_period : int
         Longest periods of the orbits used for a leap and for the final value; their residues
-        yield nine and eleven digits, respectively. If tol is `resolution` or more, orbits are no
-        longer than `orbit_period` for the final value, too.
+        yield nine and eleven digits, respectively.
     cusp_period : int
         Longest period of the orbits that determine the final value if periods up to `last_period`
         are not precise enough, as happens close to a cusp. It also limits the period of the orbits
@@ -165,10 +164,6 @@ class Effort:
     def search_tol(self, tol: float) -> float:
         """Return the tolerance for searching the tree, given the tolerance of the bracket."""
         return min(tol, self.resolution)
-
-    def value_period(self, tol: float) -> int:
-        """Return the longest period of the orbits for the final value, given the tolerance."""
-        return self.orbit_period if tol >= self.resolution else self.last_period
 
     def error_in_bands(self, tol: float) -> float:
         """Return the smallest relative error where circles break and reappear in bands.
@@ -528,7 +523,7 @@ def _with_rivals(tree, tol, breakup, inside, outside, nobles):
             breakup = later
     near = segment.length(outside, tree.effort.share_above * tol)
     around = breakup.value - near, breakup.value + near
-    period = tree.effort.value_period(tol)
+    period = tree.effort.last_period
     if period > tree.effort.orbit_period:
         longer = periodic.critical_scale(
             breakup.omega, segment.profile, period, segment.start, around
@@ -576,7 +571,7 @@ def _search_by_survivors(tree, tol):
 
 def _breakup_of_two_kicks(omega, profile, tol, effort):
     """Return the CriticalScale of a circle, from longer orbits if a cusp is unresolved."""
-    for longest in (effort.value_period(tol), effort.cusp_period):
+    for longest in (effort.last_period, effort.cusp_period):
         found = periodic.critical_scale(omega, profile, longest)
         is_precise = found.error <= effort.share_above * tol * found.value
         if is_precise or found.status not in (Status.OK, Status.NEAR_CUSP):
