@@ -2,6 +2,8 @@
 
 import dataclasses
 from fractions import Fraction
+from functools import partial
+from types import SimpleNamespace
 
 import cloudpickle
 import numpy as np
@@ -24,6 +26,7 @@ from pipeline.cubes import (
     forcings,
     proved,
     rotating_maps,
+    warm_up,
 )
 from pipeline.cubes.cube import NOT_COMPUTED, status_code
 from pipeline.sweep.grid import Axis, tile_coords
@@ -167,6 +170,17 @@ def test_the_hash_depends_only_on_settings_that_affect_the_results():
 def test_a_tile_of_rays_takes_seconds_so_that_there_are_few_files(job):
     axes = {dim: job.cube.template[dim].values[:n] for dim, n in job.cube.tile.items()}
     assert 1 < job.predict(axes, job.cube.settings) <= 3
+
+
+def test_workers_begin_to_compile_with_different_functions(monkeypatch):
+    orders = []
+    for name in (0, 1, 2, "tcp://10.0.0.1:4000"):
+        monkeypatch.setattr("distributed.get_worker", lambda name=name: SimpleNamespace(name=name))
+        calls = []
+        warm_up.in_own_order(*(partial(calls.append, n) for n in range(3)))
+        orders.append(calls)
+    assert orders[:3] == [[0, 1, 2], [1, 2, 0], [2, 0, 1]]
+    assert orders[3] in orders[:3]
 
 
 def test_circles_are_computed_once_on_rays_that_are_images_of_each_other(monkeypatch):

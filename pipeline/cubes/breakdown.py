@@ -122,7 +122,21 @@ def by_continuation(
     settings = {"method": _CONTINUED, "tol": tol, "q_max": q_max}
     # A fifth of the main job's rays need residues; with a smaller tol nearly all do.
     seconds = 0.03 if tol >= 1e-4 else 0.1
-    return _job("breakdown", plane, _circles(omegas), angles, seconds, settings)
+    job = _job("breakdown", plane, _circles(omegas), angles, seconds, settings)
+    return replace(job, predict=partial(_predict_continuation, job.predict))
+
+
+def _predict_continuation(
+    predict: Callable[[Coords, Settings], float], coords: Coords, settings: Settings
+) -> float:
+    """Predict CPU seconds of a tile from `predict`, the prediction for the mean of all circles.
+
+    The mean is that of the paper's circles. Golden circles take two thirds as long. Circles with a
+    tail of fours, whose breakup is resolved only with more modes, take 2.6 times as long as golden
+    ones.
+    """
+    is_golden = [parse(circle).tail == (1,) for circle in coords["circle"]]
+    return predict(coords, settings) * float(np.where(is_golden, 0.65, 1.7).sum())
 
 
 def by_residue(
@@ -282,25 +296,10 @@ def _job(
     more = {"method": blank(on, label, np.int8(0), **cube.flags(_FLAG_OF.values()))}
     title = "Breakup of circles"
     method = settings["method"]
-    job = job_on_rays(
+    return job_on_rays(
         name, plane.axes, rows, angles, seconds, settings, _compute, warm_up, title, more,
         lambda part: _distinct_rays(plane, method, part)[0].size,
     )  # fmt: skip
-    return replace(job, predict=partial(_predict, seconds))
-
-
-def _predict(seconds: float, coords: Coords, settings: Settings) -> float:
-    """Predict CPU seconds of a tile from the mean time per ray and row.
-
-    For continuation, the mean is that of the paper's circles. Golden circles take two thirds as
-    long as the mean. Circles with a tail of fours, whose breakup is resolved only with more modes,
-    take 2.6 times as long as golden ones.
-    """
-    folded, _ = _distinct_rays(plane_of(settings), settings["method"], coords["angle"])
-    if settings["method"] == _CONTINUED:
-        is_golden = [parse(circle).tail == (1,) for circle in coords["circle"]]
-        seconds *= np.where(is_golden, 0.65, 1.7).sum()
-    return seconds * folded.size
 
 
 def _load(coords: Coords, settings: Settings) -> None:

@@ -88,7 +88,7 @@ def _draw(axes, whole, triangles, barrier, middle, half):
             axes.fill(*_image(one, mirrored, turn).T, color=COLOURS[0], lw=0, aa=False)
     for mirrored, turn, _ in plane.exact_symmetries:
         axes.plot(*_image(rays, mirrored, turn).T, color="black", lw=0.8)
-    axes.set(aspect="equal", xlim=limits[0], ylim=limits[1])
+    axes.set(xlim=limits[0], ylim=limits[1])
 
 
 def _image(points, mirrored, turn):
