@@ -627,9 +627,10 @@ def _certified_below(tree, tol, bracket):
     value, _ = _value(tree, tol, bracket)
     lower, begin = nan, bracket.inside
     if bracket.breakup is not None and not tree.has_spent(1):
-        share = 0.95 * (1 - effort.share_above)
+        # The part of tol that is left below the value.
+        distance = max(tol - (bracket.outside - value) / segment.length(value, 1), tol / 2)
         lower, _ = continuation.certified_circle(
-            bracket.omega, segment.profile, value, share * tol, segment.start, tree.end(1)
+            bracket.omega, segment.profile, value, distance, segment.start, tree.end(1)
         )
         begin = value - segment.length(value, tol)
         if lower >= begin:
