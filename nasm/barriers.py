@@ -84,12 +84,11 @@ class Effort:
         last is usually the one that breaks last. If a circle exists at that scale, higher scales
         are tried in relative steps of 1/100. Starts that survive this far above a value contradict
         the value.
-    locating_steps : int
-        Minimum number of steps of converse KAM to locate the last circle under one or two kicks.
     resolution : float
         Largest tolerance of the search of the Farey tree; a larger tol widens only the bracket and,
         in bands, the error. With a tolerance of 10⁻² the search missed bands for one of the
-        forcings in `tests/judged_forcings.csv`, whose breakups are known from other methods.
+        forcings in `tests/judged_forcings.csv`, whose breakups are known from other methods. For
+        more than 64 kicks it is the smallest tolerance.
     max_questions : int
         Maximum number of scales at which the Farey tree is searched. Once this number is
         reached, the search, converse KAM and certification all end. The forcings in
@@ -98,15 +97,14 @@ class Effort:
         Relative length of a step to lower scales, multiplied by the longest period q used. Orbits
         of that period exclude circles over about four times the length of the step. Steps are not
         shorter than share_above·tol.
-    tree_depth : int
-        Period of Farey neighbours at which the search of the tree ends.
     tree : TreeSettings
         Settings that determine which residues in the tree exclude circles.
     breakup_distance : float
         Relative distance, below a scale without circles, within which the last breakup is sought.
     orbit_period, last_period : int
         Longest periods of the orbits used for a leap and for the final value; their residues
-        yield nine and eleven digits, respectively.
+        yield nine and eleven digits, respectively. The search of the tree ends at neighbours with
+        periods longer than `orbit_period`.
     cusp_period : int
         Longest period of the orbits that determine the final value if periods up to `last_period`
         are not precise enough, as happens close to a cusp. It also limits the period of the orbits
@@ -121,9 +119,6 @@ class Effort:
     search_share : float
         Fraction of the CPU time after which the search ends. Half of the remaining time is reserved
         for converse KAM, and whatever is left after that is used to certify a circle.
-    long_period_tol : float
-        Smallest tolerance for more than 64 kicks: lifetimes of a few hundred kicks correspond to
-        this distance beyond a breakup.
     iterated_kicks, iterated_orbits : int
         Numbers of kicks and of orbits in the direct iteration for more than 64 kicks, which takes a
         few CPU seconds. `upper` was 4 to 11% above the breakup on twelve random rays of three to
@@ -139,11 +134,9 @@ class Effort:
 
     share_above: float = 0.2
     first_steps: int = 100
-    locating_steps: int = 1000
     resolution: float = 1e-3
     max_questions: int = 120
     step: float = 0.25
-    tree_depth: int = 1000
     tree: TreeSettings = DEFAULT_TREE_SETTINGS
     breakup_distance: float = 0.05
     orbit_period: int = 1500
@@ -152,9 +145,13 @@ class Effort:
     blurred_period: int = 300
     circles_tried: int = 6
     search_share: float = 0.6
-    long_period_tol: float = 1e-3
     iterated_kicks: int = 10**7
     iterated_orbits: int = 64
+
+    @property
+    def locating_steps(self) -> int:
+        """Number of steps of converse KAM that locate a breakup to about `resolution`."""
+        return round(1 / self.resolution)
 
     @property
     def witness_share(self) -> float:
@@ -263,7 +260,7 @@ def _upper_of_long_period(profile, tol, effort):
     a better bound.
     """
     kicks = aperiodic.around_strongest(profile)
-    without_graphs = aperiodic.critical_scale(kicks, max(tol, effort.long_period_tol)).upper
+    without_graphs = aperiodic.critical_scale(kicks, max(tol, effort.resolution)).upper
     # Converse KAM over a single kick of |κ| ≥ 2 excludes every circle.
     without_graphs = float(np.fmin(without_graphs, 2 / np.abs(profile).max()))
     n_steps = effort.iterated_kicks // profile.size + 1
@@ -310,8 +307,8 @@ class _Tree:
         """Return (circle or None, nobles, period) from `find_existing_circle` at this scale."""
         if scale not in self.answers:
             kappa = self.segment.at(scale)
-            depth, settings = self.effort.tree_depth, self.effort.tree
-            self.answers[scale] = find_existing_circle(kappa, depth, settings)
+            deepest, settings = self.effort.orbit_period, self.effort.tree
+            self.answers[scale] = find_existing_circle(kappa, deepest, settings)
         return self.answers[scale]
 
     def shows(self, omega, scale, longest=LONGEST_PERIOD):

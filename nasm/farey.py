@@ -58,9 +58,8 @@ class TreeSettings:
     Attributes
     ----------
     largest_product : float
-    product_period : int
         A circle may exist between two neighbours if the product of their residues is below
-        largest_product·(1 + product_period/q), where q is the longer of their two periods. At the
+        largest_product·(1 + medium_period/q), where q is the longer of their two periods. At the
         breakup of a circle whose path continues in golden steps from these neighbours, both
         residues tend to 1/4 and their product to 1/16, with deviations of order 1/q. On the paths
         to the last circles of 144 forcings with one to twelve kicks, products at the breakup were
@@ -74,17 +73,17 @@ class TreeSettings:
         1.57 for a forcing with 11 kicks.
     short_period : int
         `largest_residue` does not apply to neighbours whose periods are both shorter than this;
-        their residues reached 49.
+        the residues of those with periods below 10 reached 49. Up to this period, the highest
+        maximum of the action is sought; for longer orbits, only the maximum close to those of the
+        two neighbours.
+    medium_period : int
+        Shortest period of the convergents whose residues are compared; those of shorter orbits do
+        not decrease regularly. At this period the limit on products is twice `largest_product`.
     small_residue : float
         If the residues of neighbours are below this value, the noble between them is tested
         directly.
     max_mediants : int
         Maximum number of mediants computed; up to 1700 were needed to decide one forcing.
-    scanned_period : int
-        Up to this period, the highest maximum of the action is sought; for longer orbits, only the
-        maximum close to those of the two neighbours.
-    first_period : int
-        Shortest period of the convergents whose residues are compared.
     longest_ratio : int
         `circle_exists` uses periods up to this multiple of its argument `longest` if shorter ones
         do not settle the question.
@@ -99,13 +98,11 @@ class TreeSettings:
     """
 
     largest_product: float = 0.3
-    product_period: int = 50
     largest_residue: float = 1.6
-    short_period: int = 10
+    short_period: int = 20
+    medium_period: int = 60
     small_residue: float = 0.05
     max_mediants: int = 3000
-    scanned_period: int = 20
-    first_period: int = 60
     longest_ratio: int = 4
 
 
@@ -204,7 +201,7 @@ def _may_enclose_circle(left, right, settings):
     A short orbit that could not be found (is lost) does not by itself exclude anything.
     """
     residues, longer = (left.residue, right.residue), max(left.q, right.q)
-    largest = settings.largest_product * (1 + settings.product_period / longer)
+    largest = settings.largest_product * (1 + settings.medium_period / longer)
     is_near = longer < settings.short_period or max(residues) < settings.largest_residue
     is_lost = left.orbit is None or right.orbit is None
     return is_near and (is_lost or residues[0] * residues[1] < largest)
@@ -258,7 +255,7 @@ def circle_exists(
     longest = count("longest", longest, 1, 10**6)
     fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
     fractions = [f for f in fractions if f.denominator < settings.longest_ratio * longest]
-    n_short = sum(f.denominator < settings.first_period for f in fractions)
+    n_short = sum(f.denominator < settings.medium_period for f in fractions)
     first = max(len(omega.prefix) - 1, n_short)
     orbits, residues = ConvergentOrbits(kappa, 0 * kappa, fractions, known=known), [nan]
     for n in range(first, len(fractions)):
@@ -296,7 +293,7 @@ def _integer_neighbours(ordered, period, settings):
 def _between(ordered, left, right, settings):
     (p, q), (r, s) = (node.fraction.as_integer_ratio() for node in (left, right))
     fraction = Fraction(p + r, q + s)
-    if q + s <= settings.scanned_period:
+    if q + s <= settings.short_period:
         node = _scanned(ordered, fraction, settings)
         if node.orbit:
             return node
@@ -305,7 +302,7 @@ def _between(ordered, left, right, settings):
         for first, second in (left, right), (right, left):
             if orbit := joined(first.orbit, second.orbit, chain, -1):
                 return _node(fraction, orbit, settings)
-    if settings.scanned_period < q + s < JOIN_PERIOD:
+    if settings.short_period < q + s < JOIN_PERIOD:
         return _scanned(ordered, fraction, settings)
     return _node(fraction, None, settings)
 
