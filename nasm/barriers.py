@@ -219,8 +219,7 @@ def critical_scale(
         so close that orbits do not resolve the difference; UNDECIDED if the methods contradict each
         other. In these three cases lower and upper keep their meaning. TOO_LONG if P > 64: only
         upper is known, a few per cent above the breakup, by converse KAM or from an orbit that
-        escapes. From another start: OUTSIDE if no barrier exists at that start, and NO_BREAKUP if
-        one still exists where some strength has changed by 4.
+        escapes. OUTSIDE if no barrier exists at a nonzero start.
 
     Raises
     ------
@@ -438,10 +437,8 @@ def _outermost(tree):
     outside, _ = transversal.upper_scale(
         segment.profile, effort.first_steps, segment.start, n_sites, tree.end(effort.search_share)
     )
-    if outside == inf and tree.is_search_over():
-        return Status.NOT_CONVERGED
-    if not 0 < outside < inf:
-        return Status.NO_BREAKUP if outside else Status.OUTSIDE
+    if outside == 0:
+        return Status.OUTSIDE
     circle = None if tree.is_search_over() else tree.ask(outside)[0]
     if circle is None:
         return 0.0, outside, None

@@ -56,7 +56,9 @@ from nasm.arithmetic.kernels import kernel
 from nasm.arithmetic.lanes import FEW, load_state, minimum, own_frame, store_state
 from nasm.arithmetic.sine import SINE, cos2pi
 from nasm.checks import count, points, real
+from nasm.converse_kam.symmetry_line import DEFAULT_SETTINGS as LINE_SETTINGS
 from nasm.converse_kam.symmetry_line import (
+    MAX_STEPS,
     LongestLived,
     SearchSettings,
     search_grids,
@@ -75,11 +77,10 @@ __all__ = [
     "upper_scale",
 ]
 
-MAX_STEPS = 10**6
 EXCESS_BOUNDS = 0.6, 0.95
 """Smallest and largest C in s/s_c - 1 ≈ C/T, with T in steps."""
 
-DEFAULT_SEARCH = SearchSettings(grids=((1024, 0.5), (797, 0.382)), width=16)
+DEFAULT_SEARCH = SearchSettings(grids=((1024, 0.5), (797, 0.382)), width=16, final_width=4)
 
 
 @dataclass(frozen=True)
@@ -89,59 +90,30 @@ class TransversalSettings:
     Attributes
     ----------
     search : SearchSettings
-        The search for the longest-lived start. Its width is the same for cells of all sizes. In
-        `longest_lived` and `upper_scale` it is multiplied by the number of kicks per period, or by
-        2 if that is larger.
-    first_ratio : int
-        A first, narrower search usually finds a survivor if one exists; its width is smaller by
-        this factor.
-    block_kicks : int
-        Approximate number of kicks between successive tests of the starts. It affects only the
-        computing time.
-    min_gap, min_proof_gap : float
-        Narrowest gap in which a corner is placed, relative to the widest gap before the same
-        kick: the former in searches for survivors, the latter in polygons for proofs.
+        The search for the longest-lived start. In `longest_lived` and `upper_scale` its widths are
+        multiplied by the number of kicks per period, or by 2 if that is larger.
+    min_gap : float
+        Narrowest gap in which a corner is placed, relative to the widest gap before the same kick.
     max_sites : int
         Maximum number of sites whose transversals are tried.
     period_factor : float
         Longest period of the minimax orbits used to bend pieces, divided by √n_max.
-    short_lifetime : float
-        If the longest lifetime, in kicks, does not exceed this value, the transversals of all sites
-        are compared to find the one whose longest lifetime is shortest.
-    typical_excess : float
-        Typical C in s/s_c - 1 ≈ C/T; used only to choose the next scale.
-    bracket_width : float
-        Width of the bracket at which bisection ends, divided by the scale and multiplied by the
-        number of steps.
     scan_step : float
         Change in the largest strength in each step of the scan from a nonzero start.
-    scan_steps : int
-        Number of these steps.
 
     Examples
     --------
     >>> from nasm.converse_kam.transversal import TransversalSettings, upper_scale
-    >>> rough, _ = upper_scale((0.9, 0.7, 0.8), 30, settings=TransversalSettings(bracket_width=2))
-    >>> bool(rough > 0.3)
+    >>> one_site, _ = upper_scale((0.9, 0.7, 0.8), 30, settings=TransversalSettings(max_sites=1))
+    >>> bool(one_site > 0.3)
     True
     """
 
     search: SearchSettings = DEFAULT_SEARCH
-    first_ratio: int = 8
-    block_kicks: int = 32
-    min_gap: float = 0.5
-    min_proof_gap: float = 1e-6
+    min_gap: float = 1e-6
     max_sites: int = 8
     period_factor: float = 4
-    short_lifetime: float = 100
-    typical_excess: float = 0.7
-    bracket_width: float = 0.2
     scan_step: float = 0.1
-    scan_steps: int = 40
-
-    def search_of_width(self, width: int) -> SearchSettings:
-        """Return `search` with this width for cells of all sizes."""
-        return replace(self.search, width=width, final_width=width)
 
 
 DEFAULT_SETTINGS = TransversalSettings()
@@ -160,7 +132,7 @@ def longest_lived(
     kappa : array_like, shape (P,)
         Strengths of the kicks, first kick first.
     n_max : int
-        Steps (periods of the forcing) in either direction, 1 to 10⁶.
+        Steps (periods of the forcing) in either direction, 1 to 10⁹.
     until : float
         The `time.thread_time` at which the computation stops. If it stops early, the start that it
         reports as a survivor may not be one.
@@ -170,10 +142,9 @@ def longest_lived(
     Returns
     -------
     LongestLived
-        The longest-lived start on the transversal before the strongest kick. If a start
-        survives on it, or none survives `settings.short_lifetime` kicks, the transversal before the
-        next strongest kick is tried as well, and so on; of these transversals, the one whose
-        longest lifetime is shortest is used. kicks is inf if a start survives on each of them.
+        The longest-lived start on the transversal before the strongest kick. If a start survives
+        on it, the transversal before the next strongest kick is tried as well, and so on, until
+        no start survives. kicks is inf if a start survives on each of them.
 
     Notes
     -----
@@ -272,11 +243,10 @@ def eliminated_transversals(
     until = real("until", until)
     sites, n_steps = _by_strength(kappa, settings.max_sites), 256
     # The caller tests every start, so one grid suffices.
-    search = replace(
-        settings.search_of_width(settings.search.width), grids=settings.search.grids[:1]
-    )
+    grid, width = settings.search.grids[:1], settings.search.width
+    search = replace(settings.search, grids=grid, final_width=width)
     while n_steps <= n_max:
-        for transversal in _transversals(kappa, list(sites), settings.min_proof_gap):
+        for transversal in _transversals(kappa, list(sites), settings.min_gap):
             _, kicks = _bend_while_surviving(transversal, n_steps, search, until, settings)
             if time.thread_time() > until:
                 return
@@ -296,16 +266,22 @@ def upper_scale(
 ) -> tuple[float, LongestLived | None]:
     """Find a scale just above the last breakup on κ = start + s·profile.
 
-    Lower the scale until a start survives about 30 steps, bisect until the bracket is narrow,
-    continue with four times as many steps, and so on up to n_max. On a ray from zero the breakup is
-    below the result by a relative distance of about 0.7/T.
+    1. Begin at the scale where the strongest kick has |κ| = 2. From a nonzero start, begin instead
+       where a scan from s = 0 upwards first eliminates all starts.
+    2. Bisect between this scale and s = 0, or the last scale of the scan at which a start survives.
+       At first starts need to survive only 30 to 120 steps. The bisection ends when the largest
+       strength changes by less than 1/steps, relative to itself, between both scales.
+    3. Repeat step 2 with four times as many steps, and so on up to n_max. Each time, first lower
+       the scale in steps that double, until a start survives.
+
+    On a ray from zero the breakup is below the result by a relative distance of 0.6/T to 0.95/T.
 
     Parameters
     ----------
     profile : array_like, shape (P,)
         Direction of the segment, not zero; P ≤ 64.
     n_max : int
-        Steps (periods of the forcing), 30 to 10⁶.
+        Steps (periods of the forcing), 30 to 10⁹.
     start : array_like, shape (P,), optional
         Start of the segment; default 0. From a nonzero start the scale is just above the first
         breakup at s ≥ 0, found by a scan in steps of 0.1 in the largest strength.
@@ -322,10 +298,10 @@ def upper_scale(
     -------
     scale : float
         At this scale no initial condition was found to survive n_max steps. From a nonzero start
-        the scale is 0 if none survives at s = 0, and inf if one survives at each of 40 scan steps.
+        the scale is 0 if none survives at s = 0.
     longest : LongestLived or None
-        The longest-lived start at this scale; T is its lifetime in steps. None if scale is 0 or
-        inf, or if time runs out.
+        The longest-lived start at this scale; T is its lifetime in steps. None if scale is 0, or if
+        time runs out.
 
     Raises
     ------
@@ -345,40 +321,37 @@ def upper_scale(
     max_sites = settings.max_sites if n_sites is None else n_sites
     sites = _by_strength(profile, count("n_sites", max_sites, 1, settings.max_sites))
     until = real("until", until)
-    size = np.abs(profile).max()
-    # With a kick |κ| = 2 no circle exists: none can cross x = 1/2 (or x = 0 if κ < 0) before it.
-    upper, longest, step_ratio = 2 / size, None, 0.15
+    strongest = np.abs(profile).argmax()
+    size, sign = np.abs(profile[strongest]), np.sign(profile[strongest])
 
     def longest_at(scale, n_steps):
         return _longest_lived(start + scale * profile, n_steps, sites, until, settings)
 
+    # With a kick |κ| = 2 no circle exists: none can cross x = 1/2 (or x = 0 if κ < 0) before it.
+    upper, survived, longest = (2 - sign * start[strongest]) / size, 0.0, None
     if start.any():
-        scales = (settings.scan_step * n / size for n in range(settings.scan_steps + 1))
-        upper = next((scale for scale in scales if longest_at(scale, n_max).kicks < np.inf), np.inf)
-        if not 0 < upper < np.inf:
-            return upper, None
-    unit = np.abs(start + upper * profile).max() / size
+        for scale in np.arange(0, upper, settings.scan_step / size):
+            trial = longest_at(scale, n_max)
+            if trial.kicks < np.inf:
+                upper, longest = scale, trial
+                break
+            survived = scale
+    if upper <= 0:
+        return 0.0, None
+    # On a ray from zero, the first level begins with a bisection of the whole range.
+    step = upper - survived
     for level in range(int(log(n_max / 30, 4)), -1, -1):
-        n_steps, survived = n_max // 4**level, None
-        while survived is None or upper - survived > settings.bracket_width / n_steps * unit:
+        n_steps, lower = n_max // 4**level, survived
+        while upper - lower > (width := np.abs(start + upper * profile).max() / size / n_steps):
             if time.thread_time() > until:
                 return upper, None
-            scale = (
-                max(upper - step_ratio * unit, 0) if survived is None else (upper + survived) / 2
-            )
+            scale = max(upper - step, (upper + lower) / 2)
             trial = longest_at(scale, n_steps)
             if np.isinf(trial.kicks):
-                survived = scale
-            elif scale == 0:
-                return 0.0, None
+                lower = scale
             else:
-                upper, longest = scale, trial
-                unit = np.abs(start + upper * profile).max() / size
-                step_ratio = min(1.5 * step_ratio, 0.3)
-        if longest is None:  # no trial has lowered `upper`
-            longest = longest_at(upper, 16 * n_max)
-        # By the law s/s_c - 1 ≈ C/T, the breakup is about this far below `upper`.
-        step_ratio = settings.typical_excess / longest.kicks * profile.size
+                upper, longest, step = scale, trial, 2 * step
+        step = width
     return upper, longest
 
 
@@ -393,26 +366,22 @@ def _by_strength(kappa, max_sites):
 
 
 def _longest_lived(kappa, n_steps, sites, until, settings):
-    """Return the LongestLived of the transversal whose longest lifetime is the shortest.
+    """Return the LongestLived of the first transversal on which no start survives.
 
-    The search stops once this lifetime is finite and exceeds `settings.short_lifetime`. The last
-    site that improved the result is moved to the front of `sites`.
+    If a start survives on every transversal, return one of these starts. The site of the start is
+    moved to the front of `sites`.
     """
-    best = None
     # A transversal covers all ω up to P/2.
-    search = settings.search_of_width(settings.search.width * max(2, kappa.size))
+    search, factor = settings.search, max(2, kappa.size)
+    search = replace(search, width=search.width * factor, final_width=search.final_width * factor)
     for transversal in _transversals(kappa, list(sites), settings.min_gap):
-        site, ((x, y), kicks) = (
-            transversal.site,
-            _bend_while_surviving(transversal, n_steps, search, until, settings),
-        )
-        if best is None or kicks < best.kicks:
-            best = LongestLived(site, float(x), float(y), kicks)
-            sites.remove(site)
-            sites.insert(0, site)
-        if settings.short_lifetime < best.kicks < np.inf or time.thread_time() > until:
+        site = transversal.site
+        (x, y), kicks = _bend_while_surviving(transversal, n_steps, search, until, settings)
+        if kicks < np.inf or time.thread_time() > until:
             break
-    return best
+    sites.remove(site)
+    sites.insert(0, site)
+    return LongestLived(site, float(x), float(y), kicks)
 
 
 def _transversals(kappa, sites, min_gap):
@@ -437,10 +406,10 @@ def _bend_while_surviving(transversal, n_steps, search, until, settings):
     Once time is up, every start counts as a survivor. Returns (x, y) of the longest-lived start on
     the transversal, and its lifetime in kicks.
     """
-    kappa, max_period = transversal.kappa, longest_period(n_steps, settings)
+    blocks, n_kicks = _blocks(transversal.kappa), n_steps * transversal.kappa.size
+    max_period = longest_period(n_steps, settings)
     # A few starts are usually enough to find a survivor, if one exists.
-    few = settings.search_of_width(search.width // settings.first_ratio)
-    few = replace(few, grids=search.grids[:1])
+    few = replace(search, width=search.width // search.children, grids=search.grids[:1])
     while True:
         at = np.array([float(omega) for omega, _ in transversal.orbits])
         at, corners = at * (0.5 / at[-1]), transversal.corners
@@ -451,8 +420,9 @@ def _bend_while_surviving(transversal, n_steps, search, until, settings):
         def lifetimes(place, points_at=points_at):
             if time.thread_time() > until:
                 return np.full(place.size, np.inf)
-            starts = points_at(place)
-            return elimination(kappa, *starts, n_steps * kappa.size, True, settings)[0]
+            times, slopes = np.zeros((2, place.size))
+            _eliminate(*blocks, *points_at(place), n_kicks, True, times, slopes)
+            return times
 
         place, kicks = search_grids(lifetimes, few)
         if kicks < np.inf:
@@ -532,8 +502,6 @@ def elimination(
     x: ArrayLike,
     y: ArrayLike,
     n_kicks: int,
-    one_is_enough: bool = False,
-    settings: TransversalSettings = DEFAULT_SETTINGS,
 ) -> tuple[FloatArray, FloatArray]:
     """Compute when each start before kick 0 is eliminated, and its slope γ.
 
@@ -549,10 +517,6 @@ def elimination(
         Starts, in turns.
     n_kicks : int
         Maximum number of kicks.
-    one_is_enough : bool
-        Stop at the first survivor; the times of starts that are still undecided are 0.
-    settings : TransversalSettings
-        Only `block_kicks` is used.
 
     Returns
     -------
@@ -571,13 +535,19 @@ def elimination(
     kappa, (x, y) = forcing(kappa), points(x, y)
     n_kicks = count("n_kicks", n_kicks, 1, 10**12)
     times, slopes = np.zeros((2, x.size))
-    length = kappa.size * -(-settings.block_kicks // kappa.size)
-    ahead = np.resize(np.roll(kappa, -1), length)[:, None] * -np.array(SINE)
-    behind = np.resize(kappa[::-1], length)[:, None] * -np.array(SINE)
-    _eliminate(
-        float(kappa[0]), ahead, behind, x.ravel(), y.ravel(), n_kicks, one_is_enough, times, slopes
-    )
+    _eliminate(*_blocks(kappa), x.ravel(), y.ravel(), n_kicks, False, times, slopes)
     return times, slopes
+
+
+def _blocks(kappa):
+    """Return the kernel's arguments for a forcing.
+
+    The arguments are κ_0, and the coefficients of the kicks of a block, as in `nasm.escape`, one
+    kick per row: of those after kick 0, and of those that are undone.
+    """
+    length = kappa.size * -(-LINE_SETTINGS.block_kicks // kappa.size)
+    ahead, behind = np.resize(np.roll(kappa, -1), length), np.resize(kappa[::-1], length)
+    return float(kappa[0]), *(rows[:, None] * -np.array(SINE) for rows in (ahead, behind))
 
 
 @njit(nogil=True)
@@ -613,7 +583,10 @@ def _replay(ahead, behind, state, lane, bound):
 
 @kernel
 def _eliminate(strength, ahead, behind, x, y, n_kicks, one_is_enough, times, slopes):
-    """Run `elimination`; a lane whose start is finished takes the next start."""
+    """Run `elimination`; a lane whose start is finished takes the next start.
+
+    If one is enough, stop at the first survivor; the times of starts still undecided are then 0.
+    """
     state, before = np.full((11, FEW), np.nan), np.empty((11, FEW))
     start, age, bound = (
         np.full(FEW, -1),
