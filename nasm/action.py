@@ -77,57 +77,25 @@ __all__ = [
     "total_action",
 ]
 
-Minimizers: TypeAlias = dict[float, tuple[FloatArray, int, dict[tuple[int, int], FloatArray]]]
-"""{scale: (forcing rotated to begin at some site, this site, {(p, q): minimizer})}."""
+Minimizers: TypeAlias = dict[tuple[int, int], FloatArray]
+"""Constrained minimizers {(p, q): deviations} under one forcing."""
 
 SURE_PERIOD = 100
 """Longest period of orbits that are found by descent if the scan misses them."""
 
 FLAT = 1e-15
-"""Slopes of the reduced action below this value times √N are rounding errors; R is then 0."""
-
-_ROUNDING = 1e-12
-"""Rounding error of the distance between two sites, and of a pivot."""
+"""Slopes of the reduced action, and steps of the sites, below this value times √N are rounding
+errors; R is 0 if the slope is that small everywhere."""
 
 _MAX_LAST_STEP = 1e-7
 """Newton's method has converged if its last step, in turns, is below this."""
 
-_MAX_STEP_AT_REST = 1e-11
-"""If the last step, in turns, is below this, the curvature S is accurate."""
-
-_NEWTON_STEPS = 60
+_MAX_NEWTON_STEPS = 60
 
 _GAP_POINTS = 12
 """Number of steps of x_0 across a gap in a scan."""
 
-_EQUAL_GAPS = 0.99
-"""Gaps of at least this fraction of the widest count as equal; orbits begin at the first."""
-
-_FOLLOW_RANGE = 0.3
-"""Largest change in any strength κ_j, multiplied by q, over which an orbit is followed."""
-
-_JOIN_STEP = 0.8
-"""Largest step of x_0 when orbits are joined, multiplied by the longer period. Of 5030 orbits that
-are found with at least one value of this step, 398 are not found with 0.1 because Newton's method
-oscillates, 266 with 0.4, and 178 with 0.8."""
-
-JOIN_PERIOD = 300
-"""Period above which orbits are joined from shorter ones rather than scanned for."""
-
-_MAX_SITES_ALONE = 600
-"""Largest number of sites for which an orbit is also sought without using shorter ones."""
-
-_SADDLE_SHIFT = 0.05
-"""Displacement of sites, multiplied by q, that moves a symmetric guess off a saddle."""
-
-_DESCENT_STEPS = 1000
-_MAX_MINIMA = 20  # largest number of minima in one gap
-
-_SAME_DISTANCE = 1e-6
-"""Distance, in turns, below which two minima count as the same one."""
-
-_CACHED_SCALES = 30
-"""Number of scales whose constrained minimizers are kept."""
+_MAX_DESCENT_STEPS = 1000
 
 
 class LostError(Exception):
@@ -171,8 +139,8 @@ class ConvergentOrbits:
     fractions : sequence of Fraction
         Consecutive convergents of a number, in order of increasing q.
     minimizers : dict, optional
-        A dict, empty at first; if objects on the same segment share it, they reuse each other's
-        constrained minimizers.
+        A dict, empty at first; objects that share it reuse each other's constrained minimizers at
+        s = 0. They must share `start`.
     known : sequence of Orbit
         Orbits already known on that segment.
 
@@ -198,11 +166,10 @@ class ConvergentOrbits:
     ) -> None:
         self.start, self.profile = start, profile
         self.chains = [Chain(profile.size, fraction) for fraction in fractions]
-        self._minimizers = {} if minimizers is None else minimizers
+        self._scale, self._minimizers = 0.0, {} if minimizers is None else minimizers
         self._latest = {(orbit.chain.p, orbit.chain.q, orbit.kind): orbit for orbit in known}
-        self._scale: float | None = None
         self._answers: dict[tuple[int, int], Orbit | LostError] = {}
-        self._near = _FOLLOW_RANGE / np.abs(profile).max(initial=1e-300)
+        self._near = 1 / np.abs(profile).max(initial=1e-300)
 
     def at(self, n: int, scale: float, kind: int) -> Orbit:
         """Find the minimizing (kind = 1) or the minimax orbit (kind = -1) of fraction n.
@@ -217,10 +184,7 @@ class ConvergentOrbits:
         LostError
             If the orbit is not found.
         """
-        # An orbit is joined from two shorter ones, and these from still shorter ones; the cache
-        # avoids computing the same orbit repeatedly.
-        if scale != self._scale:
-            self._scale, self._answers = scale, {}
+        self._forget_other_scales(scale)
         if (n, kind) not in self._answers:
             try:
                 self._answers[n, kind] = self._at(n, scale, kind)
@@ -231,12 +195,18 @@ class ConvergentOrbits:
             raise answer
         return answer
 
+    def _forget_other_scales(self, scale):
+        # Orbits are joined from two shorter ones, and these from still shorter ones; what is known
+        # at the latest scale is kept, so that no orbit is computed twice.
+        if scale != self._scale:
+            self._scale, self._answers, self._minimizers = scale, {}, {}
+
     def _at(self, n: int, scale: float, kind: int) -> Orbit:
         p, q = self.chains[n].p, self.chains[n].q
         orbit = self._latest.get((p, q, kind))
         if orbit and abs(scale - orbit.scale) < self._near / q and orbit.move(scale):
             return orbit
-        orbit = self._join(n, scale, kind) if q > JOIN_PERIOD and n > 1 else None
+        orbit = self._join(n, scale, kind) if q > SURE_PERIOD and n > 1 else None
         orbits = {kind: orbit} if orbit else self.scan(n, scale)
         if orbits[kind].residue != 0:
             self._latest.update({(p, q, key): orbit for key, orbit in orbits.items()})
@@ -311,13 +281,10 @@ class ConvergentOrbits:
         LostError
             If no ordered orbit is found.
         """
-        if scale not in self._minimizers:
-            if len(self._minimizers) >= _CACHED_SCALES:
-                del self._minimizers[next(iter(self._minimizers))]
-            kappa = self.start + scale * self.profile
-            site = int(np.abs(kappa).argmax())
-            self._minimizers[scale] = _roll(kappa, site), site, {}
-        kappa, site, orbits = self._minimizers[scale]
+        self._forget_other_scales(scale)
+        kappa, orbits = self.start + scale * self.profile, self._minimizers
+        site = int(np.abs(kappa).argmax())
+        kappa = _roll(kappa, site)
         for i, chain in enumerate(self.chains[: n + 1]):
             if (chain.p, chain.q) in orbits:
                 continue
@@ -329,7 +296,7 @@ class ConvergentOrbits:
                 u = np.resize(shorter[0][1], chain.n_sites) if i else symmetric.copy()
             if not _minimize_constrained(kappa, *chain.frame, u):
                 error = chain.lost("with one site fixed, no ordered orbit was found")
-                if chain.n_sites > _MAX_SITES_ALONE:
+                if chain.q > SURE_PERIOD:
                     raise error
                 u = symmetric
                 for part in np.arange(1, 9) / 8:
@@ -375,9 +342,7 @@ def joined(last: Orbit, one: Orbit, chain: Chain, kind: int) -> Orbit | None:
     for u_last in [last.u] * (last.site == one.site) + [last.beginning_like(one)]:
         u = chain.joined((last.chain, u_last), (one.chain, one.u))
         _minimize_constrained(one.kappa, *chain.frame, u)
-        residue = _find_extremum(
-            one.kappa, *chain.frame, u, kind, _JOIN_STEP / longer_period, _NEWTON_STEPS
-        )
+        residue = _find_extremum(one.kappa, *chain.frame, u, kind, 1 / longer_period)
         if not np.isnan(residue):
             segment = one.start, one.profile
             return Orbit(chain, segment, one.site, kind, u, residue, one.scale)
@@ -590,7 +555,7 @@ def _find_by_descent(kappa, chain):
     # The descent starts from a rotation without symmetry, so it cannot end on the boundary between
     # two basins.
     u = np.full(chain.n_sites, 0.3 / chain.q)
-    error = chain.lost(f"they are not at rest after a descent of {_DESCENT_STEPS} steps")
+    error = chain.lost(f"they are not at rest after a descent of {_MAX_DESCENT_STEPS} steps")
     if not _descend(kappa, theta, work, u):
         raise error
     first = _widest_gap(chain, u)
@@ -601,7 +566,7 @@ def _find_by_descent(kappa, chain):
         residue = _find_pass(kappa, theta, hop, work, *minima[n : n + 2], middle)
         if residue > 0:
             passes.append((middle, residue))
-        elif residue < 0 and len(minima) < _MAX_MINIMA:
+        elif residue < 0 and len(minima) <= chain.period + 1:
             minima.insert(n + 1, middle)
         else:
             raise error
@@ -612,7 +577,7 @@ def _find_by_descent(kappa, chain):
     minimizing, (minimax, residue) = minima[lowest], passes[highest]
     if highest < lowest:
         minimax = chain.right(minimax)
-    least = _find_extremum(kappa, theta, hop, work, minimizing, 1, 0.1 / chain.q, _NEWTON_STEPS)
+    least = _find_extremum(kappa, theta, hop, work, minimizing, 1, 0.1 / chain.q)
     if np.isnan(least):
         raise error
     return first % chain.period, (minimizing, minimax), (least, residue)
@@ -628,7 +593,7 @@ def _widest_gap(chain, u):
     """Return the site of the widest gap; if several are equally wide, the first of them."""
     gaps = chain.right(u) - u
     by_site = gaps.reshape(-1, chain.period).max(axis=0)
-    site = int(np.argmax(by_site >= _EQUAL_GAPS * by_site.max()))
+    site = int(np.argmax(by_site > by_site.max() - _MAX_LAST_STEP))
     return site + chain.period * int(gaps[site :: chain.period].argmax())
 
 
@@ -642,7 +607,7 @@ def is_ordered(u, hop, gap):
     n = u.size
     for j in range(n):
         k = j + hop
-        if not u[k - n if k >= n else k] - u[j] + gap > -_ROUNDING:
+        if not u[k - n if k >= n else k] - u[j] + gap > -FLAT * n:
             return False
     return True
 
@@ -660,27 +625,30 @@ def total_action(kappa, theta, u):
 @kernel
 def _minimize_constrained(kappa, theta, hop, work, u):
     """Minimize A over all sites but x_0, in place; return True if the orbit is ordered."""
-    change, _, _, _, n_bad = newton_solve(kappa, theta, u, 0, 0.0, _NEWTON_STEPS, work)
-    if n_bad and u.size <= _MAX_SITES_ALONE:  # a symmetric guess may be at a saddle
-        u[1:] += _SADDLE_SHIFT * kappa.size / u.size
-        change, _, _, _, n_bad = newton_solve(kappa, theta, u, 0, 0.0, _NEWTON_STEPS, work)
+    change, _, _, _, n_bad = newton_solve(kappa, theta, u, 0, 0.0, _MAX_LAST_STEP, work)
+    if n_bad and u.size <= SURE_PERIOD * kappa.size:
+        # A symmetric orbit may be at rest on a saddle; half the shift between mirror images breaks
+        # the symmetry.
+        u[1:] += 0.25 / u.size
+        change, _, _, _, n_bad = newton_solve(kappa, theta, u, 0, 0.0, _MAX_LAST_STEP, work)
     return change < _MAX_LAST_STEP and n_bad == 0 and is_ordered(u, hop, kappa.size / u.size)
 
 
 @kernel
-def _find_extremum(kappa, theta, hop, work, u, kind, max_step, n_steps):
+def _find_extremum(kappa, theta, hop, work, u, kind, max_step):
     """Move u to an extremum of the action, in place; return R, or NaN if no orbit is found.
 
     Each step of x_0 is at most max_step.
     """
+    flat = FLAT * np.sqrt(u.size)
     change, curvature, slope, log_pivots, n_bad = newton_solve(
-        kappa, theta, u, kind, max_step, n_steps, work
+        kappa, theta, u, kind, max_step, flat, work
     )
-    if _MAX_STEP_AT_REST <= change < max_step and abs(slope) < FLAT * np.sqrt(u.size):
+    if flat <= change < max_step and abs(slope) < flat:
         # If the curvature is small, rounding errors in the slope alone move x_0. Fix x_0, and
         # compute S with the other sites at rest.
         change, curvature, _, log_pivots, n_bad = newton_solve(
-            kappa, theta, u, 0, 0.0, n_steps, work
+            kappa, theta, u, 0, 0.0, flat, work
         )
     if not (change < _MAX_LAST_STEP and n_bad == 0 and (kind * curvature > 0 or kind == 0)):
         return np.nan
@@ -703,7 +671,7 @@ def _scan_gap(kappa, theta, hop, work, u, width, sites):
         for j in range(u.size if i else 0):
             last_orbit[j], orbit[j] = orbit[j], 2 * orbit[j] - last_orbit[j]
         orbit[0] = left + width * (i + 0.43)
-        change, _, force, _, n_bad = newton_solve(kappa, theta, orbit, 0, 0.0, _NEWTON_STEPS, work)
+        change, _, force, _, n_bad = newton_solve(kappa, theta, orbit, 0, 0.0, flat_slope, work)
         if not change < _MAX_LAST_STEP or n_bad or not is_ordered(orbit, hop, kappa.size / u.size):
             break  # on a cantorus the gap ends where the sites meet
         steepest = max(steepest, abs(force))
@@ -713,7 +681,7 @@ def _scan_gap(kappa, theta, hop, work, u, width, sites):
             is_extremum = kind * before > 0 >= kind * force if i else kind > 0
             for guess in range(2 if is_extremum else 0):
                 trial = orbit.copy() if guess else last_orbit.copy()
-                residue = _find_extremum(kappa, theta, hop, work, trial, kind, width, _NEWTON_STEPS)
+                residue = _find_extremum(kappa, theta, hop, work, trial, kind, width)
                 action = total_action(kappa, theta, trial)
                 better = np.isnan(residues[row]) or kind * (action - actions[row]) < 0
                 if better and not np.isnan(residue):
@@ -753,7 +721,7 @@ def _damped_step(kappa, theta, work, u, stiffness):
 def _descend(kappa, theta, work, u):
     """Move all sites by damped steps, in place; return True if they end at a minimum."""
     stiffness = 1.5 * np.abs(kappa).max()
-    for _ in range(_DESCENT_STEPS):
+    for _ in range(_MAX_DESCENT_STEPS):
         last_stiffness = stiffness
         stiffness, change = _damped_step(kappa, theta, work, u, stiffness)
         if last_stiffness == 0 and change < 1e-12:
@@ -768,7 +736,7 @@ def _saddle(kappa, theta, work, u):
     Returns R if exactly one curvature of the action is negative at that orbit, NaN otherwise.
     """
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
-    for _ in range(20):
+    for _ in range(_MAX_NEWTON_STEPS):
         _forces(kappa, theta, u, force, diagonal)
         curvature, slope, log_pivots, n_bad = _newton_step(force, diagonal, 0, 0.0, inverse, pull)
         if curvature == 0:
@@ -806,14 +774,14 @@ def _find_pass(kappa, theta, hop, work, left, right, orbit):
             orbit[:] = u
             if not _descend(kappa, theta, work, orbit):
                 break  # the descent stays on the boundary itself
-            if np.abs(orbit - left).max() < _SAME_DISTANCE:
+            if np.abs(orbit - left).max() < _MAX_LAST_STEP:
                 low = u
-            elif np.abs(orbit - right).max() < _SAME_DISTANCE:
+            elif np.abs(orbit - right).max() < _MAX_LAST_STEP:
                 high = u
             else:
                 return -1.0
         stiffness, path = 1.5 * np.abs(kappa).max(), u.copy()
-        for _ in range(_DESCENT_STEPS):
+        for _ in range(_MAX_DESCENT_STEPS):
             orbit[:] = path
             residue = _saddle(kappa, theta, work, orbit)
             between = (left < orbit).all() and (orbit < right).all()
@@ -843,7 +811,7 @@ def _follow(
         ratio = step / last_step if abs(step) < 3 * abs(last_step) else 0.0
         trial = u + ratio * (u - before) if ratio != 0 else u.copy()
         kappa = start + target * profile
-        trial_residue = _find_extremum(kappa, theta, hop, work, trial, kind, 0.1 * gap, 30)
+        trial_residue = _find_extremum(kappa, theta, hop, work, trial, kind, 0.1 * gap)
         if not np.isnan(trial_residue) and np.abs(trial - u).max() < 0.25:
             before[:], u[:], residue = u, trial, trial_residue
             at, last_step = target, step
@@ -870,17 +838,17 @@ def _newton_step(force, diagonal, kind, max_step, inverse, pull):
     ahead = behind = 0.0, 0.0, 1.0
     for i in range(1, n - half):
         ahead, pivot = _eliminate(i, ahead, force, diagonal, inverse, pull)
-        product, n_bad = product * pivot, n_bad + (not pivot > _ROUNDING)
+        product, n_bad = product * pivot, n_bad + (not pivot > FLAT)
         if i < half:
             behind, pivot = _eliminate(n - i, behind, force, diagonal, inverse, pull)
-            product, n_bad = product * pivot, n_bad + (not pivot > _ROUNDING)
+            product, n_bad = product * pivot, n_bad + (not pivot > FLAT)
         if not 1e-200 < abs(product) < 1e200:
             log_pivots, product = log_pivots + np.log(abs(product)), 1.0
     if n > 1:
         middle, ends = n - half, (ahead[0] + behind[0], ahead[1] + behind[1], ahead[2] + behind[2])
         (_, step, along), pivot = _eliminate(middle, ends, force, diagonal, inverse, pull)
         log_pivots = log_pivots + np.log(abs(product * pivot))
-        n_bad += not pivot > _ROUNDING
+        n_bad += not pivot > FLAT
         force[middle], pull[middle] = step, along
         back, back_along = step, along
         for i in range(middle - 1, 0, -1):
@@ -914,22 +882,23 @@ def _eliminate(j, before, force, diagonal, inverse, pull):
     """
     pivot = diagonal[j] - before[0]
     force[j] += before[1]
-    pull[j], inverse[j] = before[2], 1 / pivot if abs(pivot) > _ROUNDING else 1.0
+    pull[j], inverse[j] = before[2], 1 / pivot if abs(pivot) > FLAT else 1.0
     return (inverse[j], force[j] * inverse[j], pull[j] * inverse[j]), pivot
 
 
 @kernel
-def newton_solve(kappa, theta, u, kind, max_step, n_steps, work):
-    """Repeat `_newton_step`, in place, until only rounding errors are left.
+def newton_solve(kappa, theta, u, kind, max_step, tolerance, work):
+    """Repeat `_newton_step`, in place, until no site moves by more than `tolerance`.
 
-    Returns the largest change in the last step, followed by what `_newton_step` returns.
+    The steps also end where rounding errors prevent smaller ones. Returns the largest change in the
+    last step, followed by what `_newton_step` returns.
     """
     n = u.size
     # Numba treats rows unpacked in one assignment as strided, and would not vectorize the loops.
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     change, last_change, curvature, slope, log_pivots, n_bad = np.inf, np.inf, 0.0, 0.0, 0.0, 0
     stiffness = 0.0  # added to the Hessian while the action is not convex
-    for _ in range(n_steps):
+    for _ in range(_MAX_NEWTON_STEPS):
         _forces(kappa, theta, u, force, diagonal)
         for j in range(1, n if stiffness else 0):
             diagonal[j] += stiffness
@@ -949,9 +918,8 @@ def newton_solve(kappa, theta, u, kind, max_step, n_steps, work):
         fraction = 0.1 / change if change > 0.1 else 1.0
         for j in range(n):
             u[j] += fraction * force[j]
-        if is_free and (
-            change < 1e-15 + 2e-16 * n or (change < 1e-8 and change >= 0.5 * last_change)
-        ):
+        is_at_rest = change < _MAX_LAST_STEP and change >= 0.5 * last_change
+        if is_free and (change < tolerance or is_at_rest):
             break
         last_change = change
     return change, curvature, slope, log_pivots, n_bad
@@ -989,7 +957,7 @@ def _refined_residue(kappa, numerators, u, work):
     n, period = u.size, kappa.size
     inverse, pull, force, diagonal = work[0], work[1], work[2], work[3]
     u, low, slopes, bends = u.copy(), np.zeros(n), np.empty((2, n)), np.empty(n)
-    for _ in range(8):
+    for _ in range(_MAX_NEWTON_STEPS):
         for j in range(n):
             ahead, behind = j + 1 if j < n - 1 else 0, j - 1 if j else n - 1
             strength = kappa[j % period]
