@@ -23,7 +23,15 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nasm.action import MAX_PERIOD, Chain, ConvergentOrbits, LostError, Orbit, ordered_orbits
+from nasm.action import (
+    MAX_PERIOD,
+    SURE_PERIOD,
+    Chain,
+    ConvergentOrbits,
+    LostError,
+    Orbit,
+    ordered_orbits,
+)
 from nasm.arithmetic.roots import root
 from nasm.checks import count, fraction
 from nasm.maps import direction, rotating_forcing, segment
@@ -54,16 +62,12 @@ class ResidueSettings:
     min_broken_residue : float
         Both residues of that pair must exceed this value to show a breakup; smaller ones may be due
         to a change of the dominant symmetry line, where residues pass through 0.
-    min_residue : float
-        Residues below this value are rounding errors.
     rounding : float
         Relative rounding error of a crossing, divided by the period; at a period of 10⁵, the error
         of κ_G was at most 2.7e-12.
     max_log_ratio : float
         Largest logarithm of the ratio of residues at a crossing; a larger one shows that they do
         not cross.
-    max_period_ratio : float
-        Largest ratio of consecutive periods for which longer orbits are joined from shorter ones.
     max_trusted_ratio : float
         Largest predicted ratio of steps between crossings that is trusted without being measured.
 
@@ -75,13 +79,11 @@ class ResidueSettings:
     0.971635
     """
 
-    sheet_period: int = 100
+    sheet_period: int = SURE_PERIOD
     single_sheet_period: int = 8
     min_broken_residue: float = 0.05
-    min_residue: float = 1e-12
     rounding: float = 4e-17
     max_log_ratio: float = 0.1
-    max_period_ratio: float = 60
     max_trusted_ratio: float = 0.05
 
 
@@ -241,10 +243,7 @@ def _breakup(omega, start, profile, q_max, settings, between=None):
     shortest = inf if between else shortest
     long_enough = [n for n, f in enumerate(fractions[:-period]) if f.denominator >= shortest]
     n = long_enough[0] if long_enough else len(fractions) - 1 - period
-    ratio = settings.max_period_ratio
-    if n < 1 or any(
-        b.denominator > ratio * a.denominator > 2 * ratio for a, b in pairwise(fractions)
-    ):
+    if n < 1:
         return no_answer(None, Status.NOT_CONVERGED), no_crossings
     near = sum(between) / 2 if between else _first_breakup(orbits, n, n + period, settings)
     if isinstance(near, Status):
@@ -375,6 +374,7 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
     The search starts at the scale that the `crossings` of shorter orbits predict, or at `near`.
     """
     unit, pair, evaluations = 1 / np.abs(orbits.profile).max(), (shorter, longer), []
+    rounding = np.finfo(float).eps * orbits.chains[longer].n_sites ** 2  # see `Orbit.residue`
 
     def excess(scale):
         try:
@@ -384,7 +384,7 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
                 return 100.0  # the same value as for residues that overflow
             raise
         # Far below the breakup, both residues, and even their signs, are due to rounding.
-        if min(residues) <= settings.min_residue:
+        if min(residues) <= rounding:
             return -100.0
         if max(residues) == inf:
             return 100.0
@@ -414,7 +414,7 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
             return Status.DISORDERED
         slope = steps[0][1] / steps[0][0]
         residues = [orbits.at(n, scale, kind).refined_residue() for n in pair]
-        if np.abs(residues).min() < 10 * settings.min_residue:  # the root is due to the -100 above
+        if np.abs(residues).min() < 10 * rounding:  # the root is due to the -100 above
             return Status.NOT_CONVERGED
         remainder = _logarithm(*residues)
         if abs(remainder) > settings.max_log_ratio:

@@ -228,7 +228,9 @@ def disordered_orbits(quick):
         for i, noise in enumerate(noises):
             for _ in range(trials):
                 u = orbit.u[0] + noise * random.standard_normal(theta.size)
-                search = action.newton_solve(orbit.kappa, theta, u, orbit.kind, 0.1 / q, 1e-14, work)
+                search = action.newton_solve(
+                    orbit.kappa, theta, u, orbit.kind, 0.1 / q, action.FLAT, work
+                )
                 change, curvature, *_, bad = search
                 if not change < 1e-7 or bad or curvature >= 0:
                     outcome = 0
