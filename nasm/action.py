@@ -81,8 +81,7 @@ Minimizers: TypeAlias = dict[tuple[int, int], FloatArray]
 """Constrained minimizers {(p, q): deviations} under one forcing."""
 
 SURE_PERIOD = 100
-"""Longest period of orbits that are found by descent if the scan misses them. Longer ones are first
-sought near a chain of shorter ones."""
+"""Longest period of orbits that are found by descent if the scan misses them."""
 
 FLAT = 1e-15
 """Slopes of the reduced action, and steps of the sites, below this value times √N are rounding
@@ -90,8 +89,15 @@ errors; R is 0 if the slope is that small everywhere."""
 
 _MAX_LAST_STEP = 1e-7
 """Newton's method has converged if its last step, in turns, is below this: the next step would be
-about the square of it. Minima closer than this are the same one, and gaps whose widths differ by
-less are equally wide. With 1e-8, none of five circles of [0;1,70,(1)] were resolved."""
+about the square of it. Minima closer than this are the same one. With 1e-8, none of five circles
+of [0;1,70,(1)] were resolved."""
+
+_EQUAL_GAPS = 0.99
+"""Gaps of at least this fraction of the widest count as equal; orbits begin at the first."""
+
+JOIN_PERIOD = 300
+"""Period above which orbits are joined from shorter ones rather than scanned for, although only the
+scan finds the highest maximum."""
 
 _MAX_NEWTON_STEPS = 60
 """Largest number of steps of Newton's method."""
@@ -212,7 +218,7 @@ class ConvergentOrbits:
         orbit = self._latest.get((p, q, kind))
         if orbit and abs(scale - orbit.scale) < self._near / q and orbit.move(scale):
             return orbit
-        orbit = self._join(n, scale, kind) if q > SURE_PERIOD and n > 1 else None
+        orbit = self._join(n, scale, kind) if q > JOIN_PERIOD and n > 1 else None
         orbits = {kind: orbit} if orbit else self.scan(n, scale)
         if orbits[kind].residue != 0:
             self._latest.update({(p, q, key): orbit for key, orbit in orbits.items()})
@@ -599,7 +605,7 @@ def _widest_gap(chain, u):
     """Return the site of the widest gap; if several are equally wide, the first of them."""
     gaps = chain.right(u) - u
     by_site = gaps.reshape(-1, chain.period).max(axis=0)
-    site = int(np.argmax(by_site > by_site.max() - _MAX_LAST_STEP))
+    site = int(np.argmax(by_site >= _EQUAL_GAPS * by_site.max()))
     return site + chain.period * int(gaps[site :: chain.period].argmax())
 
 

@@ -28,6 +28,7 @@ from typing import NamedTuple
 from numpy.typing import ArrayLike
 
 from nasm.action import (
+    JOIN_PERIOD,
     SURE_PERIOD,
     Chain,
     ConvergentOrbits,
@@ -301,7 +302,7 @@ def _between(ordered, left, right, settings):
         for first, second in (left, right), (right, left):
             if orbit := joined(first.orbit, second.orbit, chain, -1):
                 return _node(fraction, orbit, settings)
-    if settings.short_period < q + s < SURE_PERIOD:
+    if settings.short_period < q + s < JOIN_PERIOD:
         return _scanned(ordered, fraction, settings)
     return _node(fraction, None, settings)
 
