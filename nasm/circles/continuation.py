@@ -38,7 +38,7 @@ from nasm.maps import TWO_PI, direction, segment
 from nasm.numbers import as_rotation_number, convergents
 from nasm.results import CriticalScale, Status, no_answer
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
-from nasm.types import FloatArray, IntArray, OmegaLike
+from nasm.types import FloatArray, OmegaLike
 
 __all__ = ["ContinuationSettings", "certified_circle", "critical_scale", "fineness"]
 
@@ -55,35 +55,15 @@ class ContinuationSettings:
     Attributes
     ----------
     max_points : int
-        Number of points of the finest grid; the smallest distance from the breakup that can be
-        reached is inversely proportional to it.
-    max_certified_points : int
-        Maximum number of points of the circle that is certified; the certification uses a grid
-        four times finer.
-    max_circles : int
-        Maximum number of circles on a ray, which usually needs 10 to 30.
-    max_halvings : int
-        Number of halvings of a step after which a failure of Newton's method is final.
+        Number of points of the finest grid. The smallest distance from the breakup that can be
+        reached is inversely proportional to it, and so is the smallest step.
     max_rounds : int
         Maximum number of rounds of the fixed-point iteration for s_c, which usually needs 5 to 20.
-    mode_share : float
-        M is computed from all modes, and again from this fraction of them; the difference between
-        the two results for s_c counts as error.
     modes : float
         Number of modes that resolve a circle, multiplied by its relative distance from the breakup.
-        At a distance of 1.6·10⁻⁵, 32 of 32 circles under two kicks are certified with 3; more modes
-        would amplify rounding errors.
-    modes_of_path : float
-        The same number for circles from which others are extrapolated: of 46 certifications, five
-        failed when it was 3.5, and none when it was 4.5.
-    two_scale_error : float
-        Error assigned to s_c if it is extrapolated from two scales, divided by the distance from
-        s_c to the last circle; the largest ratio observed was 2.3.
+        Of 46 certifications, five failed when it was 3.5, and none when it was 4.5.
     error_without_delta : float
         Minimum error of s_c if δ is unknown, divided by the distance from s_c to the last circle.
-    test_distance : float
-        Minimum relative distance beyond the estimate at which `farey.circle_exists` tests, by
-        residues, whether the circle exists.
     max_depth_ratio : float
         Depth below which circles do not resolve a cusp, divided by the distance from the breakup to
         the second of the three scales.
@@ -99,16 +79,9 @@ class ContinuationSettings:
     """
 
     max_points: int = 16384
-    max_certified_points: int = 2048
-    max_circles: int = 100
-    max_halvings: int = 12
     max_rounds: int = 50
-    mode_share: float = 0.85
-    modes: float = 3
-    modes_of_path: float = 4.5
-    two_scale_error: float = 3
+    modes: float = 4.5
     error_without_delta: float = 0.2
-    test_distance: float = 0.005
     max_depth_ratio: float = 4
     newton: NewtonSettings = DEFAULT_NEWTON_SETTINGS
 
@@ -129,7 +102,7 @@ def critical_scale(
     2. Continue the circle from s = 0, each time by a fixed fraction of the estimated distance to
        the breakup, with as many modes as each circle needs.
     3. Stop when `error` is below tol, or no more modes are available.
-    4. Certify the last circle that has at most 2048 points.
+    4. Certify the last circle whose certification needs no finer grid than the path.
 
     Parameters
     ----------
@@ -159,11 +132,11 @@ def critical_scale(
     Notes
     -----
     The error is the spread of the last estimates plus their last change, or the change due to the
-    third scale plus the change due to the highest modes, whichever is larger. Near a forcing of
-    shorter period the error includes the depth of the boundary's cusp there, until the circles
-    resolve the cusp. The error is three times the distance from the last circle to the value if M
-    has not yet grown by a factor of Λ², and at least a fifth of that distance if δ is unknown for
-    the tail of ω.
+    third scale, whichever is larger. Near a forcing of shorter period the error includes the depth
+    of the boundary's cusp there, until the circles resolve the cusp. If M has not yet grown by a
+    factor of Λ², two scales yield the value, and the error is the sum of their distances from it.
+    If δ is unknown for the tail of ω, the error is at least a fifth of the distance from the last
+    circle to the value.
 
     Examples
     --------
@@ -179,10 +152,11 @@ def critical_scale(
         return no_answer(omega, Status.RATIONAL, METHOD)
     (short,), short_omega = shorten([profile], omega)
     path, value, error, status = _continue(short_omega, short, tol, settings)
+    max_size = settings.max_points // settings.newton.certificate_ratio
     certified_scales = (
         scale
         for scale, u in reversed(path)
-        if u.shape[-1] <= settings.max_certified_points
+        if u.shape[-1] <= max_size
         and newton.certify(short_omega, scale * short, u, settings.newton)[1] is Status.OK
     )
     lower = next(certified_scales, nan)
@@ -190,8 +164,9 @@ def critical_scale(
         status = Status.NOT_CONVERGED if status is Status.OK else status
         return CriticalScale(nan, nan, lower, nan, omega, status, METHOD)
     # If the ray passes close to another sheet of the boundary, circles appear to break there.
-    # With one or two kicks there is only one sheet.
-    beyond = value + max(2 * error, settings.test_distance * value)
+    # With one or two kicks there is only one sheet. Test as far beyond the breakup as the last
+    # circle is before it.
+    beyond = value + max(2 * error, value - path[-1][0])
     if short.size > 2 and circle_exists(short_omega, beyond * short):
         return CriticalScale(nan, nan, lower, nan, omega, Status.UNDECIDED, METHOD)
     return CriticalScale(value, error, lower, nan, omega, Status.OK, METHOD)
@@ -210,7 +185,7 @@ def certified_circle(
 
     1. Circles are computed at the relative distances d = 1/2, 0.15, 0.045, … from the breakup, with
        at least 4.5/d modes, which resolve their finest structures.
-    2. The circle at d = `distance` is computed with 3/d modes, or with 4.2/d if fewer do not
+    2. The circle at d = `distance` is computed with 3/d modes, or with 4.5/d if fewer do not
        suffice, and certified on a finer grid. If that fails, a circle at 1.2 times the distance is
        certified instead, or an earlier one from step 1.
 
@@ -229,7 +204,7 @@ def certified_circle(
     until : float
         The `time.thread_time` after which no circle closer to the breakup is attempted.
     settings : ContinuationSettings
-        Numbers of modes, and settings of Newton's method.
+        Number of modes, and settings of Newton's method.
 
     Returns
     -------
@@ -257,24 +232,27 @@ def certified_circle(
     distances = geometric(0.5, distance, 1 + max(1, ceil(log(2 * distance) / log(0.3))))
     path = _first_circle(omega, start, settings)
 
-    def circle_at(d, n_modes):
+    def circle_at(d, n):
         scale = breakup * (1 - d)
-        u = newton.extrapolate(path, scale, fourier.grid(omega, n_modes, settings.newton.grid))
+        u = newton.extrapolate(path, scale, n)
         is_circle = newton.polish(omega, start + scale * profile, u, settings.newton)
         return u if is_circle else None
 
+    def grid(n_modes):
+        return fourier.grid(omega, n_modes, settings.newton.grid)
+
     for d in distances[:-1] if path else []:
-        u = circle_at(d, settings.modes_of_path / d) if thread_time() < until else None
+        u = circle_at(d, grid(settings.modes / d)) if thread_time() < until else None
         if u is None:
             break
         path.append((breakup * (1 - d), u))
-    # More modes resolve a circle better, but they also amplify rounding errors.
-    n_modes = settings.modes / distance
-    tries = (distance, n_modes), (distance, 1.4 * n_modes), (min(1.2 * distance, 0.5), n_modes)
+    # Fewer modes may suffice for the last circle, from which no other is extrapolated, and they
+    # amplify rounding errors less: at a distance of 1.6·10⁻⁵, 32 of 32 circles under two kicks are
+    # certified with two thirds of the modes. Both numbers of modes may lead to the same grid.
+    few, many = grid(2 / 3 * settings.modes / distance), grid(settings.modes / distance)
+    tries = dict.fromkeys([(distance, few), (distance, many), (min(1.2 * distance, 0.5), few)])
     nearest = (
-        (breakup * (1 - d), circle_at(d, n_modes))
-        for d, n_modes in tries
-        if path and thread_time() < until
+        (breakup * (1 - d), circle_at(d, n)) for d, n in tries if path and thread_time() < until
     )
     for scale, u in chain(nearest, reversed(path[1:])):
         kappa = start + scale * profile
@@ -291,34 +269,28 @@ def _first_circle(omega, start, settings):
     return [(0.0, circle.u)] if circle.certified else []
 
 
-def fineness(u: FloatArray, last: int | IntArray = -1) -> FloatArray:
+def fineness(u: FloatArray, n_modes: int | None = None) -> float:
     """Compute M = ‖u‖_{H³}/‖u‖_{H²}, the wave number of the finest structure.
 
     Parameters
     ----------
     u : ndarray, shape (P, n)
         Deviations.
-    last : int or array of int
-        Highest mode included, or an array of several such modes; by default all modes.
-
-    Returns
-    -------
-    float or ndarray
-        M for each `last`.
+    n_modes : int, optional
+        Number of modes included; by default all.
 
     Examples
     --------
     >>> import numpy as np
     >>> from nasm.circles.continuation import fineness
     >>> u = np.sin(2 * np.pi * 3 * np.arange(32) / 32)[None]
-    >>> round(float(fineness(u) / (2 * np.pi)), 6)
+    >>> round(fineness(u) / (2 * np.pi), 6)
     3.0
     """
-    power = np.sum(np.abs(np.fft.rfft(u)) ** 2, axis=0)
+    power = np.sum(np.abs(np.fft.rfft(u)[:, :n_modes]) ** 2, axis=0)
     squares = np.arange(power.size, dtype=float) ** 2
     second = power * squares**2
-    third = second * squares
-    return TWO_PI * np.sqrt(np.cumsum(third)[last] / np.cumsum(second)[last])
+    return float(TWO_PI * np.sqrt(np.sum(second * squares) / np.sum(second)))
 
 
 def _continue(omega, profile, tol, settings):
@@ -334,29 +306,33 @@ def _continue(omega, profile, tol, settings):
     window = max(3, 1 + round(log(delta) / -log(1 - step_ratio)))
     cusps = powers(distances_to_shorter(profile), CUSP_EXPONENT)
     path, logarithms, estimates = [(0.0, np.zeros((profile.size, newton.MIN_POINTS)))], [], []
-    value, error, step, status = nan, inf, 0.1 / np.abs(profile).max(), Status.OK
-    # Below a relative step of 1e-14 the norms do not distinguish the circle's scale from the
-    # breakup.
-    while error > tol and len(path) < settings.max_circles and step > 1e-14 * path[-1][0]:
-        (last_scale, u), status = _next_circle(omega, profile, path, step, settings)
+    last_scale, first_step = 0.0, 0.1 / np.abs(profile).max()
+    value, error, step, status = nan, inf, first_step, Status.OK
+    while error > tol and step * settings.max_points > max(last_scale, first_step):
+        target = last_scale + step
+        u = newton.extrapolate(path, target)
+        u, status = newton.solve(omega, target * profile, u, settings.max_points, settings.newton)
+        if status is Status.NO_CIRCLE:
+            step /= 2
+            continue
         if status is not Status.OK:
             break
-        path.append((last_scale, u))
-        # Compute M from most of the modes and from all of them: the two values differ if the last
-        # modes are unresolved.
-        kept = fourier.cut(omega, u.shape[-1], settings.newton.grid)
-        finest = fineness(u, np.array([int(settings.mode_share * kept), kept]))
-        logarithms.append([log(m) for m in finest])
-        scales, log_m = np.array([scale for scale, _ in path[1:]]), np.array(logarithms).T[::-1]
+        path.append((target, u))
+        # The mode after the last one kept is often resonant: if it is large, M jumps, which shows
+        # that the circle is not resolved.
+        n_modes = fourier.cut(omega, u.shape[-1], settings.newton.grid) + 1
+        logarithms.append(log(fineness(u, n_modes)))
+        before, last_scale = last_scale, target
+        scales, log_m = np.array([scale for scale, _ in path[1:]]), np.array(logarithms)
         estimate, own_error = _estimate(omega, scales, log_m, growth, delta, settings)
         if own_error == inf and value > last_scale:  # keep the previous estimate
-            error, estimates = max(error, settings.two_scale_error * (value - last_scale)), []
+            error, estimates = max(error, (1 + delta) * (value - last_scale)), []
         else:
             value, error = estimate, own_error
         distance = (
-            value - last_scale if error < inf else _linear_distance(scales, log_m[0], growth, delta)
+            value - last_scale if error < inf else _linear_distance(scales, log_m, growth, delta)
         )
-        step = min(2 * (last_scale - path[-2][0]), step_ratio * distance)
+        step = min(2 * (last_scale - before), step_ratio * distance)
         if own_error < inf:
             estimates = [*estimates, value][-window:] if error < distance else []
             is_spread = len(estimates) == window
@@ -372,22 +348,6 @@ def _continue(omega, profile, tol, settings):
     return path, value, error, status
 
 
-def _next_circle(omega, profile, path, step, settings):
-    """Return (scale, u) of the circle `step` beyond the last one on the path, and a Status.
-
-    The step is halved while Newton's method fails.
-    """
-    last_scale = path[-1][0]
-    for _ in range(settings.max_halvings):
-        target = last_scale + step
-        u = newton.extrapolate(path, target)
-        u, status = newton.solve(omega, target * profile, u, settings.max_points, settings.newton)
-        if status is not Status.NO_CIRCLE:
-            break
-        step /= 2
-    return (target, u), status
-
-
 def _estimate(omega, scales, log_m, growth, delta, settings):
     """Estimate s_c and its error from three scales, at M, M/Λ and M/Λ², or from the first two.
 
@@ -395,40 +355,37 @@ def _estimate(omega, scales, log_m, growth, delta, settings):
     of the last convergent of its prefix. Returns NaN and inf if M has not yet grown by
     a factor of Λ.
     """
-    decreases = np.flatnonzero(np.diff(log_m[0]) <= 0)  # far from the breakup M may decrease
+    decreases = np.flatnonzero(np.diff(log_m) <= 0)  # far from the breakup M may decrease
     start = decreases[-1] + 1 if decreases.size else 0
-    scales, (log_m_all, log_m_most) = scales[start:], log_m[:, start:]
+    scales, log_m = scales[start:], log_m[start:]
     *_, fraction = islice(convergents(omega), len(omega.prefix))
-    first = max(log_m_all[0], log(TWO_PI * fraction.denominator))
-    order = min(int((log_m_all[-1] - first) / log(growth)), 2)
+    first = max(log_m[0], log(TWO_PI * fraction.denominator))
+    order = min(int((log_m[-1] - first) / log(growth)), 2)
     if scales.size < 4 or order < 1:
         return nan, inf
-    scaling = growth, delta, order, settings.max_rounds
-    value, lower_order = _extrapolate(scales, log_m_all, *scaling)
+    value, lower_order = _extrapolate(scales, log_m, growth, delta, order, settings)
     if not value > scales[-1]:
         return nan, inf
     distance = value - scales[-1]
     if order == 1:
-        return value, settings.two_scale_error * distance
+        return value, (1 + delta) * distance
     error = abs(value - lower_order)
-    error += abs(value - _extrapolate(scales, log_m_most, *scaling)[0])
     if omega.tail not in UNSTABLE_EIGENVALUES:
         error = max(error, settings.error_without_delta * distance)
     return value, error if error < distance else distance
 
 
-def _extrapolate(scales, log_m, growth, delta, order, max_rounds):
+def _extrapolate(scales, log_m, growth, delta, order, settings):
     """Return s_c by Richardson extrapolation, and the result of one order lower; NaN if it fails.
 
     The extrapolation needs the scales at M, M/Λ, …; they are found by interpolating log(s_c - s).
+    It is therefore repeated with the resulting s_c. Beyond twice the last scale it has diverged.
     """
     levels = [log_m[-1] - k * log(growth) for k in range(1, order + 1)]
     nodes = [_interpolate(scales, log_m, level) for level in levels]
-    has_huge_weights = sum(abs(weight) for node in nodes for weight, _ in node) > 100
     value = scales[-1] + _linear_distance(scales, log_m, growth, delta)
-    for _ in range(max_rounds):
-        # Beyond 10 times the last scale, or with huge weights, the iteration has diverged.
-        if not scales[-1] < value < 10 * scales[-1] or has_huge_weights:
+    for _ in range(settings.max_rounds):
+        if not scales[-1] < value < 2 * scales[-1]:
             break
         guess = value
         column = [scales[-1], *(guess - _distance(node, guess) for node in nodes)]
@@ -436,7 +393,7 @@ def _extrapolate(scales, log_m, growth, delta, order, max_rounds):
             lower_order = column[0]
             column = [a + (a - b) / (delta**power - 1) for a, b in pairwise(column)]
         value = column[0]
-        if abs(value - guess) < 1e-11 * value:
+        if abs(value - guess) < settings.newton.max_update * value:
             return value, lower_order
     return nan, nan
 
