@@ -3,6 +3,7 @@
 import dataclasses
 from fractions import Fraction
 from functools import partial
+from itertools import product
 from types import SimpleNamespace
 
 import cloudpickle
@@ -207,6 +208,33 @@ def test_circles_are_computed_once_on_rays_that_are_images_of_each_other(monkeyp
     assert escapes.predict({"angle": angles}, escapes.cube.settings) == pytest.approx(
         3 * escapes.predict({"angle": angles[:2]}, escapes.cube.settings)
     )
+
+
+@pytest.mark.parametrize("plane", [TWO, rotating("1/4"), rotating("1/3", "1/48")])
+def test_unfolded_breakups_equal_those_computed_for_each_circle_and_ray(plane):
+    # The first two planes have symmetries that map ω to ω + P/2; -γ breaks at the same scales as γ.
+    omegas = [GAMMA, moebius(GAMMA, -1, 0), TWICE, moebius(GAMMA, 1, 1)]
+    angles = [170.0, 0.0, 10.0, 45.0, 80.0, 100.0, 135.0, 200.0]
+    job = breakdown.by_continuation(plane, *breakdown.folded(plane, omegas, angles), 1e-4)
+    coords = {name: job.cube.template[name].values for name in ("circle", "angle")}
+    cube = job.cube.filled(job.compute(coords, job.cube.settings))
+    whole = breakdown.unfolded(cube.assign_attrs(job.cube.attributes), omegas, angles)
+    assert whole.circle.values.tolist() == [str(omega) for omega in omegas]
+    assert whole.angle.values.tolist() == angles
+    n_alone = len(omegas) * np.unique(plane.fold_keeping_circles(np.array(angles))).size
+    assert coords["circle"].size * coords["angle"].size < n_alone
+    n_compared = 0
+    for omega, angle in product(omegas, angles):
+        here, profile = whole.sel(circle=str(omega), angle=angle), plane.ray(angle)[1]
+        alone = breakdown.continued_or_by_residue(omega, profile, 1e-4, 6000)
+        assert np.isnan(here.critical_scale) == np.isnan(alone.value)
+        if np.isnan(alone.value):
+            continue
+        n_compared += 1
+        assert abs(here.critical_scale - alone.value) <= here.error + alone.error < 1e-2
+        for name, direction in zip(plane.axes, ray(angle), strict=True):
+            assert float(here[name]) == pytest.approx(float(here.critical_scale) * direction)
+    assert n_compared > 25
 
 
 def test_the_boundary_at_any_angle_is_computed_on_the_folded_ray():

@@ -38,15 +38,16 @@ def main(run, plane, n_rays, n_cusp_rays, tol, **options):
     grid = grid_of(plane, **options)
     boundary = untiled("boundary", n_rays=n_rays, n_cusp_rays=n_cusp_rays, tol=tol, **plane.record)
     angles = rays.ray_angles(plane, n_rays, n_cusp_rays)
+    folded = breakdown.folded(plane, rays.PAPER_CIRCLES, angles)
     if any(plane.origin):
-        circle_job = breakdown.by_residue(plane, rays.PAPER_CIRCLES, angles, 1500)
+        circle_job = breakdown.by_residue(plane, *folded, 1500)
     else:
-        circle_job = breakdown.by_continuation(plane, rays.PAPER_CIRCLES, angles, tol)
+        circle_job = breakdown.by_continuation(plane, *folded, tol)
     last_job = last_barrier(plane, angles, tol)
     with run.sweeping(last_job, circle_job, later=estimate_tiles(run, grid), drawing=12):
         swept = run.sweep(last_job)
         barrier = run.kept(boundary, lambda: unfolded(swept, angles))
-        circles = run.sweep(circle_job)
+        circles = breakdown.unfolded(run.sweep(circle_job), rays.PAPER_CIRCLES, angles)
         field = escape_plane(run, grid)
         direct = boundary_table(field, angles, grid.drawn)
         for n in direct.n.values[direct.critical_scale.isnull().all("angle")]:

@@ -12,7 +12,8 @@ it reaches the tolerance. In these cases, residues of long orbits may still reac
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from math import ceil
+from itertools import product
+from math import ceil, floor
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from nasm import escape, periodic
 from nasm.circles import continuation
-from nasm.numbers import RotationNumber, parse
+from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import Plane, plane_of
 from nasm.results import CriticalScale, Status
 from nasm.symmetries import ray
@@ -158,6 +159,55 @@ def by_residue(
     settings = {"method": periodic.METHOD, "q_max": q_max}
     seconds = 0.045 if len(plane.origin) <= 2 else 0.16  # P > 2 needs two families of orbits
     return _job("breakdown_residue", plane, _circles(omegas), angles, seconds, settings)
+
+
+def folded(
+    plane: Plane, omegas: Sequence[RotationNumber], angles: ArrayLike
+) -> tuple[list[RotationNumber], list[float]]:
+    """Choose circles and rays whose breakups include those of all `omegas` on all `angles`.
+
+    The rays are those of `Plane.fold`. A circle may be replaced by another one on the folded ray,
+    like ω by ω + 1 for two kicks; these circles are added to `omegas`, unless they are equivalent
+    to one of them.
+
+    Examples
+    --------
+    >>> from nasm.numbers import parse
+    >>> from nasm.planes import two_kicks
+    >>> from pipeline.cubes.breakdown import folded
+    >>> folded(two_kicks(), [parse("gamma")], [60, 120])
+    ([parse("[0;(1)]"), parse("[1;(1)]")], [30.0])
+    """
+    rays, shifts = plane.fold(angles)
+    circles: dict[RotationNumber, RotationNumber] = {}
+    for shift, omega in product(sorted({*shifts.tolist()}), omegas):
+        image = moebius(omega, 1, shift)
+        circles.setdefault(_equivalent(plane, image), image)
+    return list(circles.values()), sorted({*rays.tolist()})
+
+
+def unfolded(
+    breakups: xr.Dataset, omegas: Sequence[RotationNumber], angles: ArrayLike
+) -> xr.Dataset:
+    """Return the breakups of all `omegas` on all `angles`, from a cube of the `folded` ones."""
+    plane = plane_of(breakups.attrs)
+    rays, shifts = plane.fold(angles)
+    rows = [_equivalent(plane, parse(circle)) for circle in breakups.circle.values.tolist()]
+    row = [[rows.index(_equivalent(plane, moebius(o, 1, n))) for n in shifts] for o in omegas]
+    at_rays = breakups.load().sel(angle=rays, method="nearest", tolerance=1e-8)
+    values = at_rays.drop_vars(["circle", "omega", "angle"])
+    images = values.isel(circle=(("circle", "angle"), row), angle=("angle", range(len(rays))))
+    table = images.assign_coords(_circles(omegas) | {"angle": cube.angles_of_rays(angles)})
+    for name, direction in zip(plane.axes, ray(angles).T, strict=True):
+        table[name] = table[name].copy(data=table.critical_scale.values * direction)
+    return table
+
+
+def _equivalent(plane: Plane, omega: RotationNumber) -> RotationNumber:
+    """Return the smallest ±ω + nP ≥ 0: circles with these rotation numbers break together."""
+    period = len(plane.origin)
+    turns = ((sign, -period * floor(sign * float(omega) / period)) for sign in (1, -1))
+    return min((moebius(omega, *turn) for turn in turns), key=float)
 
 
 def by_escape(plane: Plane, angles: Sequence[float], n_max: int, n_orbits: int) -> Job:
