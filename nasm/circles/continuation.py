@@ -80,7 +80,7 @@ class ContinuationSettings:
 
     max_points: int = 16384
     max_rounds: int = 50
-    modes: float = 4.5
+    modes: float = 5
     error_without_delta: float = 0.2
     max_depth_ratio: float = 4
     newton: NewtonSettings = DEFAULT_NEWTON_SETTINGS
@@ -184,8 +184,8 @@ def certified_circle(
     """Compute a certified circle of ω near a known breakup.
 
     1. Circles are computed at the relative distances d = 1/2, 0.15, 0.045, … from the breakup, with
-       at least 4.5/d modes, which resolve their finest structures.
-    2. The circle at d = `distance` is computed with 3/d modes, or with 4.5/d if fewer do not
+       at least 5/d modes, which resolve their finest structures.
+    2. The circle at d = `distance` is computed with 3/d modes, or with 5/d if fewer do not
        suffice, and certified on a finer grid. If that fails, a circle at 1.2 times the distance is
        certified instead, or an earlier one from step 1.
 
@@ -248,8 +248,8 @@ def certified_circle(
         path.append((breakup * (1 - d), u))
     # Fewer modes may suffice for the last circle, from which no other is extrapolated, and they
     # amplify rounding errors less: at a distance of 1.6·10⁻⁵, 32 of 32 circles under two kicks are
-    # certified with two thirds of the modes. Both numbers of modes may lead to the same grid.
-    few, many = grid(2 / 3 * settings.modes / distance), grid(settings.modes / distance)
+    # certified with three fifths of the modes. Both numbers of modes may lead to the same grid.
+    few, many = grid(0.6 * settings.modes / distance), grid(settings.modes / distance)
     tries = dict.fromkeys([(distance, few), (distance, many), (min(1.2 * distance, 0.5), few)])
     nearest = (
         (breakup * (1 - d), circle_at(d, n)) for d, n in tries if path and thread_time() < until
