@@ -255,8 +255,10 @@ def circle_exists(
     longest = count("longest", longest, 1, 10**6)
     fractions = list(islice(convergents(omega), len(omega.prefix) + 30))
     fractions = [f for f in fractions if f.denominator < settings.longest_ratio * longest]
+    # Compare at least three convergents with periods below `longest`, even if quotients are large.
     n_short = sum(f.denominator < settings.medium_period for f in fractions)
-    first = max(len(omega.prefix) - 1, n_short)
+    n_allowed = sum(f.denominator < longest for f in fractions)
+    first = max(len(omega.prefix) - 1, min(n_short, n_allowed - 3))
     orbits, residues = ConvergentOrbits(kappa, 0 * kappa, fractions, known=known), [nan]
     for n in range(first, len(fractions)):
         if fractions[n].denominator >= longest and not _fall(residues):
@@ -279,7 +281,7 @@ def circle_exists(
 
 
 def _fall(residues):
-    return len(residues) > 3 and residues[-1] < min(residues[-3:-1])
+    return len(residues) > 3 and bool(residues[-1] < min(residues[-3:-1]))
 
 
 def _integer_neighbours(ordered, period, settings):

@@ -7,7 +7,7 @@ import pytest
 from cases import thirds
 from oracles import KAPPA_G
 
-from nasm import circles, periodic
+from nasm import circles, farey, periodic
 from nasm.circles import continuation
 from nasm.numbers import NAMES, RotationNumber, convergents, parse
 from nasm.results import Status
@@ -85,6 +85,24 @@ def test_breakups_for_tails_that_are_not_golden_have_adequate_errors(tail):
             assert abs(result.value - judge.value) <= result.error + judge.error
             compared += 1
     assert compared >= 3
+
+
+# Where these circles pass resonances, 1.0% to 2.7% below the breakup, their norms grow as if they
+# broke there. Earlier values were wrong by up to 130 times their errors.
+RESONANT = [("[1;(5)]", (0.15216, 0.98836)), ("2gamma+1", (0.70707, 0.70715))]
+RESONANT += [("[0;(8,2)]", (0.91325, 0.40739))]
+
+
+@pytest.mark.parametrize(("name", "profile"), RESONANT)
+def test_resonances_below_the_breakup_are_not_mistaken_for_it(name, profile):
+    judge = periodic.critical_scale(name, profile)
+    result = continuation.critical_scale(name, profile, 1e-4)
+    assert judge.status is Status.OK
+    assert not abs(result.value - judge.value) > result.error + judge.error
+    certified, _ = continuation.certified_circle(name, profile, judge.value, 1e-2)
+    assert certified > 0.9899 * judge.value
+    assert farey.circle_exists(name, certified * np.array(profile))
+    assert not farey.circle_exists(name, 1.01 * judge.value * np.array(profile))
 
 
 # In some of these cases, the path of circles ends before it reaches the tail of ω, or the scale of

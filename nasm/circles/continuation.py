@@ -62,6 +62,9 @@ class ContinuationSettings:
     modes : float
         Number of modes that resolve a circle, multiplied by its relative distance from the breakup.
         Of 46 certifications, five failed when it was 3.5, and none when it was 4.5.
+    two_scale_error : float
+        Error assigned to s_c if it is extrapolated from two scales, divided by the distance from
+        s_c to the last circle; the largest ratio observed was 2.3.
     error_without_delta : float
         Minimum error of s_c if δ is unknown, divided by the distance from s_c to the last circle.
     max_depth_ratio : float
@@ -81,6 +84,7 @@ class ContinuationSettings:
     max_points: int = 16384
     max_rounds: int = 50
     modes: float = 5
+    two_scale_error: float = 3
     error_without_delta: float = 0.2
     max_depth_ratio: float = 4
     newton: NewtonSettings = DEFAULT_NEWTON_SETTINGS
@@ -133,10 +137,9 @@ def critical_scale(
     -----
     The error is the spread of the last estimates plus their last change, or the change due to the
     third scale, whichever is larger. Near a forcing of shorter period the error includes the depth
-    of the boundary's cusp there, until the circles resolve the cusp. If M has not yet grown by a
-    factor of Λ², two scales yield the value, and the error is the sum of their distances from it.
-    If δ is unknown for the tail of ω, the error is at least a fifth of the distance from the last
-    circle to the value.
+    of the boundary's cusp there, until the circles resolve the cusp. The error is three times the
+    distance from the last circle to the value if M has not yet grown by a factor of Λ², and at
+    least a fifth of that distance if δ is unknown for the tail of ω.
 
     Examples
     --------
@@ -163,11 +166,12 @@ def critical_scale(
     if not error < value:
         status = Status.NOT_CONVERGED if status is Status.OK else status
         return CriticalScale(nan, nan, lower, nan, omega, status, METHOD)
-    # If the ray passes close to another sheet of the boundary, circles appear to break there.
-    # With one or two kicks there is only one sheet. Test as far beyond the breakup as the last
-    # circle is before it.
+    # If the ray passes close to another sheet of the boundary, or the circle close to a resonance,
+    # norms grow as if the circle broke there. Test as far beyond the breakup as the last circle is
+    # before it. Golden circles under one or two kicks need no test: there is only one sheet.
     beyond = value + max(2 * error, value - path[-1][0])
-    if short.size > 2 and circle_exists(short_omega, beyond * short):
+    is_safe = short.size <= 2 and omega.tail == (1,)
+    if not is_safe and circle_exists(short_omega, beyond * short):
         return CriticalScale(nan, nan, lower, nan, omega, Status.UNDECIDED, METHOD)
     return CriticalScale(value, error, lower, nan, omega, Status.OK, METHOD)
 
@@ -326,7 +330,7 @@ def _continue(omega, profile, tol, settings):
         scales, log_m = np.array([scale for scale, _ in path[1:]]), np.array(logarithms)
         estimate, own_error = _estimate(omega, scales, log_m, growth, delta, settings)
         if own_error == inf and value > last_scale:  # keep the previous estimate
-            error, estimates = max(error, (1 + delta) * (value - last_scale)), []
+            error, estimates = max(error, settings.two_scale_error * (value - last_scale)), []
         else:
             value, error = estimate, own_error
         distance = (
@@ -368,7 +372,7 @@ def _estimate(omega, scales, log_m, growth, delta, settings):
         return nan, inf
     distance = value - scales[-1]
     if order == 1:
-        return value, (1 + delta) * distance
+        return value, settings.two_scale_error * distance
     error = abs(value - lower_order)
     if omega.tail not in UNSTABLE_EIGENVALUES:
         error = max(error, settings.error_without_delta * distance)

@@ -40,7 +40,7 @@ from pipeline.cubes.cube import (
     coordinate,
 )
 from pipeline.cubes.escape import SECONDS_PER_KICK
-from pipeline.cubes.warm_up import load_orbits
+from pipeline.cubes.warm_up import in_own_order, load_orbits
 
 _SCALES = {  # variable: field of CriticalScale, long_name
     "critical_scale": ("value", "scale of the breakup, best estimate"),
@@ -354,9 +354,11 @@ def _job(
 
 def _load(coords: Coords, settings: Settings) -> None:
     """Compile the kernels of a method by running it with minimal effort."""
-    if settings["method"] != escape.METHOD:
-        load_orbits()
-    _compute(coords, settings)
+    minimal = partial(_compute, coords, settings)
+    if settings["method"] == escape.METHOD:
+        minimal()
+    else:
+        in_own_order(load_orbits, minimal)
 
 
 def _distinct_rays(plane: Plane, method: str, angles: FloatArray) -> tuple[FloatArray, IntArray]:
