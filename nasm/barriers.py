@@ -103,8 +103,7 @@ class Effort:
         Relative distance, below a scale without circles, within which the last breakup is sought.
     orbit_period, last_period : int
         Longest periods of the orbits used for a leap and for the final value; their residues
-        yield nine and eleven digits, respectively. The search of the tree ends at neighbours with
-        periods longer than `orbit_period`.
+        yield nine and eleven digits, respectively.
     cusp_period : int
         Longest period of the orbits that determine the final value if periods up to `last_period`
         are not precise enough, as happens close to a cusp. It also limits the period of the orbits
@@ -303,11 +302,17 @@ class _Tree:
         self.eliminated_scale = inf  # a scale at which converse KAM has eliminated all starts
 
     def ask(self, scale):
-        """Return (circle or None, nobles, period) from `find_existing_circle` at this scale."""
+        """Return (circle or None, nobles, period) from `find_existing_circle` at this scale.
+
+        If the time ends before the search does, return (None, [], 1), and record no answer.
+        """
         if scale not in self.answers:
-            kappa = self.segment.at(scale)
-            deepest, settings = self.effort.orbit_period, self.effort.tree
-            self.answers[scale] = find_existing_circle(kappa, deepest, settings)
+            kappa, settings = self.segment.at(scale), self.effort.tree
+            try:
+                found = find_existing_circle(kappa, settings=settings, until=self.end(1))
+            except TimeoutError:
+                return None, [], 1
+            self.answers[scale] = found
         return self.answers[scale]
 
     def shows(self, omega, scale, longest=LONGEST_PERIOD):
@@ -319,12 +324,14 @@ class _Tree:
 
         If there is no such scale yet, try higher ones; return inf if the budget is spent first.
         """
-        excluded = (s for s, (omega, *_) in self.answers.items() if omega is None and s > above)
-        scale = min(excluded, default=inf)
-        while scale == inf and not self.is_search_over():
-            above += self.segment.length(above, 1 / self.effort.first_steps)
-            scale = above if self.ask(above)[0] is None else inf
-        return scale
+        next_scale = above
+        while True:
+            excluded = (s for s, (omega, *_) in self.answers.items() if omega is None and s > above)
+            scale = min(excluded, default=inf)
+            if scale < inf or self.is_search_over():
+                return scale
+            next_scale += self.segment.length(next_scale, 1 / self.effort.first_steps)
+            self.ask(next_scale)
 
     def end(self, share):
         """Return the `time.thread_time` at which this fraction of the CPU time will be spent."""
@@ -471,12 +478,15 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
             above = breakup.value + segment.length(outside, effort.share_above * tol)
             scale = min(above, outside)
         circle, nobles_there, period_there = tree.ask(scale)
+        if scale not in tree.answers:  # time has run out
+            break
         if circle is not None:
             inside, omega, unasked = scale, circle, circle
             continue
         outside, nobles, period = scale, nobles_there, period_there
         if breakup:
-            return _with_rivals(tree, tol, breakup, inside, outside, nobles)
+            final = _with_rivals(tree, tol, breakup, inside, outside, nobles)
+            return final or _Bracket(inside, outside, omega)
     return _Bracket(inside, outside, omega)
 
 
@@ -505,9 +515,14 @@ def _breakup(tree, tol, omega, inside, outside):
 
 
 def _with_rivals(tree, tol, breakup, inside, outside, nobles):
-    """Return the _Bracket of a breakup, or of the later breakup of a rival, below `outside`."""
+    """Return the _Bracket of a breakup, or of the later breakup of a rival, below `outside`.
+
+    Return None if the time ends before all rivals have been tested.
+    """
     segment, longest = tree.segment, tree.effort.tree.longest_ratio * LONGEST_PERIOD
     for omega in nobles:
+        if thread_time() > tree.end(1):
+            return None
         distance = segment.length(outside, tree.effort.step / longest)
         just_above = min(breakup.value + distance, outside)
         if omega != breakup.omega and tree.shows(omega, just_above):

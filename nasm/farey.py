@@ -23,6 +23,7 @@ from heapq import heappop, heappush
 from itertools import count as counter
 from itertools import islice, pairwise
 from math import inf, log, nan
+from time import thread_time
 from typing import NamedTuple
 
 from numpy.typing import ArrayLike
@@ -120,7 +121,10 @@ class _Node(NamedTuple):
 
 
 def find_existing_circle(
-    kappa: ArrayLike, deepest: int = 1000, settings: TreeSettings = DEFAULT_SETTINGS
+    kappa: ArrayLike,
+    deepest: int = 1000,
+    settings: TreeSettings = DEFAULT_SETTINGS,
+    until: float = inf,
 ) -> tuple[RotationNumber | None, list[RotationNumber], int]:
     """Search the Farey tree for a circle that exists under a forcing.
 
@@ -133,6 +137,8 @@ def find_existing_circle(
         not continue between them; instead, `circle_exists` tests the noble between them.
     settings : TreeSettings
         Which residues exclude circles, and how far the tree is searched.
+    until : float
+        The `time.thread_time` at which the search is given up.
 
     Returns
     -------
@@ -147,6 +153,11 @@ def find_existing_circle(
     period : int
         The longest period used. Excluding a circle that breaks at a relative distance δ below the
         forcing takes periods of order 1/δ.
+
+    Raises
+    ------
+    TimeoutError
+        If the search has not ended by `until`.
 
     Examples
     --------
@@ -172,6 +183,7 @@ def find_existing_circle(
     for _ in range(settings.max_mediants):
         if not heap:
             break
+        _check_time(until)
         _, _, left, right = heappop(heap)
         if max(left.q, right.q) > deepest:
             left_over += [(omega, (left, right)) for omega in _nobles(kappa, left, right)]
@@ -190,9 +202,18 @@ def find_existing_circle(
     for *_, left, right in heap:  # pairs that the search did not reach
         left_over += [(omega, (left, right)) for omega in _nobles(kappa, left, right)]
     left_over.sort(key=lambda noble: len(noble[0].prefix))
-    existing = (omega for omega, pair in left_over if _exists(omega, kappa, pair, settings))
-    omega = next(existing, None)
+    omega = None
+    for noble, pair in left_over:
+        _check_time(until)
+        if _exists(noble, kappa, pair, settings):
+            omega = noble
+            break
     return omega, [omega for omega, _ in left_over] or _nobles(kappa, *last)[:1], period
+
+
+def _check_time(until):
+    if thread_time() > until:
+        raise TimeoutError("the search of the Farey tree took longer than it was allowed")
 
 
 def _may_enclose_circle(left, right, settings):
