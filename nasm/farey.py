@@ -38,7 +38,7 @@ from nasm.action import (
     joined,
     ordered_orbits,
 )
-from nasm.checks import count
+from nasm.checks import count, real
 from nasm.maps import forcing
 from nasm.numbers import RotationNumber, as_rotation_number, convergents, moebius, parse
 from nasm.symmetries import half_shift_nobles
@@ -169,6 +169,7 @@ def find_existing_circle(
     True
     """
     kappa, deepest = forcing(kappa), count("deepest", deepest, 10, 10**6)
+    until = real("until", until)
     order, left_over, period = counter(), [], 1
     heap: list[tuple[float, int, _Node, _Node]] = []
 
