@@ -132,9 +132,10 @@ def test_with_too_few_circles_a_status_is_returned_but_no_value(
     assert not result.lower >= high
 
 
-# NEAR is close to two forcings of shorter period, so the depths of both cusps matter. The other
-# hard cases are the ones among 240 random rays where, at the finest tolerance, half the spread of
-# the estimates was smaller than the true error, by a factor of up to 1.67.
+# NEAR is close to two forcings of shorter period, so the depths of both cusps matter. At 44.8738°
+# the cusp is so close that only few circles resolve it. The other hard cases are the ones among 240
+# random rays where, at the finest tolerance, half the spread of the estimates was smaller than the
+# true error, by a factor of up to 1.67.
 NEAR = (-1.015869172540561, -1.0154541970028859, -1.015869172540561, -1.0151179126561691)
 ANGLES = np.random.default_rng(1401).uniform(0, 180, 240)
 HARD = [("gamma", NEAR, 1e-4, 0.02), ("gamma", ray(44.8738), 1e-3, 1e-3)]

@@ -251,8 +251,7 @@ def certified_circle(
             break
         path.append((breakup * (1 - d), u))
     # Fewer modes may suffice for the last circle, from which no other is extrapolated, and they
-    # amplify rounding errors less: at a distance of 1.6·10⁻⁵, 32 of 32 circles under two kicks are
-    # certified with three fifths of the modes. Both numbers of modes may lead to the same grid.
+    # amplify rounding errors less. Both numbers of modes may lead to the same grid.
     few, many = grid(0.6 * settings.modes / distance), grid(settings.modes / distance)
     tries = dict.fromkeys([(distance, few), (distance, many), (min(1.2 * distance, 0.5), few)])
     nearest = (

@@ -16,8 +16,7 @@ from nasm import barriers, symmetries
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import Plane, plane_of, two_kicks
 from nasm.results import CriticalScale
-from nasm.symmetries import ray
-from pipeline.cubes.breakdown import job_on_rays, scale_arrays
+from pipeline.cubes.breakdown import job_on_rays, on_rays, scale_arrays
 from pipeline.cubes.cube import (
     NO_MEAN,
     Arrays,
@@ -187,9 +186,7 @@ def unfolded(barrier: xr.Dataset, angles: ArrayLike) -> xr.Dataset:
     circles, scales = images.circle.values, images.critical_scale.values
     partners = map(partial(degenerate_circle, plane), circles, angles, scales)
     tied = text("angle", partners, "rotation number of a circle that breaks at the same scale")
-    table = images.assign_coords(angle=angles_of_rays(angles), tied=tied)
-    for name, direction in zip(plane.axes, ray(angles).T, strict=True):
-        table[name] = table[name].copy(data=table.critical_scale.values * direction)
+    table = on_rays(images.assign_coords(tied=tied), plane, angles)
     table["omega"] = table.omega.copy(data=np.where(shifts, shifts - table.omega, table.omega))
     return table
 

@@ -189,7 +189,20 @@ def folded(
 def unfolded(
     breakups: xr.Dataset, omegas: Sequence[RotationNumber], angles: ArrayLike
 ) -> xr.Dataset:
-    """Return the breakups of all `omegas` on all `angles`, from a cube of the `folded` ones."""
+    """Unfold a cube of the `folded` circles and rays onto all circles and rays.
+
+    Parameters
+    ----------
+    breakups : xr.Dataset
+        The cube.
+    omegas, angles
+        As for `folded`.
+
+    Returns
+    -------
+    xr.Dataset, dims (circle, angle)
+        The variables of the cube, for all `omegas` on all `angles`.
+    """
     plane = plane_of(breakups.attrs)
     rays, shifts = plane.fold(angles)
     rows = [_equivalent(plane, parse(circle)) for circle in breakups.circle.values.tolist()]
@@ -197,7 +210,12 @@ def unfolded(
     at_rays = breakups.load().sel(angle=rays, method="nearest", tolerance=1e-8)
     values = at_rays.drop_vars(["circle", "omega", "angle"])
     images = values.isel(circle=(("circle", "angle"), row), angle=("angle", range(len(rays))))
-    table = images.assign_coords(_circles(omegas) | {"angle": cube.angles_of_rays(angles)})
+    return on_rays(images.assign_coords(_circles(omegas)), plane, angles)
+
+
+def on_rays(images: xr.Dataset, plane: Plane, angles: ArrayLike) -> xr.Dataset:
+    """Return breakups of equivalent rays with the angles, and strengths, of the rays themselves."""
+    table = images.assign_coords(angle=cube.angles_of_rays(angles))
     for name, direction in zip(plane.axes, ray(angles).T, strict=True):
         table[name] = table[name].copy(data=table.critical_scale.values * direction)
     return table
