@@ -465,7 +465,7 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
     _, nobles, period = tree.ask(outside)
     unasked, asked_period = omega, 0  # for leaps: circle to try next, period at the last leap
     while outside - inside > segment.length(outside, tol / 2) and not tree.is_search_over():
-        step = max(effort.step / period, effort.share_above * tol)
+        step = max(effort.step / period, tol / 2)
         scale = outside - segment.length(outside, step)
         if scale <= inside:
             scale = (inside + outside) / 2

@@ -345,8 +345,8 @@ def upper_scale(
         return 0.0, None
     # By the law s/s_c - 1 ≈ C/T, n steps locate the breakup up to ±(C_max - C_min)/2n.
     spread, step = (EXCESS_BOUNDS[1] - EXCESS_BOUNDS[0]) / 2 / size, upper - survived
-    for level in range(int(log(n_max / 30, 4)), -1, -1):
-        n_steps, lower = n_max // 4**level, survived
+    for n_steps in _powers_below(n_max):
+        lower = survived
         while upper - lower > (width := spread / n_steps * np.abs(start + upper * profile).max()):
             if time.thread_time() > until:
                 return upper, None
@@ -358,6 +358,10 @@ def upper_scale(
                 upper, longest, step = scale, trial, 2 * step
         step = width
     return upper, longest
+
+
+def _powers_below(n_max):
+    return [n_max // 4**level for level in range(max(int(log(n_max / 30, 4)), 0), -1, -1)]
 
 
 def _by_strength(kappa, max_sites):
@@ -381,7 +385,10 @@ def _longest_lived(kappa, n_steps, sites, until, settings):
     search = replace(search, width=search.width * factor, final_width=search.final_width * factor)
     for transversal in _transversals(kappa, list(sites), settings.min_gap):
         site = transversal.site
-        (x, y), kicks = _bend_while_surviving(transversal, n_steps, search, until, settings)
+        for n in _powers_below(n_steps):
+            (x, y), kicks = _bend_while_surviving(transversal, n, search, until, settings)
+            if kicks < np.inf:
+                break
         if kicks < np.inf or time.thread_time() > until:
             break
     sites.remove(site)
