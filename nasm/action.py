@@ -778,7 +778,7 @@ def _find_pass(kappa, theta, hop, work, left, right, orbit):
     low, high = left.copy(), right.copy()
     # Weights differ from site to site because the pass may be less symmetric than the minima.
     weights = 0.5 + 0.1 * np.cos(np.arange(left.size) ** 2)
-    u, tolerance = left, 1e-4
+    u, tolerance = left, 1e-2
     while tolerance > 1e-16:
         while np.abs(high - low).max() > tolerance:
             u = low + weights * (high - low)
@@ -801,7 +801,7 @@ def _find_pass(kappa, theta, hop, work, left, right, orbit):
             stiffness, change = _damped_step(kappa, theta, work, path, stiffness)
             if stiffness == 0 and change < 1e-6:
                 break
-        tolerance /= 1000
+        tolerance /= 100
     return np.nan
 
 
