@@ -19,7 +19,8 @@ from workflows.claims.study import judgement, recorded
 from workflows.shared.cli import main_of
 from workflows.shared.judgement import Verdict, agrees, grade
 from workflows.shared.page import formula
-from workflows.shared.run import Run, place_of
+from workflows.shared.places import place_of
+from workflows.shared.run import Run
 
 TESTS = Path(__file__).parent
 

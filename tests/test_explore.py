@@ -37,7 +37,7 @@ from workflows.explore.work import Work
 from workflows.figures.style import circle_style
 from workflows.shared import on_demand, phase_space
 from workflows.shared.orbit_sentences import describe_orbit
-from workflows.shared.run import place_of
+from workflows.shared.places import place_of
 
 
 def escapes(view, row, column, steps):

@@ -36,7 +36,7 @@ def test_a_cube_is_filled_and_then_read_without_workers(here, tmp_path, monkeypa
     def refuse(*_, **__):
         raise AssertionError("workers were started although nothing is missing")
 
-    monkeypatch.setattr("pipeline.sweep.cluster.LocalCluster", refuse)
+    monkeypatch.setattr("distributed.LocalCluster", refuse)
     xr.testing.assert_identical(pipeline.fill(job, str(tmp_path), progress=False), cube)
     assert capsys.readouterr() == ("", "")
 

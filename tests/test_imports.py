@@ -2,6 +2,7 @@
 
 import ast
 import re
+import subprocess
 import sys
 from functools import cache
 from graphlib import TopologicalSorter
@@ -122,6 +123,13 @@ def test_only_nasm_proofs_claims_that_something_is_proved(module):
         line for line in lines if re.search(r"\bprove[sdn]?\b|(?<!no )(?<!not a )\bproof\b", line)
     ]
     assert all("nasm.proofs" in line for line in claims), claims
+
+
+def test_the_explorer_imports_slow_libraries_only_after_its_first_picture():
+    slow = {"dask.array", "distributed", "matplotlib", "scipy.ndimage"}
+    code = f"import sys, workflows.explore.server; print({slow} & sys.modules.keys())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
 
 
 @pytest.mark.parametrize("readme", ["README.md", "nasm/proofs/README.md", "pipeline/README.md"])

@@ -16,6 +16,7 @@ from every_command import PLANE
 from pipeline.cubes.cube import untiled
 from workflows.shared import cli, run
 from workflows.shared.cli import commands, main_of
+from workflows.shared.places import place_of
 
 WRITING = [
     name for name in commands() if "--dry-run" in [each.opts[0] for each in main_of(name).params]
@@ -23,7 +24,7 @@ WRITING = [
 
 
 def started(out, **how):
-    return run.Run(out, run.place_of(out), {}, False, **how)
+    return run.Run(out, place_of(out), {}, False, **how)
 
 
 @contextmanager

@@ -355,11 +355,14 @@ def test_a_user_s_dask_settings_apply_only_to_workers_on_other_machines(client):
         "distributed.nanny.preload": ["nowhere.py"],
     }
     with dask.config.set(theirs):
-        with connect(n_workers=1):
+        with connect(n_workers=1) as start:
+            start()
             seen = {key: dask.config.get(key) for key in theirs}
         assert not {key for key in theirs if seen[key] == theirs[key]}
         assert {key: dask.config.get(key) for key in theirs} == theirs
-        with connect("tcp://127.0.0.1:9"):
+        with connect("tcp://127.0.0.1:9") as start:
+            with pytest.raises(ClusterError, match="no dask scheduler answers"):
+                start()
             assert {key: dask.config.get(key) for key in theirs} == theirs
 
 
@@ -476,8 +479,8 @@ def test_workers_that_are_slow_to_stop_do_not_make_their_work_fail(monkeypatch):
     def slow(*args, **options):
         return SimpleNamespace(close=partial(fail, TimeoutError("of the end")))
 
-    monkeypatch.setattr(cluster, "LocalCluster", slow)
-    monkeypatch.setattr(cluster, "Client", slow)
+    monkeypatch.setattr("distributed.LocalCluster", slow)
+    monkeypatch.setattr("distributed.Client", slow)
 
     def work(outcome):
         with connect(n_workers=1) as client:

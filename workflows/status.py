@@ -37,7 +37,7 @@ def tell(path, state):
 @place_options
 def main(out, store):
     from pipeline.store import status
-    from workflows.shared.run import runs_of
+    from workflows.shared.places import runs_of
 
     damaged = False
     with runs_of(out, store) as runs:

@@ -16,6 +16,7 @@ from nasm import barriers, symmetries
 from nasm.numbers import RotationNumber, moebius, parse
 from nasm.planes import Plane, plane_of, two_kicks
 from nasm.results import CriticalScale
+from nasm.types import FloatArray
 from pipeline.cubes.breakdown import job_on_rays, on_rays, scale_arrays
 from pipeline.cubes.cube import (
     NO_MEAN,
@@ -184,7 +185,7 @@ def unfolded(barrier: xr.Dataset, angles: ArrayLike) -> xr.Dataset:
     images = barrier.sel(angle=folded, method="nearest", tolerance=1e-8)
     images = with_circles(images, shifts.tolist(), "step")
     circles, scales = images.circle.values, images.critical_scale.values
-    partners = map(partial(degenerate_circle, plane), circles, angles, scales)
+    partners = _degenerate_circles(plane, circles, angles, scales)
     tied = text("angle", partners, "rotation number of a circle that breaks at the same scale")
     table = on_rays(images.assign_coords(tied=tied), plane, angles)
     table["omega"] = table.omega.copy(data=np.where(shifts, shifts - table.omega, table.omega))
@@ -243,6 +244,18 @@ def degenerate_circle(plane: Plane, circle: str, angle: float, scale: float) -> 
         if circle
         else ""
     )
+
+
+def _degenerate_circles(
+    plane: Plane, circles: Sequence[str], angles: FloatArray, scales: FloatArray
+) -> list[str]:
+    """Return `degenerate_circle` for many rays; it is called only for the few that can have one."""
+    start, profiles = plane.ray(angles)
+    kappas = start + scales[:, None] * profiles
+    turned = [kappa for turn, kappa in symmetries.equivalent_forcings(kappas) if turn]
+    is_itself = np.any([(kappa == kappas).all(axis=1) for kappa in turned], axis=0)
+    rays = zip(np.broadcast_to(is_itself, scales.shape), circles, angles, scales, strict=True)
+    return [degenerate_circle(plane, *ray) if itself else "" for itself, *ray in rays]
 
 
 def _compute(coords: Coords, settings: Settings) -> Arrays:

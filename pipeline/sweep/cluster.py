@@ -1,6 +1,9 @@
 """Clusters: worker processes on this machine by default, or a running dask scheduler.
 
 A scheduler elsewhere is specified by its address, or by the scheduler file that contains it.
+
+Functions import `distributed` when they are called: its import takes 0.4 s, and the explorer shows
+a picture, and commands read complete cubes, before they need it or without it.
 """
 
 import json
@@ -18,21 +21,19 @@ from functools import cache
 from multiprocessing import resource_tracker
 from pathlib import Path
 from traceback import format_exception_only
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import dask
 from dask.system import CPU_COUNT
-from distributed import Client, LocalCluster, Status
-from distributed.security import Security
 
 from pipeline.store import without_password
 from pipeline.sweep.progress import plural
 
+if TYPE_CHECKING:
+    from distributed import Client
+
 NO_SCHEDULER = "the dask scheduler is gone; run again to resume"
 _QUIET = {
-    # A task is suspect as soon as its worker dies, not after it has killed three more workers;
-    # the sweep reruns each suspect alone. (A scheduler elsewhere has its own limit, by default 3.)
-    "distributed.scheduler.allowed-failures": 0,
     # With dask's defaults, measurements for its dashboard take 4% of the CPU time.
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
@@ -66,7 +67,8 @@ def connect(
     scheduler: str | None = None,
     n_workers: int | None = None,
     tls: Sequence[str] | None = None,
-) -> Iterator[Callable[[], Client]]:
+    allowed_failures: int = 0,
+) -> Iterator[Callable[[], "Client"]]:
     """Yield a function that returns the dask Client; it connects when it is first called.
 
     Parameters
@@ -80,6 +82,10 @@ def connect(
         Number of worker processes to start on this machine, at least 1; by default one per core.
     tls : sequence of str, optional
         The CA, certificate and key files, for a "tls://" address.
+    allowed_failures : int
+        How often a task whose worker died is sent to another worker on this machine. By default it
+        is suspect at once, not after it has killed more workers, and the sweep reruns each suspect
+        alone. (A scheduler elsewhere has its own limit, by default 3.)
 
     Raises
     ------
@@ -106,19 +112,30 @@ def connect(
     # These loggers would write tracebacks when processes end; the sweep prints a sentence instead.
     for name in ("asyncio", "distributed.batched", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    settings = _QUIET
-    if address is None:
-        # The user's configuration files and environment may select forked workers, or set
-        # timeouts, for other clusters. They could make this cluster hang, so use dask's defaults.
-        settings = dask.config.merge(*dask.config.defaults) | _LOCAL | _QUIET
-    with dask.config.set(settings), ExitStack() as stack:
-        connection = _local(n_workers or CPU_COUNT) if address is None else _remote(address, tls)
-        yield cache(lambda: stack.enter_context(connection))
+    own = _QUIET | {"distributed.scheduler.allowed-failures": allowed_failures}
+    with ExitStack() as stack:
+
+        @cache
+        def client() -> "Client":
+            import distributed  # noqa: F401  # it adds its defaults to dask's
+
+            # The user's configuration files and environment may select forked workers, or set
+            # timeouts, for other clusters. They could make workers on this machine hang, so these
+            # use dask's defaults.
+            defaults = dask.config.merge(*dask.config.defaults) | _LOCAL
+            stack.enter_context(dask.config.set(own if address else defaults | own))
+            workers = _remote(address, tls) if address else _local(n_workers or CPU_COUNT)
+            return stack.enter_context(workers)
+
+        yield client
 
 
 @contextmanager
-def _local(n_workers: int) -> Iterator[Client]:
+def _local(n_workers: int) -> Iterator["Client"]:
     """Start workers on this machine, yield the Client, and stop the workers at the end."""
+    from distributed import Client, LocalCluster
+    from distributed.security import Security
+
     _check_machine(n_workers)
     # A Ctrl-C in the terminal reaches all its processes, but is meant for the driver. Workers,
     # including restarted ones, inherit the signal mask of the thread that dask starts here.
@@ -188,7 +205,7 @@ def _reason(error: BaseException) -> str:
     return f"{reason}. If this is a script: {_GUARD}" if is_script else reason
 
 
-def write_credentials(client: Client, folder: str | Path) -> list[str]:
+def write_credentials(client: "Client", folder: str | Path) -> list[str]:
     """Write the TLS files that other processes need to use the client's workers.
 
     Returns
@@ -203,24 +220,31 @@ def write_credentials(client: Client, folder: str | Path) -> list[str]:
     return paths
 
 
-def are_on_this_machine(client: Client) -> bool:
+def are_on_this_machine(client: "Client") -> bool:
     """Return True if the client's workers belong to a LocalCluster of this process.
 
     Workers of any other cluster start when that cluster's queue allows it.
     """
+    from distributed import LocalCluster
+
     return isinstance(client.cluster, LocalCluster)
 
 
-def are_starting(client: Client) -> bool:
+def are_starting(client: "Client") -> bool:
     """Return True if workers of this process are starting; on a busy machine this takes minutes."""
+    from distributed import Status
+
     nannies = client.cluster.workers.values() if are_on_this_machine(client) else ()
     processes = [getattr(n, "process", None) for n in nannies if n.status == Status.running]
     return any(process and process.status != Status.running for process in processes)
 
 
 @contextmanager
-def _remote(address: str, tls: Sequence[str] | None) -> Iterator[Client]:
+def _remote(address: str, tls: Sequence[str] | None) -> Iterator["Client"]:
     """Connect to a running scheduler, and yield the Client."""
+    from distributed import Client
+    from distributed.security import Security
+
     security = tls and Security(require_encryption=True, **dict(zip(_TLS_FILES, tls, strict=True)))
     try:
         client = Client(address, security=security, timeout=5, set_as_default=False)

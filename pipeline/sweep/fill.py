@@ -9,9 +9,9 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from functools import cache, partial
 from os import PathLike
+from typing import TYPE_CHECKING
 
 import xarray as xr
-from distributed import Client
 
 from pipeline import store
 from pipeline.cubes.cube import Job
@@ -19,6 +19,9 @@ from pipeline.store import Place
 from pipeline.sweep.cluster import ClusterError, connect
 from pipeline.sweep.progress import Progress, plural
 from pipeline.sweep.sweep import sweep
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 _MAX_REASONS = 3  # maximum number of failures that a message lists
 
@@ -73,7 +76,7 @@ class Interrupted(KeyboardInterrupt):
 def fill(
     job: Job,
     out: str | PathLike[str],
-    client: Client | None = None,
+    client: "Client | None" = None,
     workers: int | None = None,
     progress: bool = True,
 ) -> xr.Dataset:
@@ -145,7 +148,7 @@ def fill(
 
 
 def compute_missing(
-    client: Callable[[], Client],
+    client: Callable[[], "Client"],
     place: Place,
     job: Job,
     progress: Progress,
@@ -170,7 +173,7 @@ def compute_missing(
     return store.read(place, name)
 
 
-def connected(connection: Callable[[], Client], line: Progress, is_local: bool) -> Client:
+def connected(connection: Callable[[], "Client"], line: Progress, is_local: bool) -> "Client":
     """Connect to the workers; meanwhile, show in the progress line that they are starting."""
     previous = line.name or ""
     line.show("starting workers on this machine" if is_local else "connecting to the workers")
@@ -179,7 +182,7 @@ def connected(connection: Callable[[], Client], line: Progress, is_local: bool) 
     return client
 
 
-def _using(client: Client, workers: int | None) -> nullcontext[Callable[[], Client]]:
+def _using(client: "Client", workers: int | None) -> nullcontext[Callable[[], "Client"]]:
     """Return a context like that of `connect`, but for the user's client; it is not closed."""
     if workers is not None:
         raise ClusterError(f"the client has its own workers; leave workers={workers} out")

@@ -14,7 +14,6 @@ from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, minimum_filter
 
 from nasm.types import BoolArray, FloatArray
 
@@ -105,10 +104,12 @@ def boundary_cells(answers: BoolArray) -> BoolArray:
     answers : ndarray of bool, shape (questions, rows, columns)
         The answer to each question in each cell.
     """
-    size = (1, 3, 3)
-    highest = maximum_filter(answers, size=size, mode="nearest")
-    lowest = minimum_filter(answers, size=size, mode="nearest")
-    return np.any(highest != lowest, axis=0)
+    some = every = np.pad(answers, ((0, 0), (1, 1), (1, 1)), mode="edge")
+    some = some[:, :-2] | some[:, 1:-1] | some[:, 2:]  # in a column of three cells
+    every = every[:, :-2] & every[:, 1:-1] & every[:, 2:]
+    some = some[..., :-2] | some[..., 1:-1] | some[..., 2:]  # in a square of nine
+    every = every[..., :-2] & every[..., 1:-1] & every[..., 2:]
+    return np.any(some & ~every, axis=0)
 
 
 def tiles_at(cells: BoolArray, tile: int) -> Tiles:

@@ -10,12 +10,12 @@ from concurrent.futures import CancelledError
 from math import inf
 from queue import Empty, SimpleQueue
 from time import monotonic
-from typing import Any
-
-from distributed import Client, Future
-from distributed.comm import CommClosedError
+from typing import TYPE_CHECKING, Any
 
 from pipeline.sweep.cluster import NO_SCHEDULER, are_on_this_machine, are_starting
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
 
 _ROLL_CALL = 1  # seconds after which the workers are counted again
 _PATIENCE = 30  # seconds to wait without any worker before giving up
@@ -24,7 +24,7 @@ _FETCHING = 5  # seconds to fetch the result of a call that has ended
 
 
 def as_completed(
-    client: Client,
+    client: "Client",
     next_call: Callable[[], tuple[Any, ...] | None],
     each: int = 2,
     most: float = inf,
@@ -56,6 +56,8 @@ def as_completed(
         five minutes while workers are starting). If the scheduler is on another machine, there
         is no limit, because its workers may have to wait in a batch queue.
     """
+    from distributed.comm import CommClosedError  # see `cluster`
+
     in_flight: dict[Future, Any] = {}
     done: SimpleQueue[Future] = SimpleQueue()
     workers, counted, alive = 0, -inf, monotonic()

@@ -29,11 +29,10 @@ from functools import cache, partial
 from itertools import chain
 from math import ceil, prod
 from traceback import format_exception_only
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import cloudpickle
 import numpy as np
-from distributed import Client, KilledWorker, get_worker
 
 from nasm.types import FloatArray, IntArray
 from pipeline import store
@@ -44,6 +43,9 @@ from pipeline.sweep.cluster import ClusterError
 from pipeline.sweep.grid import tile_coords
 from pipeline.sweep.progress import Progress, plural
 from pipeline.sweep.submit import as_completed
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 COMMIT_SECONDS = 0.003
 """CPU seconds to commit a tile, however cheap the tile is."""
@@ -87,7 +89,7 @@ class Outcome:
 
 
 def sweep(
-    client: Callable[[], Client],
+    client: Callable[[], "Client"],
     place: Place,
     job: Job,
     progress: Progress,
@@ -159,7 +161,7 @@ class _Run:
     array of positions. With a million tiles, there is memory for little else per tile.
     """
 
-    def __init__(self, client: Client, place: Place, job: Job, tiles: IntArray) -> None:
+    def __init__(self, client: "Client", place: Place, job: Job, tiles: IntArray) -> None:
         self.client, self.place, self.job, self.tiles = client, place, job, tiles
         self.committed = 0
         self.failed: dict[tuple[int, ...], str] = {}
@@ -173,6 +175,8 @@ class _Run:
         self, batches: Iterable[IntArray], interrupt: threading.Event, progress: Progress
     ) -> list[int]:
         """Run the batches; return the tiles whose worker died."""
+        from distributed import KilledWorker, get_worker  # see `cluster`
+
         queue, cube = iter(batches), self.job.cube
         suspects: list[int] = []
         function = partial(
@@ -259,6 +263,8 @@ def _compute_batch(
 
     parcel : pickled [(index, coords)].
     """
+    from distributed import get_worker
+
     if complaint := _complaint(place, name, config_hash, code, computed_by):
         return get_worker().address, complaint
     _call_once(warm_up)

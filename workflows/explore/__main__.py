@@ -30,7 +30,7 @@ def main(plane, port, no_browser, out, **cluster):
         raise click.ClickException(message) from None
     click.echo("loading", err=True)
     from workflows.explore.server import serve
-    from workflows.shared.run import place_of, usage_errors
+    from workflows.shared.places import place_of, usage_errors
 
     cluster["n_workers"] = cluster.pop("workers")
     place = place_of(out)

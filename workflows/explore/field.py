@@ -52,7 +52,7 @@ class Field:
 
     a: np.ndarray  # centres of cells, equally spaced
     b: np.ndarray
-    times: object  # array or DataArray (b, a); inf: no escape within `steps`, NaN: not known
+    times: np.ndarray  # (b, a); inf: no escape within `steps`, NaN: not known
     steps: int
     cells: int = 1  # cells that share a value, along each side
     stays: float = 1.1  # cells up to this size, in pixels of a view, are not recomputed
@@ -64,7 +64,7 @@ class Field:
         Times are NaN where they are not known.
         """
         column, row = map(_cells, (self.a, self.b), view.centres())
-        part = self.times[: row.max() + 1, : column.max() + 1]  # this reads from disk
+        part = self.times[: row.max() + 1, : column.max() + 1]
         times = np.pad(part, (0, 1), constant_values=np.nan)[np.ix_(row, column)]
         times[np.isinf(times) & (self.steps < steps)] = np.nan
         cell = max((self.a[1] - self.a[0], self.b[1] - self.b[0]) / view.pixel)

@@ -5,11 +5,9 @@ from html import escape
 from math import inf, isfinite
 
 import numpy as np
-import xarray as xr
 from bokeh import models
 from bokeh.events import MouseLeave, MouseMove, Pan, PanEnd, Tap
 from bokeh.palettes import Magma256
-from matplotlib.colors import to_hex
 
 from nasm.numbers import NAMES
 from nasm.planes import plane_of
@@ -19,8 +17,8 @@ from pipeline.cubes.barrier import unfolded
 from workflows.explore import rays, widgets
 from workflows.explore.field import BLOCKS, Field, View, computed, precision_of
 from workflows.explore.state import LINES
+from workflows.figures.colours import INSIDE, NO_ESCAPE, hexadecimal
 from workflows.figures.planes import symbols
-from workflows.figures.style import INSIDE, NO_ESCAPE
 from workflows.shared.tables import dataset
 from workflows.shared.verdict_sentences import scale_text
 
@@ -32,7 +30,8 @@ _MAX_CELL_PIXELS = 3  # cells in OUT up to this size are not recomputed
 _MIN_EXCESS = 1e-3  # smallest relative distance from the boundary that is resolved between rays
 _ON_BOUNDARY = "on the boundary, or very close to it"
 _COLOURS = Magma256[:232]  # without the lightest colours, which resemble the greys
-_GREYS = ["white", to_hex(INSIDE), to_hex(NO_ESCAPE)]  # unknown, inside the boundary, outside
+# Unknown, inside the boundary, outside.
+_GREYS = ["white", hexadecimal(INSIDE), hexadecimal(NO_ESCAPE)]
 _GREY_MEANINGS = {"inside": "a circle exists", "outside": "no circle, but no escape within N"}
 _HALO = {"line_color": "white", "line_width": 5}
 _CROSS = {"size": 16, "marker": "marker", "angle": "angle", "fill_alpha": 0}
@@ -79,14 +78,20 @@ class PlanePanel:
         state.datasets |= {"escape": self._escapes, "boundary": shared.rays.table}
         self._mark()
         work.progress("view", "")
-        self.lanes["cubes"].submit(_cubes, shared.place, state.plane, done=self._opened)
+        self.lanes["cubes"].submit(self._open, done=self._opened)
+
+    def _open(self):
+        """Yield the cubes in OUT; see `_cubes`."""
+        try:
+            yield from _cubes(self.shared.place, self.state.plane)
+        finally:
+            self.shared.opened.set()
 
     def _opened(self, result):
-        """Show the cubes in OUT, and compute the rest."""
-        self.cubes, barrier = result
-        if barrier is not None:
-            angles = np.unique(self.state.plane.unfold(barrier.angle.values))
-            self.shared.rays.add(unfolded(barrier, angles))
+        """Show cubes in OUT, and compute the rest."""
+        self.cubes, boundary = result
+        if boundary is not None:
+            self.shared.rays.add(boundary)
             self._show_boundary()
         self._refresh()
 
@@ -270,13 +275,18 @@ def _view(plot):
 
 
 def _cubes(place, plane):
-    """Yield the cubes in OUT that belong to this plane: a list of Fields, and the barrier or None.
+    """Yield the cubes in OUT that belong to this plane: a list of Fields, and the boundary.
 
-    If OUT is refused, yield no cubes, so that the page computes everything; then raise the error
-    that states the reason.
+    The fields are yielded at once with None, then with the boundary if there is one. If OUT is
+    refused, yield no cubes, so that the page computes everything; then raise the error that states
+    the reason.
     """
     try:
-        yield _fields(place, plane)
+        cubes = _of_plane(place, plane)
+        yield (fields := _fields(cubes, plane)), None
+        if "barrier" in cubes:
+            angles = np.unique(plane.unfold(cubes["barrier"].angle.values))
+            yield fields, unfolded(cubes["barrier"].load(), angles)
     except store.Refused:
         yield [], None
         raise
@@ -285,24 +295,29 @@ def _cubes(place, plane):
         raise store.Refused(f"{place} contains cubes from another program: {error!r}") from None
 
 
-def _fields(place, plane):
+def _of_plane(place, plane):
+    """Return {name: cube} of the cubes in OUT, as far as they belong to this plane."""
     try:
         names = store.names(place)
     except store.Refused:  # there is no such directory
-        return [], None
+        return {}
     cubes = {name: store.read(place, name) for name in ("escape", "barrier") if name in names}
-    cubes = {name: cube for name, cube in cubes.items() if plane_of(cube.attrs) == plane}
-    fields = []
-    if "escape" in cubes:
-        times = cubes["escape"].escape_time.isel(ensemble=-1)
-        axes = [times[name].values for name in plane.axes]
-        steps = int(cubes["escape"].attrs["n_max"])
-        level = cubes["escape"].get("level", xr.zeros_like(times))
-        # Escape times vary irregularly from cell to cell, so coarse cells are only a preview.
-        own = times.where((level == level.max()) | np.isinf(times))
-        fields.append(Field(*axes, own, steps, stays=_MAX_CELL_PIXELS))
-        fields.append(Field(*axes, times, steps, 2 ** int(level.max())))
-    return fields, cubes["barrier"].load() if "barrier" in cubes else None
+    return {name: cube for name, cube in cubes.items() if plane_of(cube.attrs) == plane}
+
+
+def _fields(cubes, plane):
+    """Return the Fields of the cube of escape times, if there is one."""
+    if "escape" not in cubes:
+        return []
+    cube = cubes["escape"]
+    # As arrays, because xarray imports dask.array, in 0.3 s, before it indexes a variable.
+    times = cube.escape_time.values[-1]
+    level = cube.level.values if "level" in cube else np.zeros(times.shape)
+    axes, steps = [cube[name].values for name in plane.axes], int(cube.attrs["n_max"])
+    # Escape times vary irregularly from cell to cell, so coarse cells are only a preview.
+    own = np.where((level == level.max()) | np.isinf(times), times, np.nan)
+    preview = Field(*axes, times, steps, 2 ** int(level.max()))
+    return [Field(*axes, own, steps, stays=_MAX_CELL_PIXELS), preview]
 
 
 def _legend(colours):

@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 from bokeh import models
 from bokeh.events import Tap
+from bokeh.palettes import Viridis256
 from bokeh.plotting import figure
 
 from nasm import orbits, survivors, symmetries
@@ -13,8 +14,8 @@ from nasm.numbers import distinct_convergents
 from nasm.verdicts import Answer
 from workflows.explore import widgets
 from workflows.explore.state import ORBITS, fraction_of, orbits_of, orbits_text
-from workflows.figures.phase_space import CHAOTIC, COLOURS, ends, places
-from workflows.figures.style import VERMILION
+from workflows.figures.colours import CHAOTIC, LIGHTEST, N_OF_OMEGA, VERMILION
+from workflows.figures.phase_space import ends, places
 from workflows.shared.on_demand import MANIFOLDS, resonance, spreading
 from workflows.shared.orbit_sentences import describe_orbit, describe_residue
 from workflows.shared.phase_space import in_box, periodic_orbits, portraits
@@ -33,6 +34,7 @@ _BAR = "ω, rotation number per step; grey: chaotic"
 _LOBES = "#E69F00", "#56B4E9"  # also the colours of the unstable and the stable manifold
 _TICKS = ".bk-input-group { flex-wrap: wrap } label { margin-right: 1em }"
 _GREY = "#888888"
+_COLOURS = [Viridis256[int(256 * share)] for share in np.linspace(0, LIGHTEST, N_OF_OMEGA)]
 _SYMMETRY = "symmetry", "second symmetry"
 _LOBE = {"xs": "x", "ys": "y", "fill_color": "fill", "fill_alpha": 0.6, "line_color": None}
 _DOT = {"size": 4, "line_color": "white", "line_width": 0.5, "fill_color": "black"}
@@ -201,10 +203,10 @@ def _figure(state):
     plot = widgets.picture(state, "xy", ("x (turns)", "y (mod 1)"), **options)
     blank = _image(np.zeros((1, 1), np.uint8), *_box(plot))
     image = models.ColumnDataSource(blank, name="orbits")
-    palette = ["#00000000", CHAOTIC, *COLOURS]  # colours of the byte values
+    palette = ["#00000000", CHAOTIC, *_COLOURS]  # colours of the byte values
     mapper = models.LinearColorMapper(palette, low=-0.5, high=255.5, name="omega")
     plot.image("pixels", "x", "y", "w", "h", source=image, color_mapper=mapper)
-    shades = models.LinearColorMapper(COLOURS, low=0, high=1, name="omega")
+    shades = models.LinearColorMapper(_COLOURS, low=0, high=1, name="omega")
     return plot, widgets.add_bar(plot, shades, _BAR), image
 
 

@@ -17,7 +17,7 @@ from pipeline.cubes.breakdown import by_residue
 from pipeline.cubes.cube import angles_of_rays
 from pipeline.sweep.progress import plural
 from workflows.explore.work import spread
-from workflows.figures.style import circle_class, circle_style, longest_arcs
+from workflows.figures.colours import circle_class, circle_style, longest_arcs
 from workflows.shared.tables import columns, dataset
 
 _SPACING = 2.0  # degrees between rays, in a view that contains the origin

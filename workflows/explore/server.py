@@ -20,7 +20,6 @@ from pathlib import Path
 from threading import Event, Lock, Thread
 
 import click
-import dask
 from bokeh.application import Application
 from bokeh.application.handlers import FunctionHandler
 from bokeh.server.server import BaseServer
@@ -47,6 +46,7 @@ _OF_THE_TERMINAL = "browsh", "carbonyl", "elinks", "links", "links2", "lynx", "w
 _LIFETIME = 10_000  # ms for which an unconnected page is kept; creating one takes a few ms
 _SLOWEST = 20  # seconds allowed for a request, and until the next one on the same connection
 _BODY = 1000  # maximum bytes in the body of a request; the page sends none
+_HEAD_START = 3  # seconds that the workers wait for the first picture, at most
 _GRACE, _CLOSING = 10, 60  # seconds for the event loop to stop, and for the workers to end
 _POLICY = (  # Bokeh evaluates strings as code; its page and ours have inline scripts and styles
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
@@ -69,6 +69,7 @@ class Shared:
     rays : Rays, the boundary computed so far.
     fields : {(View, N): Field}, the complete fields, the newest last.
     client : function that waits for the connection and returns the dask Client.
+    opened : Event, set when a page has been sent the cubes in OUT.
     connected : Event, set when the workers have started, or failed to start.
     loaded : for "portrait" and "verdict", an Event, set when the kernels have loaded or failed
     to load.
@@ -77,7 +78,8 @@ class Shared:
 
     def __init__(self, plane, place, client):
         self.plane, self.place, self._client = plane, place, client
-        self.rays, self.fields, self.connected = Rays(plane), {}, Event()
+        self.rays, self.fields = Rays(plane), {}
+        self.opened, self.connected = Event(), Event()
         self.loaded, self._lock = {name: Event() for name in _WARM_UPS}, Lock()
         self.preparing = "starting the workers"
 
@@ -97,8 +99,9 @@ class Shared:
         """Start the workers and load the kernels; `serve` calls this in a thread.
 
         The kernels are compiled in a worker, so that this process can meanwhile show the
-        cubes in OUT.
+        cubes in OUT. Workers that start earlier would delay this first picture.
         """
+        self.opened.wait(_HEAD_START)
         try:
             client = self._connected()
             self.connected.set()
@@ -148,9 +151,7 @@ def serve(plane, place, port, opens, cluster):
     except OSError as error:
         message = f"port {port}: {error.strerror} (another explorer?); choose another, or 0 for any"
         raise click.BadParameter(message, param_hint="--port") from None
-    # A call whose worker is lost is sent again, at most twice.
-    again = {"distributed.scheduler.allowed-failures": 2}
-    with connect(**cluster) as client, dask.config.set(again):
+    with connect(**cluster, allowed_failures=2) as client:
         shared = Shared(plane, place, client)
         server = server_of(shared, sockets, port)
         _stop_at_signals(loop := server.io_loop)
@@ -200,6 +201,7 @@ def _open(url):
 
 def server_of(shared, sockets, port):
     """Return the server of the page, for the event loop of this thread."""
+    settings.perform_document_validation = False  # 0.1 s for each tab
     settings.allowed_ws_origin = ["*"]  # regardless of the environment; `_Ours` checks the origin
     web = _Web(
         Application(FunctionHandler(partial(fill, shared=shared))),

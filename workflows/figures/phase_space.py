@@ -1,15 +1,8 @@
 """Orbits in phase space, coloured by rotation number, for `ask` and the explorer."""
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.colors import ListedColormap, to_hex
 
-from workflows.figures.style import in_column
-
-CHAOTIC = "#b3b3b3"
-COLOURS = [to_hex(colour) for colour in colormaps["viridis"](np.linspace(0, 0.93, 254))]
-"""Colours of ω from lowest to highest: perceptually uniform, safe for colour-blind readers, and
-never as pale as the page."""
+from workflows.figures.colours import CHAOTIC, LIGHTEST, N_OF_OMEGA
 
 _SURVIVORS = 48  # maximum number of points drawn for the longest-lived start
 
@@ -27,19 +20,25 @@ def ends(orbits):
 
 
 def places(orbits):
-    """Return the colour of each orbit as an index into COLOURS, -1 if the orbit is chaotic."""
+    """Return the colour of each orbit, from 0 to N_OF_OMEGA - 1, or -1 if the orbit is chaotic."""
     low, high = ends(orbits)
-    share = (orbits.near.values - low) / (high - low) * (len(COLOURS) - 1)
+    share = (orbits.near.values - low) / (high - low) * (N_OF_OMEGA - 1)
     return np.where(np.isfinite(share), np.rint(np.nan_to_num(share)), -1).astype(int)
 
 
 def draw_orbits(axes, orbits):
     """Draw the points of the orbits, chaotic ones in grey behind the others, and a colour bar."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap, to_hex
+
+    from workflows.figures.style import in_column
+
+    shades = [*map(to_hex, colormaps["viridis"](np.linspace(0, LIGHTEST, N_OF_OMEGA)))]
     omega = orbits.near.values[orbits.which.values]
     order = np.argsort(np.isfinite(omega), kind="stable")
     (low, high), size = ends(orbits), 0.6 if in_column() else 1.2
     look = {"vmin": low, "vmax": high, "plotnonfinite": True, "rasterized": True, "linewidths": 0}
-    look |= {"marker": ".", "cmap": ListedColormap(COLOURS).with_extremes(bad=CHAOTIC)}
+    look |= {"marker": ".", "cmap": ListedColormap(shades).with_extremes(bad=CHAOTIC)}
     x, y = orbits.x.values[order], orbits.y.values[order]
     scale = axes.scatter(x, y, size**2, omega[order], **look)
     label = rf"$\omega$ of the orbit, in $[0, {len(orbits.attrs['kappa']) / 2:g}]$; grey: chaotic"
@@ -52,6 +51,8 @@ def draw_survivor(axes, x, y, **style):
 
     x, y : coordinates of the orbit's points, in any order.
     """
+    from workflows.figures.style import in_column
+
     spread = np.argsort(x % 1)[:: 1 + x.size // _SURVIVORS]
     size = 2.5 if in_column() else 4
     dots = {"ls": "", "marker": "o", "ms": size, "mfc": "black", "mec": "white", "mew": 0.5}

@@ -3,7 +3,7 @@
 import numpy as np
 
 from nasm.planes import plane_of, two_kicks
-from workflows.figures.style import INSIDE
+from workflows.figures.colours import INSIDE
 
 # Symbols of the axes of the paper's planes, in TeX and in plain text.
 _SYMBOLS = {

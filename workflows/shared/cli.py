@@ -585,7 +585,8 @@ def writes(function: Callable[..., Any]) -> Any:
         store, workers, scheduler, tls = (options.pop(name, None) for name in sweep_options)
         if not (dry_run or quiet):
             click.echo(f"loading; results go to {out}", err=True)  # the imports take seconds
-        from workflows.shared.run import Run, place_of
+        from workflows.shared.places import place_of
+        from workflows.shared.run import Run
 
         announce_kernels(quiet)
         cluster = {"n_workers": workers, "scheduler": scheduler, "tls": tls}

@@ -61,7 +61,7 @@ def examine(path, place, repair, proofs, longest):
 )
 @place_options
 def main(out, store, repair, proofs, max_cpu_seconds):
-    from workflows.shared.run import runs_of
+    from workflows.shared.places import runs_of
 
     if proofs:
         from nasm.proofs.barrier import need_flint
