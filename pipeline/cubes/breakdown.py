@@ -206,7 +206,11 @@ def unfolded(
     plane = plane_of(breakups.attrs)
     rays, shifts = plane.fold(angles)
     rows = [_equivalent(plane, parse(circle)) for circle in breakups.circle.values.tolist()]
-    row = [[rows.index(_equivalent(plane, moebius(o, 1, n))) for n in shifts] for o in omegas]
+    row_of = {  # of each of the few shifts, in the order of `omegas`
+        shift: [rows.index(_equivalent(plane, moebius(omega, 1, shift))) for omega in omegas]
+        for shift in {*shifts.tolist()}
+    }
+    row = np.transpose([row_of[shift] for shift in shifts.tolist()])
     at_rays = breakups.load().sel(angle=rays, method="nearest", tolerance=1e-8)
     values = at_rays.drop_vars(["circle", "omega", "angle"])
     images = values.isel(circle=(("circle", "angle"), row), angle=("angle", range(len(rays))))

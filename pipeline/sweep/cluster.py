@@ -39,17 +39,19 @@ _QUIET = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
 }
-_LOCAL = {
+_PRELOAD = "distributed.worker.preload"
+_LOCAL: dict[str, Any] = {
     # By default, dask gives up on a worker that takes 15 s to restart, as happens at a load of 20.
     "distributed.deploy.lost-worker-timeout": "300s",
     # Nothing is served to browsers, because any web page or user on this machine could read it.
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
-    "distributed.worker.preload": [
+    _PRELOAD: [
         # This affects only threads that start later, so it must run before the worker starts any.
         "from nasm.arithmetic.memory import keep_freed_memory; keep_freed_memory()",
     ],
 }
+_WITHOUT_SCIPY = "from nasm.arithmetic.kernels import begin_without_scipy; begin_without_scipy()"
 _TLS_FILES = "tls_ca_file", "tls_client_cert", "tls_client_key"
 _ADDRESS = re.compile(r"(tcp|tls)://[^/@\s]+:\d+")
 _FILE_PATIENCE = 10  # seconds to wait for the scheduler file to appear
@@ -68,6 +70,7 @@ def connect(
     n_workers: int | None = None,
     tls: Sequence[str] | None = None,
     allowed_failures: int = 0,
+    without_scipy: bool = False,
 ) -> Iterator[Callable[[], "Client"]]:
     """Yield a function that returns the dask Client; it connects when it is first called.
 
@@ -86,6 +89,9 @@ def connect(
         How often a task whose worker died is sent to another worker on this machine. By default it
         is suspect at once, not after it has killed more workers, and the sweep reruns each suspect
         alone. (A scheduler elsewhere has its own limit, by default 3.)
+    without_scipy : bool
+        True if workers on this machine will run no functions but this package's own. They then call
+        `nasm.arithmetic.kernels.begin_without_scipy`, which saves each 0.4 CPU seconds.
 
     Raises
     ------
@@ -123,6 +129,8 @@ def connect(
             # timeouts, for other clusters. They could make workers on this machine hang, so these
             # use dask's defaults.
             defaults = dask.config.merge(*dask.config.defaults) | _LOCAL
+            if without_scipy:
+                defaults[_PRELOAD] = [*_LOCAL[_PRELOAD], _WITHOUT_SCIPY]
             stack.enter_context(dask.config.set(own if address else defaults | own))
             workers = _remote(address, tls) if address else _local(n_workers or CPU_COUNT)
             return stack.enter_context(workers)

@@ -151,7 +151,7 @@ def serve(plane, place, port, opens, cluster):
     except OSError as error:
         message = f"port {port}: {error.strerror} (another explorer?); choose another, or 0 for any"
         raise click.BadParameter(message, param_hint="--port") from None
-    with connect(**cluster, allowed_failures=2) as client:
+    with connect(**cluster, allowed_failures=2, without_scipy=True) as client:
         shared = Shared(plane, place, client)
         server = server_of(shared, sockets, port)
         _stop_at_signals(loop := server.io_loop)

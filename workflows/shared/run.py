@@ -152,7 +152,8 @@ class Run:
                 self.check(job.cube, job.code.computed_by)
             for job, wanted in [*((job, None) for job in jobs), *later]:
                 self.plan[job.cube.name] = estimate(job, self.place, wanted)
-            with connect(**self.cluster) as client, self.driving(*studies, drawing=drawing):
+            workers = connect(**self.cluster, without_scipy=True)
+            with workers as client, self.driving(*studies, drawing=drawing):
                 is_local = self.cluster.get("scheduler") is None
                 self.client = cache(partial(connected, client, self.line, is_local))
                 yield self
@@ -327,6 +328,7 @@ def shared_workers(
     if scheduler is not None:
         yield ["--scheduler", scheduler, *(["--tls", *tls] if tls else [])]
         return
-    with connect(n_workers=n_workers) as client, TemporaryDirectory() as folder:
+    workers = connect(n_workers=n_workers, without_scipy=True)
+    with workers as client, TemporaryDirectory() as folder:
         files = write_credentials(client(), folder)
         yield ["--scheduler", client().scheduler.address, "--tls", *files]
