@@ -6,7 +6,7 @@ of circles from zero strength to their breakup, as in the paper, and Greene's re
 accurate and does not need to start at zero strength. Where continuation does not reach the
 tolerance, the residue is used, and the two methods are not compared there.
 
-Writes three cubes, two tables and two figures to OUT. The defaults take about three CPU minutes.
+Writes three cubes, two tables and two figures to OUT. The defaults take about one CPU minute.
 """
 
 from workflows.shared.cli import command, plane_option, ray_options, real, several, sweeps, whole
@@ -48,12 +48,14 @@ def main(run, omega, plane, n_rays, n_cusp_rays, tol, q_max):
 
     angles = rays.ray_angles(plane, n_rays, n_cusp_rays)
     omega = list(omega.values()) or rays.PAPER_CIRCLES
+    folded = breakdown.folded(plane, omega, angles)
     # The first sweep loads the kernels for all sweeps.
-    wanted = [last_barrier(plane, angles, 1e-3), breakdown.by_residue(plane, omega, angles, q_max)]
+    wanted = [last_barrier(plane, angles, 1e-3), breakdown.by_residue(plane, *folded, q_max)]
     if not any(plane.origin):
-        wanted.append(breakdown.by_continuation(plane, omega, angles, tol, q_max))
+        wanted.append(breakdown.by_continuation(plane, *folded, tol, q_max))
     with run.sweeping(*wanted):
-        barrier, residues, *circles = map(run.sweep, wanted)
+        barrier, *breakups = map(run.sweep, wanted)
+        residues, *circles = (breakdown.unfolded(cube, omega, angles) for cube in breakups)
         circles = circles[0] if circles else residues
         barrier = unfolded(barrier, angles)
         run.table("circle_boundaries", circles)
