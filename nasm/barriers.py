@@ -34,7 +34,8 @@ With one or two kicks there are no bands, and a faster search is tried first. Th
 converse KAM takes longest to eliminate just beyond the breakup lies near the remains of the last
 circle, and its weighted Birkhoff average yields the rotation number to six digits. The circles of
 the nobles near that number are candidates; residues determine where they break, and converse KAM
-shows that no start survives above these scales.
+shows that no start survives above these scales. If orbits do not resolve a cusp, only the bracket
+is computed: the last circle of the cusp itself is tried at its lower end.
 
 Two *witnesses* confirm the bracket or widen it. Residues and the tree only select which circles are
 tried; what the witnesses show does not depend on them. At `lower`, an invariant circle is certified
@@ -378,7 +379,7 @@ def _last_breakup(segment, tol, seconds, effort):
         ends = _outermost(tree)
         if isinstance(ends, Status):
             return no_answer(None, ends, "Farey tree")
-        bracket = _search_by_tree(tree, search_tol, *ends)
+        bracket = _beside_cusp(tree, tol) or _search_by_tree(tree, search_tol, *ends)
     upper, survivor = _eliminated_above(tree, tol, bracket)
     while not tree.is_search_over():
         if survivor is not None:
@@ -451,6 +452,23 @@ def _outermost(tree):
         return 0.0, outside, None
     higher = tree.lowest_excluded(outside)  # a circle exists though no start survives
     return (outside, higher, circle) if higher < inf else Status.NOT_CONVERGED
+
+
+def _beside_cusp(tree, tol):
+    """Return a _Bracket without a value if no orbits resolve a cusp of two kicks; otherwise None.
+
+    At its lower end, the last circle of the cusp exists at the cusp. The tree would take seconds to
+    end with no value either.
+    """
+    profile, effort = tree.segment.profile, tree.effort
+    if tree.segment.start.any() or profile.size != 2:
+        return None
+    if periodic.cusp_period(tree.segment.at(tree.eliminated_scale)) <= effort.cusp_period:
+        return None
+    cusp = critical_scale(np.sign(profile) * np.abs(profile).mean(), tol, effort=effort)
+    if not cusp.lower < tree.eliminated_scale:
+        return None
+    return _Bracket(cusp.lower, tree.eliminated_scale, cusp.omega, longest_period=0)
 
 
 def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):

@@ -193,6 +193,14 @@ def test_near_a_shorter_period_the_value_is_right_or_missing(profile, tol, break
         assert np.isnan([result.value, result.error]).all()
 
 
+@pytest.mark.parametrize("profile", [(1, 1 + 2**-52), (1, -1 - 1e-12)])
+def test_a_cusp_closer_than_orbits_resolve_is_bracketed_by_the_circle_of_the_cusp(profile):
+    result = critical_scale(profile)
+    assert result.status is Status.NEAR_CUSP
+    assert np.isnan([result.value, result.error]).all()
+    assert (1 - 5e-4) * KAPPA_G < result.lower < KAPPA_G < result.upper < (1 + 1e-4) * KAPPA_G
+
+
 @pytest.mark.parametrize(
     ("away", "omega", "q", "tol"),
     [
