@@ -402,7 +402,7 @@ def _last_breakup(segment, tol, seconds, effort):
     lower = _certified_below(tree, tol, bracket)
     cusp = periodic.cusp_period(segment.at(value))
     is_contradicted = _contradicts(tree, tol, upper, value, error)
-    if upper > bracket.outside or cusp > effort.blurred_period:
+    if upper > _lowest_upper(tree, tol, bracket) or cusp > effort.blurred_period:
         error = max(error, upper - value)
     status = Status.OK if upper - lower <= 2 * segment.length(value, tol) else Status.WIDE
     if cusp > bracket.longest_period:
@@ -622,6 +622,17 @@ def _steps_to_eliminate(tree, distance, scale):
     return int(np.clip(n_steps, tree.effort.locating_steps, transversal.MAX_STEPS))
 
 
+def _lowest_upper(tree, tol, bracket):
+    """Return the scale above a bracket at which converse KAM begins, the target for `upper`.
+
+    At a large tol this is farther above the value than the tree was searched, so that few steps
+    suffice.
+    """
+    value, error = _value(tree, tol, bracket)
+    above = max(error, tree.segment.length(value, tree.effort.share_above * tol))
+    return max(bracket.outside, min(value + above, tree.eliminated_scale))
+
+
 def _eliminated_above(tree, tol, bracket):
     """Return a scale above a bracket at which converse KAM eliminates all starts, and None.
 
@@ -630,10 +641,10 @@ def _eliminated_above(tree, tol, bracket):
     bracket's upper end or above.
     """
     segment, effort = tree.segment, tree.effort
-    value, error = _value(tree, tol, bracket)
+    value, _ = _value(tree, tol, bracket)
     near = segment.length(value, effort.share_above * tol)
     n_steps = _steps_to_eliminate(tree, near, value)
-    scale = max(bracket.outside, min(value + error, tree.eliminated_scale))
+    scale = _lowest_upper(tree, tol, bracket)
     until = tree.end(effort.witness_share)
     while scale < tree.eliminated_scale and not (
         bracket.is_eliminated or tree.is_elimination_over()
