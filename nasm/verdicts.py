@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from nasm import circles, escape, survivors
 from nasm.barriers import DEFAULT_EFFORT, Effort, critical_scale
 from nasm.circles import continuation
+from nasm.circles.newton import MAX_POINTS
 from nasm.converse_kam import aperiodic
 from nasm.maps import MAX_PERIOD, MIN_SIZE, forcing
 from nasm.numbers import rational
@@ -43,52 +44,41 @@ class VerdictSettings:
 
     Attributes
     ----------
-    first_tol : float
-        First tolerance for the boundary, if there are three or more kicks per period.
-    clear_distance : float
-        Distance |value - 1| of the forcing from the boundary above which `first_tol` suffices.
-    tols : tuple of float
-        Tolerances for the boundary, tried in turn until its error is below the distance
-        |value - 1|.
-    coarse_search : Effort
-        Settings of the search with the first of `tols`, and with `first_tol`. Its orbits yield nine
-        digits, and take half the time of those that yield eleven.
-    unrelated_ratio : float
-        If the boundary has no value and its bracket begins above this multiple of the forcing, a
-        tighter tolerance cannot change the verdict.
-    min_steps, max_steps : int
-        Limits on the number of steps of converse KAM. A run of max_steps takes a second or two; it
-        suffices if the forcing is at least 4·10⁻⁶ above the boundary.
-    max_points : int
-        Maximum number of points on a circle that is farther from its breakup than the first of
-        `tols`.
+    tol : float
+        Tolerance of the search for the boundary. The value comes from residues, and is usually much
+        more precise. Circles closer to their breakup than this are continued towards it.
     min_distance : float
         Distance below the boundary within which attempts to certify a circle fail, after 5 s.
+    effort : Effort
+        Settings of both searches. Its orbits yield nine digits, and take half the time of those
+        that yield eleven.
+    max_steps : int
+        Limit on the number of steps of converse KAM. A run of max_steps takes a second or two; it
+        suffices if the forcing is at least 4·10⁻⁶ above the boundary.
     proof_seconds : float
         CPU seconds for a proof.
-    n_orbits, n_kicks : int
-        Number of orbits for direct iteration under forcings with long periods, and number of kicks
-        per orbit; the iteration takes a few CPU seconds.
+    n_kicks : int
+        Number of kicks per orbit in the direct iteration under forcings with long periods; it takes
+        a few CPU seconds.
 
     Examples
     --------
     >>> from nasm.verdicts import VerdictSettings, verdict
-    >>> verdict((0.3, 0.4), settings=VerdictSettings(tols=(1e-3,))).answer
+    >>> verdict((0.3, 0.4), settings=VerdictSettings(tol=1e-3)).answer
     Answer.BARRIER
     """
 
-    first_tol: float = 1e-2
-    clear_distance: float = 0.05
-    tols: tuple[float, ...] = (1e-3, 1e-4, 2e-5)
-    coarse_search: Effort = _NINE_DIGITS
-    unrelated_ratio: float = 1.1
-    min_steps: int = 1000
-    max_steps: int = 400_000
-    max_points: int = 2**15
+    tol: float = 0.03
     min_distance: float = 1.5e-5
+    effort: Effort = _NINE_DIGITS
+    max_steps: int = 400_000
     proof_seconds: float = 20.0
-    n_orbits: int = 64
     n_kicks: int = 4 * 10**7
+
+    @property
+    def second_tol(self) -> float:
+        """Tolerance of a second search, in which a circle is certified at `min_distance`."""
+        return min(self.min_distance / (1 - self.effort.share_above), self.tol)
 
 
 DEFAULT_SETTINGS = VerdictSettings()
@@ -222,13 +212,14 @@ def verdict(
 ) -> Verdict:
     """Decide whether a barrier exists under a forcing, or transport is global.
 
-    1. Find the boundary on the ray through kappa, with a precision that increases the closer it is
-       to kappa. With three or more kicks, it is first located to within 1%.
+    1. Find the boundary on the ray through kappa.
     2. If kappa is below the boundary, certify the circle under kappa itself, unless converse KAM
        eliminates all starts.
     3. If kappa is above the boundary, apply converse KAM under kappa itself, with as many steps as
        the distance requires.
-    4. With `prove`, try to prove that the circle exists under kappa, and under all multiples of
+    4. If that fails, and kappa is within the bracket of the boundary, repeat steps 1 to 3 once with
+       a much narrower bracket.
+    5. With `prove`, try to prove that the circle exists under kappa, and under all multiples of
        kappa up to some scale; or that transport is global. Each proof takes up to 20 CPU seconds.
 
     Parameters
@@ -273,45 +264,25 @@ def verdict(
         return _verdict_on_long_period(kappa, short, prove, settings)
     answer, evidence = Answer.UNDECIDED, Evidence.NONE
     circle, graph, steps, proof = None, None, inf, None
-    first_tol, min_distance = settings.first_tol, settings.min_distance
-    for tol in [first_tol] * (short.size > 2) + [*settings.tols]:
-        effort = settings.coarse_search if tol >= settings.tols[0] else DEFAULT_EFFORT
-        unit = critical_scale(short / size, tol, effort=effort)
-        boundary = replace(
-            unit,
-            value=unit.value / size,
-            error=unit.error / size,
-            lower=unit.lower / size,
-            upper=unit.upper / size,
-        )
-        if tol == first_tol and not abs(boundary.value - 1) > settings.clear_distance:
-            continue
-        if abs(boundary.value - 1) <= boundary.error and tol > settings.tols[-1]:
-            continue  # try a tighter tolerance before deciding
-        end = boundary.value if np.isfinite(boundary.value) else boundary.upper
+    for tol in (settings.tol, settings.second_tol):
+        boundary = _boundary(short, tol, settings.effort)
+        end = boundary.value if isfinite(boundary.value) else boundary.upper
         if end < 1:
             steps = _kicks_to_eliminate(short, end, settings) / kappa.size
             if steps < inf:
                 answer, evidence = Answer.TRANSPORT, Evidence.CONVERSE_KAM
                 boundary = replace(boundary, upper=min(boundary.upper, 1.0))
-                break
-        elif end > 1:
+        elif end > 1 and not survivors.eliminates(short, settings.effort.locating_steps):
             circle = _circle_under(short, boundary, settings)
             if circle is not None:
                 answer, evidence = Answer.BARRIER, Evidence.CIRCLE
                 lower = float(np.fmax(boundary.lower, 1.0))
                 boundary = replace(boundary, omega=circle.omega, lower=lower)
                 graph = lengthen(kappa, *circles.graph(circle))
-                break
-        too_close = boundary.error < end - 1 < min_distance
-        if too_close or (boundary.lower > settings.unrelated_ratio and np.isnan(boundary.value)):
-            break  # a tighter tolerance would not settle it either
-    if (
-        answer is Answer.UNDECIDED
-        and boundary.lower >= 1
-        and not survivors.eliminates(short, settings.min_steps)
-    ):
-        answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
+            elif boundary.lower >= 1:
+                answer, evidence = Answer.BARRIER, Evidence.CIRCLE_BEYOND
+        if answer is not Answer.UNDECIDED or boundary.lower > 1 or boundary.upper < 1:
+            break  # a narrower bracket would not settle it either
     if boundary.upper == inf:  # in units of kappa, the boundary is beyond the range of floats
         boundary = no_answer(boundary.omega, Status.NO_BREAKUP)
     if boundary.omega is not None:
@@ -328,18 +299,27 @@ def verdict(
     return Verdict(kappa, answer, evidence, boundary, graph, steps, proof, below)
 
 
+def _boundary(kappa: FloatArray, tol: float, effort: Effort) -> CriticalScale:
+    """Return the CriticalScale of the last breakup on the ray through kappa, in units of kappa."""
+    size = float(np.abs(kappa).max())
+    unit = critical_scale(kappa / size, tol, effort=effort)
+    names = "value", "error", "lower", "upper"
+    return replace(unit, **{name: getattr(unit, name) / size for name in names})
+
+
 def _kicks_to_eliminate(kappa: FloatArray, boundary: float, settings: VerdictSettings) -> float:
     """Return the number of kicks in which converse KAM eliminates all starts; inf if some survive.
 
-    Try the number of steps that usually suffices, then 4 and 16 times as many: close to bands
-    in which circles break and reappear, starts survive longer.
+    Try the number of steps that usually suffices, and then four times as many, and so on: close to
+    bands in which circles break and reappear, starts survive longer.
     """
-    max_steps = settings.max_steps
-    first = max(survivors.LONGEST_LIFETIME / (1 / boundary - 1), settings.min_steps)
-    for factor in (1, 4, 16):
-        kicks = survivors.longest_lived(kappa, int(min(factor * first, max_steps))).kicks
-        if kicks < inf or factor * first >= max_steps:
+    usual = survivors.LONGEST_LIFETIME / (1 / boundary - 1)
+    n_steps, kicks = max(usual, settings.effort.locating_steps), inf
+    while kicks == inf:
+        kicks = survivors.longest_lived(kappa, int(min(n_steps, settings.max_steps))).kicks
+        if n_steps >= settings.max_steps:
             break
+        n_steps *= 4
     return kicks
 
 
@@ -347,15 +327,13 @@ def _verdict_on_long_period(
     kappa: FloatArray, short: FloatArray, prove: bool, settings: VerdictSettings
 ) -> Verdict:
     """Judge a forcing with more than 64 kicks by converse KAM and direct iteration alone."""
-    size = float(np.abs(kappa).max())
-    unit = critical_scale(kappa / size)
-    boundary = replace(unit, upper=unit.upper / size)
+    boundary = _boundary(kappa, settings.effort.resolution, settings.effort)
     answer, evidence = Answer.UNDECIDED, Evidence.NONE
     steps = aperiodic.last_survivor(aperiodic.around_strongest(kappa)).kicks / kappa.size
     if steps < inf:
         answer, evidence = Answer.TRANSPORT, Evidence.CONVERSE_KAM
     else:
-        x, y = escape.ensemble(settings.n_orbits)
+        x, y = escape.ensemble(settings.effort.iterated_orbits)
         n_max = settings.n_kicks // kappa.size + 1
         escapes = escape.first_escape(kappa, x, y, [x.size], n_max)
         if escapes[0] < inf:
@@ -394,11 +372,9 @@ def _prove(
 def _circle_under(
     kappa: FloatArray, boundary: CriticalScale, settings: VerdictSettings
 ) -> circles.InvariantCircle | None:
-    """Return a certified circle under kappa; None if none is found or converse KAM excludes all."""
-    if survivors.eliminates(kappa, settings.min_steps):
-        return None
+    """Return a certified circle under kappa; None if none is found."""
     omega, distance = boundary.omega, 1 - 1 / boundary.value
-    if omega is not None and settings.min_distance <= distance < settings.tols[0]:
+    if omega is not None and settings.min_distance <= distance < settings.tol:
         scale, u = continuation.certified_circle(omega, kappa, boundary.value, distance)
         if u is None or not scale > 1 - 1e-12:  # certified for weaker kicks only
             return None
@@ -408,7 +384,7 @@ def _circle_under(
         omegas = [omega]
     else:  # e.g. close to a cusp, where residues give no value
         beyond = boundary.upper * kappa
-        start = survivors.longest_lived(beyond, 2 * settings.min_steps)
+        start = survivors.longest_lived(beyond, 2 * settings.effort.locating_steps)
         omegas = survivors.candidates(beyond, start)
-    solutions = (circles.invariant_circle(omega, kappa, settings.max_points) for omega in omegas)
+    solutions = (circles.invariant_circle(omega, kappa, MAX_POINTS) for omega in omegas)
     return next((circle for circle in solutions if circle.certified), None)
