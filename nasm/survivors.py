@@ -22,10 +22,10 @@ from nasm.types import FloatArray
 
 __all__ = ["eliminates", "longest_lived", "longest_lived_start"]
 
-LONGEST_LIFETIME = 1.6
+LONGEST_LIFETIME = sum(transversal.EXCESS_BOUNDS)
 """At a relative distance ε beyond the breakup, converse KAM usually eliminates all starts within
-LONGEST_LIFETIME/ε steps. This is about twice `transversal.EXCESS_BOUNDS`, because some starts
-survive longer than these bounds imply."""
+LONGEST_LIFETIME/ε steps. This is twice the mean of the bounds, because some starts survive longer
+than the bounds imply."""
 
 
 def longest_lived(kappa: ArrayLike, n_max: int, until: float = inf) -> LongestLived:
