@@ -34,6 +34,7 @@ from nasm.action import (
 )
 from nasm.arithmetic.roots import root
 from nasm.checks import count, fraction
+from nasm.farey import DEFAULT_SETTINGS as DEFAULT_TREE_SETTINGS
 from nasm.maps import direction, rotating_forcing, segment
 from nasm.numbers import as_rotation_number, convergents, distinct_convergents, rational
 from nasm.results import CriticalScale, Status, no_answer
@@ -59,9 +60,11 @@ class ResidueSettings:
         of the first pair of orbits with at least this period are compared.
     single_sheet_period : int
         The corresponding period for forcings of one or two kicks, whose boundaries have one sheet.
+        The default is the `short_period` of `farey.TreeSettings`.
     min_broken_residue : float
         Both residues of that pair must exceed this value to show a breakup; smaller ones may be due
-        to a change of the dominant symmetry line, where residues pass through 0.
+        to a change of the dominant symmetry line, where residues pass through 0. The default is the
+        `small_residue` of `farey.TreeSettings`.
     rounding : float
         Relative rounding error of a crossing, divided by the period; at a period of 10⁵, the error
         of κ_G was at most 2.7e-12.
@@ -74,14 +77,14 @@ class ResidueSettings:
     Examples
     --------
     >>> from nasm.periodic import ResidueSettings, critical_scale
-    >>> longer = ResidueSettings(single_sheet_period=20)
+    >>> longer = ResidueSettings(single_sheet_period=50)
     >>> round(critical_scale("gamma", 1.0, q_max=400, settings=longer).value, 6)
     0.971635
     """
 
     sheet_period: int = SURE_PERIOD
-    single_sheet_period: int = 8
-    min_broken_residue: float = 0.05
+    single_sheet_period: int = DEFAULT_TREE_SETTINGS.short_period
+    min_broken_residue: float = DEFAULT_TREE_SETTINGS.small_residue
     rounding: float = 4e-17
     max_log_ratio: float = 0.1
     max_trusted_ratio: float = 0.05
