@@ -54,6 +54,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from nasm import action, circles, escape, periodic
+from nasm.arithmetic.lanes import LANES
 from nasm.checks import floats, real
 from nasm.circles import continuation
 from nasm.converse_kam import aperiodic, symmetry_line, transversal
@@ -108,21 +109,18 @@ class Effort:
     cusp_period : int
         Longest period of the orbits that determine the final value if periods up to `last_period`
         are not precise enough, as happens close to a cusp. It also limits the period of the orbits
-        whose hull functions are used to certify circles.
-    blurred_period : int
-        If a cusp is resolved only by orbits with periods longer than this, the error extends up to
-        `upper`. With one or two kicks, the existence of the circle is then tested with orbits whose
-        periods reach `cusp_period`.
+        whose hull functions are used to certify circles, and of those that show, with one or two
+        kicks, that the circle exists close to a cusp.
     circles_tried : int
         Maximum number of circles that are tried at each scale below a bracket, until one is
         certified.
     search_share : float
         Fraction of the CPU time after which the search ends. Half of the remaining time is reserved
         for converse KAM, and whatever is left after that is used to certify a circle.
-    iterated_kicks, iterated_orbits : int
-        Numbers of kicks and of orbits in the direct iteration for more than 64 kicks, which takes a
-        few CPU seconds. `upper` was 4 to 11% above the breakup on twelve random rays of three to
-        six kicks, each repeated to more than 64 kicks.
+    iterated_kicks : int
+        Number of kicks in the direct iteration for more than 64 kicks, which takes a few CPU
+        seconds. `upper` was 4 to 11% above the breakup on twelve random rays of three to six kicks,
+        each repeated to more than 64 kicks.
 
     Examples
     --------
@@ -142,11 +140,9 @@ class Effort:
     orbit_period: int = 1500
     last_period: int = 6000
     cusp_period: int = 30_000
-    blurred_period: int = 300
     circles_tried: int = 6
     search_share: float = 0.6
     iterated_kicks: int = 10**7
-    iterated_orbits: int = 64
 
     @property
     def locating_steps(self) -> int:
@@ -256,15 +252,14 @@ def _upper_of_long_period(profile, tol, effort):
 
     Converse KAM is applied on straight lines, because computing transversals through all minimax
     orbits would take minutes. Where circles do not cross these lines steeply, escaping orbits yield
-    a better bound.
+    a better bound; as many are iterated as the kernel advances at once.
     """
     kicks = aperiodic.around_strongest(profile)
     without_graphs = aperiodic.critical_scale(kicks, max(tol, effort.resolution)).upper
     # Converse KAM over a single kick of |κ| ≥ 2 excludes every circle.
     without_graphs = float(np.fmin(without_graphs, 2 / np.abs(profile).max()))
     n_steps = effort.iterated_kicks // profile.size + 1
-    orbits = effort.iterated_orbits
-    escapes = escape.onset_scale(profile, n_steps, orbits, max_scale=without_graphs)
+    escapes = escape.onset_scale(profile, n_steps, LANES, max_scale=without_graphs)
     if escapes < without_graphs:
         return CriticalScale(nan, nan, nan, escapes, None, Status.TOO_LONG, escape.METHOD)
     return CriticalScale(nan, nan, nan, without_graphs, None, Status.TOO_LONG, "converse KAM")
@@ -402,7 +397,8 @@ def _last_breakup(segment, tol, seconds, effort):
     lower = _certified_below(tree, tol, bracket)
     cusp = periodic.cusp_period(segment.at(value))
     is_contradicted = _contradicts(tree, tol, upper, value, error)
-    if upper > _lowest_upper(tree, tol, bracket) or cusp > effort.blurred_period:
+    # Longer orbits are joined rather than scanned for: they do not see a cusp reliably.
+    if upper > _lowest_upper(tree, tol, bracket) or cusp > action.JOIN_PERIOD:
         error = max(error, upper - value)
     status = Status.OK if upper - lower <= 2 * segment.length(value, tol) else Status.WIDE
     if cusp > bracket.longest_period:
@@ -587,7 +583,7 @@ def _search_by_survivors(tree, tol):
         if longest.kicks < inf:
             inside = last.value - near
             # Close to a cusp, shorter orbits do not distinguish the forcing from the cusp.
-            is_blurred = periodic.cusp_period(segment.at(last.value)) > effort.blurred_period
+            is_blurred = periodic.cusp_period(segment.at(last.value)) > action.JOIN_PERIOD
             period = effort.cusp_period if is_blurred else LONGEST_PERIOD
             if not tree.shows(last.omega, inside, period):
                 return None

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from nasm import circles, escape, survivors
+from nasm.arithmetic.lanes import LANES
 from nasm.barriers import DEFAULT_EFFORT, Effort, critical_scale
 from nasm.circles import continuation
 from nasm.circles.newton import MAX_POINTS
@@ -333,7 +334,7 @@ def _verdict_on_long_period(
     if steps < inf:
         answer, evidence = Answer.TRANSPORT, Evidence.CONVERSE_KAM
     else:
-        x, y = escape.ensemble(settings.effort.iterated_orbits)
+        x, y = escape.ensemble(LANES)
         n_max = settings.n_kicks // kappa.size + 1
         escapes = escape.first_escape(kappa, x, y, [x.size], n_max)
         if escapes[0] < inf:
