@@ -353,7 +353,8 @@ def joined(last: Orbit, one: Orbit, chain: Chain, kind: int) -> Orbit | None:
     longer_period = max(last.chain.q, one.chain.q)
     for u_last in [last.u] * (last.site == one.site) + [last.beginning_like(one)]:
         u = chain.joined((last.chain, u_last), (one.chain, one.u))
-        if not _minimize_constrained(one.kappa, *chain.frame, u):
+        is_minimum = _minimize_constrained(one.kappa, *chain.frame, u)
+        if kind < 0 and not is_minimum:  # a minimizing orbit may still be reached
             continue
         residue = _find_extremum(one.kappa, *chain.frame, u, kind, 1 / longer_period)
         if not np.isnan(residue):

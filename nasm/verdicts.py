@@ -69,7 +69,7 @@ class VerdictSettings:
     Answer.BARRIER
     """
 
-    tol: float = 0.03
+    tol: float = 0.01
     min_distance: float = 1.5e-5
     effort: Effort = _NINE_DIGITS
     max_steps: int = 400_000

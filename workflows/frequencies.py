@@ -64,10 +64,11 @@ def parse_frequency(text):
     shown=f"{', '.join(ALSO)} and the irrational numbers above",
 )
 @whole("--n-phases", 3, 2, 1000, "Number of phases from 0 to 1/(2q) for each fraction p/q.")
+@real("--tol", 1e-3, 1e-4, 0.1, "Relative width of the brackets, for rational Ω.")
 @real("--angle", 45.0, 0, 180, "Angle of the ray (κ̄, Δκ) = s·(cos, sin), in degrees.")
 @preset("--quick", "A preview", max_denominator=5, frequency=IRRATIONAL[-2:-1])
 @sweeps
-def main(run, max_denominator, frequency, n_phases, angle):
+def main(run, max_denominator, frequency, n_phases, tol, angle):
     from pipeline.cubes import rotating_maps
     from workflows.figures.frequencies import draw_frequencies, frequencies_caption
     from workflows.shared.fractions import up_to_half
@@ -75,7 +76,7 @@ def main(run, max_denominator, frequency, n_phases, angle):
     given = up_to_half(max_denominator, frequency.values())
     fractions = [number for number in given if isinstance(number, Fraction)]
     irrational = [number for number in given if isinstance(number, float)]
-    job = rotating_maps.last_barriers(fractions, n_phases, irrational, [angle])
+    job = rotating_maps.last_barriers(fractions, n_phases, irrational, [angle], tol)
     with run.sweeping(job):
         cube = run.sweep(job).load()
         run.table("frequencies", cube)

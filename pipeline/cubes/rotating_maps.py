@@ -38,7 +38,6 @@ from pipeline.cubes.cube import (
 from pipeline.cubes.warm_up import load_orbits, load_searches
 
 _MAX_KICKS = 32_000  # N, for the kicks from -N to N at irrational Ω
-_TOL = 1e-3  # relative width of brackets, for rational Ω
 _PICTURE_SHAPE = 128, 256  # points along φ and θ
 
 RotationVector: TypeAlias = tuple[float, float]
@@ -50,6 +49,7 @@ def last_barriers(
     n_phases: int,
     irrational: Sequence[float],
     angles: Sequence[float],
+    tol: float = 1e-3,
 ) -> Job:
     """Return the Job of the cube `frequencies`: brackets of the last circle or torus.
 
@@ -64,6 +64,8 @@ def last_barriers(
         Irrational frequencies.
     angles : sequence of float
         Directions of rays, in degrees.
+    tol : float
+        Relative width of the brackets, for rational Ω.
 
     Examples
     --------
@@ -94,7 +96,7 @@ def last_barriers(
         rows,
         angles,
         seconds=10,
-        settings={"kicks": _MAX_KICKS, "tol": _TOL, "method": "last barriers, and certified tori"},
+        settings={"kicks": _MAX_KICKS, "tol": tol, "method": "last barriers, and certified tori"},
         compute=_last_barriers,
         warm_up=_load_last_barriers,
         title="Last barriers",
