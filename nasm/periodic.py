@@ -152,7 +152,8 @@ def critical_scale(
     between : pair of floats, optional
         Scales known to enclose the breakup; the search from `start` is then omitted. The status is
         NOT_CONVERGED, OUTSIDE or NO_BREAKUP if residues do not cross between these scales, because
-        the orbits are too short or the breakup is elsewhere.
+        the orbits are too short or the breakup is elsewhere. Where circles break and reappear,
+        residues may also cross where none breaks; see `farey.circle_exists`.
     settings : ResidueSettings
         Determines which residues show a breakup, and which orbits are compared.
 
@@ -171,8 +172,8 @@ def critical_scale(
     -----
     `_limit` estimates the error. Close to a cusp, the error is doubled unless the longest period is
     at least four times the `cusp_period`. If two families of orbits are used, the error is at least
-    the difference between their values. Residues of long orbits decrease with q just below the
-    value, and increase just above it.
+    the difference between their values; unless `between` is given, the residues of long orbits then
+    decrease with q just below the value, and increase just above it.
 
     Examples
     --------
@@ -262,6 +263,8 @@ def _breakup(omega, start, profile, q_max, settings, between=None):
         return other, no_crossings
     error = max(abs(scale.value - other.value), min(scale.error, other.error))
     scale = replace(min(scale, other, key=attrgetter("error")), error=error)
+    if between:
+        return scale, crossed[0]
     # Between two sheets of the boundary, residues may cross although no circle breaks.
     step = max(4 * scale.error, 2 * scale.value / fractions[n].denominator)
     decays_below, decays_above = (
