@@ -19,9 +19,9 @@ The search proceeds from the outside inwards.
    the precision of this scale is sufficient, and residues show that the circle exists just below
    it, the tree is searched next at a slightly larger scale.
 3. *Step.* Otherwise, lower the scale. Residues grow like s^q, so orbits of period q exclude circles
-   not only at one scale, but over a relative distance of order 1/q. The step is a quarter of that,
-   or half the distance to a scale with a circle. Whenever the period used has doubled, another leap
-   is attempted.
+   not only at one scale, but over a relative distance of order 1/q. The step is a quarter of that
+   but at least tol/2, or half the distance to a scale with a circle. Whenever the period used has
+   doubled, another leap is attempted.
 4. *End.* If the tree shows a circle just above the scale of a leap, this scale is dropped, and the
    search continues with that circle. If it shows none, this scale is the last breakup, unless
    residues show that the circle of one of the listed nobles exists above it. The breakup of this
@@ -97,8 +97,8 @@ class Effort:
         `tests/judged_forcings.csv` need 10 to 20 scales, or up to 60 if they have bands.
     step : float
         Relative length of a step to lower scales, multiplied by the longest period q used. Orbits
-        of that period exclude circles over about four times the length of the step. Steps are not
-        shorter than share_above·tol.
+        of that period exclude circles over about four times the length of the step. Steps are at
+        least tol/2.
     tree : TreeSettings
         Settings that determine which residues in the tree exclude circles.
     breakup_distance : float

@@ -29,8 +29,8 @@ line, the transversal is that line.
    the minimax orbit of (p + p')/(q + q'), at the point of this orbit nearest to the piece, relative
    to the width of its gap.
 3. Repeat step 2 as long as the longest-lived start survives all N steps, and N is large enough to
-   resolve the new corner: q + q' ≤ 4√N. The new corners descend the Farey tree, towards minimizing
-   orbits on the curve and the circle that breaks last.
+   resolve the new corner: q + q' ≤ 4√N; then with 4N steps, and so on. The new corners descend the
+   Farey tree, towards minimizing orbits on the curve and the circle that breaks last.
 
 On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the curve beyond the
 breakup obeys s/s_c - 1 ≈ C/T, as on a symmetry line, with C in EXCESS_BOUNDS. These results rest
@@ -345,7 +345,7 @@ def upper_scale(
         return 0.0, None
     # By the law s/s_c - 1 ≈ C/T, n steps locate the breakup up to ±(C_max - C_min)/2n.
     spread, step = (EXCESS_BOUNDS[1] - EXCESS_BOUNDS[0]) / 2 / size, upper - survived
-    for n_steps in _powers_below(n_max):
+    for n_steps in _numbers_of_steps(n_max):
         lower = survived
         while upper - lower > (width := spread / n_steps * np.abs(start + upper * profile).max()):
             if time.thread_time() > until:
@@ -360,8 +360,10 @@ def upper_scale(
     return upper, longest
 
 
-def _powers_below(n_max):
-    return [n_max // 4**level for level in range(max(int(log(n_max / 30, 4)), 0), -1, -1)]
+def _numbers_of_steps(n_max):
+    """Return the numbers of steps to try in turn: from 30 to 119, four times as many, …, n_max."""
+    n_levels = max(int(log(n_max / 30, 4)), 0)
+    return [n_max // 4**level for level in range(n_levels, -1, -1)]
 
 
 def _by_strength(kappa, max_sites):
@@ -378,14 +380,15 @@ def _longest_lived(kappa, n_steps, sites, until, settings):
     """Return the LongestLived of the first transversal on which no start survives.
 
     If a start survives on every transversal, return one of these starts. The site of the start is
-    moved to the front of `sites`.
+    moved to the front of `sites`. Each transversal is bent with few steps first: they suffice to
+    find starts that survive because the curve passes through a minimizing orbit.
     """
     # A transversal covers all ω up to P/2.
     search, factor = settings.search, max(2, kappa.size)
     search = replace(search, width=search.width * factor, final_width=search.final_width * factor)
     for transversal in _transversals(kappa, list(sites), settings.min_gap):
         site = transversal.site
-        for n in _powers_below(n_steps):
+        for n in _numbers_of_steps(n_steps):
             (x, y), kicks = _bend_while_surviving(transversal, n, search, until, settings)
             if kicks < np.inf:
                 break
