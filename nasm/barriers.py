@@ -19,9 +19,9 @@ The search proceeds from the outside inwards.
    the precision of this scale is sufficient, and residues show that the circle exists just below
    it, the tree is searched next at a slightly larger scale.
 3. *Step.* Otherwise, lower the scale. Residues grow like s^q, so orbits of period q exclude circles
-   not only at one scale, but over a relative distance of order 1/q. The step is a quarter of that
-   but at least tol/2, or half the distance to a scale with a circle. Whenever the period used has
-   doubled, another leap is attempted.
+   not only at one scale, but over a relative distance of order 1/q. The step is a quarter of that,
+   or half the distance to a scale with a circle. Whenever the period used has doubled, another leap
+   is attempted.
 4. *End.* If the tree shows a circle just above the scale of a leap, this scale is dropped, and the
    search continues with that circle. If it shows none, this scale is the last breakup, unless
    residues show that the circle of one of the listed nobles exists above it. The breakup of this
@@ -97,8 +97,8 @@ class Effort:
         `tests/judged_forcings.csv` need 10 to 20 scales, or up to 60 if they have bands.
     step : float
         Relative length of a step to lower scales, multiplied by the longest period q used. Orbits
-        of that period exclude circles over about four times the length of the step. Steps are at
-        least tol/2.
+        of that period exclude circles over about four times the length of the step. Steps are not
+        shorter than share_above·tol.
     tree : TreeSettings
         Settings that determine which residues in the tree exclude circles.
     breakup_distance : float
@@ -479,7 +479,7 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
     _, nobles, period = tree.ask(outside)
     unasked, asked_period = omega, 0  # for leaps: circle to try next, period at the last leap
     while outside - inside > segment.length(outside, tol / 2) and not tree.is_search_over():
-        step = max(effort.step / period, tol / 2)
+        step = max(effort.step / period, effort.share_above * tol)
         scale = outside - segment.length(outside, step)
         if scale <= inside:
             scale = (inside + outside) / 2
@@ -624,8 +624,9 @@ def _lowest_upper(tree, tol, bracket):
     At a large tol this is farther above the value than the tree was searched, so that few steps
     suffice.
     """
-    value, error = _value(tree, tol, bracket)
-    above = max(error, tree.segment.length(value, tree.effort.share_above * tol))
+    effort, (value, error) = tree.effort, _value(tree, tol, bracket)
+    relative = effort.share_above * min(tol, 1 / effort.first_steps)
+    above = max(error, tree.segment.length(value, relative))
     return max(bracket.outside, min(value + above, tree.eliminated_scale))
 
 

@@ -60,7 +60,7 @@ class ResidueSettings:
         of the first pair of orbits with at least this period are compared.
     single_sheet_period : int
         The corresponding period for forcings of one or two kicks, whose boundaries have one sheet.
-        The default is the `short_period` of `farey.TreeSettings`.
+        With 20 there is no value for [1;(4)] at an angle of 44.98°, close to a cusp.
     min_broken_residue : float
         Both residues of that pair must exceed this value to show a breakup; smaller ones may be due
         to a change of the dominant symmetry line, where residues pass through 0. The default is the
@@ -83,7 +83,7 @@ class ResidueSettings:
     """
 
     sheet_period: int = SURE_PERIOD
-    single_sheet_period: int = DEFAULT_TREE_SETTINGS.short_period
+    single_sheet_period: int = 8
     min_broken_residue: float = DEFAULT_TREE_SETTINGS.small_residue
     rounding: float = 4e-17
     max_log_ratio: float = 0.1

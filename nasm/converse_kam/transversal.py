@@ -164,7 +164,7 @@ def longest_lived(
     strengths = forcing(kappa)
     n_max, until = count("n_max", n_max, 1, MAX_STEPS), real("until", until)
     sites = _by_strength(strengths, settings.max_sites)
-    return _longest_lived(strengths, n_max, sites, until, settings)
+    return _longest_lived(strengths, _numbers_of_steps(n_max), sites, until, settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,7 +330,7 @@ def upper_scale(
     size, sign = np.abs(profile[strongest]), np.sign(profile[strongest])
 
     def longest_at(scale, n_steps):
-        return _longest_lived(start + scale * profile, n_steps, sites, until, settings)
+        return _longest_lived(start + scale * profile, [n_steps], sites, until, settings)
 
     # With a kick |κ| = 2 no circle exists: none can cross x = 1/2 (or x = 0 if κ < 0) before it.
     upper, survived, longest = (2 - sign * start[strongest]) / size, 0.0, None
@@ -376,20 +376,21 @@ def _by_strength(kappa, max_sites):
     return np.argsort(-np.abs(kappa), kind="stable").tolist()[:max_sites]
 
 
-def _longest_lived(kappa, n_steps, sites, until, settings):
+def _longest_lived(kappa, numbers_of_steps, sites, until, settings):
     """Return the LongestLived of the first transversal on which no start survives.
 
     If a start survives on every transversal, return one of these starts. The site of the start is
-    moved to the front of `sites`. Each transversal is bent with few steps first: they suffice to
-    find starts that survive because the curve passes through a minimizing orbit.
+    moved to the front of `sites`. Each transversal is bent with the first number of steps, then
+    with the second, and so on: few steps suffice to find starts that survive because the curve
+    passes through a minimizing orbit.
     """
     # A transversal covers all ω up to P/2.
     search, factor = settings.search, max(2, kappa.size)
     search = replace(search, width=search.width * factor, final_width=search.final_width * factor)
     for transversal in _transversals(kappa, list(sites), settings.min_gap):
         site = transversal.site
-        for n in _numbers_of_steps(n_steps):
-            (x, y), kicks = _bend_while_surviving(transversal, n, search, until, settings)
+        for n_steps in numbers_of_steps:
+            (x, y), kicks = _bend_while_surviving(transversal, n_steps, search, until, settings)
             if kicks < np.inf:
                 break
         if kicks < np.inf or time.thread_time() > until:
