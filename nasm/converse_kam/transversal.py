@@ -29,8 +29,8 @@ line, the transversal is that line.
    the minimax orbit of (p + p')/(q + q'), at the point of this orbit nearest to the piece, relative
    to the width of its gap.
 3. Repeat step 2 as long as the longest-lived start survives all N steps, and N is large enough to
-   resolve the new corner: q + q' ≤ 4√N; then with 4N steps, and so on. The new corners descend the
-   Farey tree, towards minimizing orbits on the curve and the circle that breaks last.
+   resolve the new corner: q + q' ≤ 4√N. The new corners descend the Farey tree, towards minimizing
+   orbits on the curve and the circle that breaks last.
 
 On a ray whose last circle breaks at the scale s_c, the longest lifetime T on the curve beyond the
 breakup obeys s/s_c - 1 ≈ C/T, as on a symmetry line, with C in EXCESS_BOUNDS. These results rest
@@ -164,7 +164,7 @@ def longest_lived(
     strengths = forcing(kappa)
     n_max, until = count("n_max", n_max, 1, MAX_STEPS), real("until", until)
     sites = _by_strength(strengths, settings.max_sites)
-    return _longest_lived(strengths, _numbers_of_steps(n_max), sites, until, settings)
+    return _longest_lived(strengths, n_max, sites, until, settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,7 +330,7 @@ def upper_scale(
     size, sign = np.abs(profile[strongest]), np.sign(profile[strongest])
 
     def longest_at(scale, n_steps):
-        return _longest_lived(start + scale * profile, [n_steps], sites, until, settings)
+        return _longest_lived(start + scale * profile, n_steps, sites, until, settings)
 
     # With a kick |κ| = 2 no circle exists: none can cross x = 1/2 (or x = 0 if κ < 0) before it.
     upper, survived, longest = (2 - sign * start[strongest]) / size, 0.0, None
@@ -345,8 +345,8 @@ def upper_scale(
         return 0.0, None
     # By the law s/s_c - 1 ≈ C/T, n steps locate the breakup up to ±(C_max - C_min)/2n.
     spread, step = (EXCESS_BOUNDS[1] - EXCESS_BOUNDS[0]) / 2 / size, upper - survived
-    for n_steps in _numbers_of_steps(n_max):
-        lower = survived
+    for level in range(int(log(n_max / 30, 4)), -1, -1):
+        n_steps, lower = n_max // 4**level, survived
         while upper - lower > (width := spread / n_steps * np.abs(start + upper * profile).max()):
             if time.thread_time() > until:
                 return upper, None
@@ -360,12 +360,6 @@ def upper_scale(
     return upper, longest
 
 
-def _numbers_of_steps(n_max):
-    """Return the numbers of steps to try in turn: from 30 to 119, four times as many, …, n_max."""
-    n_levels = max(int(log(n_max / 30, 4)), 0)
-    return [n_max // 4**level for level in range(n_levels, -1, -1)]
-
-
 def _by_strength(kappa, max_sites):
     """Return the sites of the largest |κ|, in descending order."""
     if kappa.size > MAX_PERIOD:
@@ -376,23 +370,18 @@ def _by_strength(kappa, max_sites):
     return np.argsort(-np.abs(kappa), kind="stable").tolist()[:max_sites]
 
 
-def _longest_lived(kappa, numbers_of_steps, sites, until, settings):
+def _longest_lived(kappa, n_steps, sites, until, settings):
     """Return the LongestLived of the first transversal on which no start survives.
 
     If a start survives on every transversal, return one of these starts. The site of the start is
-    moved to the front of `sites`. Each transversal is bent with the first number of steps, then
-    with the second, and so on: few steps suffice to find starts that survive because the curve
-    passes through a minimizing orbit.
+    moved to the front of `sites`.
     """
     # A transversal covers all ω up to P/2.
     search, factor = settings.search, max(2, kappa.size)
     search = replace(search, width=search.width * factor, final_width=search.final_width * factor)
     for transversal in _transversals(kappa, list(sites), settings.min_gap):
         site = transversal.site
-        for n_steps in numbers_of_steps:
-            (x, y), kicks = _bend_while_surviving(transversal, n_steps, search, until, settings)
-            if kicks < np.inf:
-                break
+        (x, y), kicks = _bend_while_surviving(transversal, n_steps, search, until, settings)
         if kicks < np.inf or time.thread_time() > until:
             break
     sites.remove(site)
