@@ -15,7 +15,7 @@ computed independently.
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cache, partial
+from functools import partial
 from itertools import islice, pairwise
 from math import inf, log
 from operator import attrgetter
@@ -382,7 +382,6 @@ def _crossing(orbits, shorter, longer, kind, near, crossings, limits, settings):
     unit, pair, evaluations = 1 / np.abs(orbits.profile).max(), (shorter, longer), []
     rounding = np.finfo(float).eps * orbits.chains[longer].n_sites ** 2  # see `Orbit.residue`
 
-    @cache
     def excess(scale):
         try:
             residues = [abs(orbits.at(n, scale, kind).residue) for n in pair]
