@@ -354,7 +354,9 @@ def joined(last: Orbit, one: Orbit, chain: Chain, kind: int) -> Orbit | None:
     for u_last in [last.u] * (last.site == one.site) + [last.beginning_like(one)]:
         u = chain.joined((last.chain, u_last), (one.chain, one.u))
         is_minimum = _minimize_constrained(one.kappa, *chain.frame, u)
-        if kind < 0 and not is_minimum:  # a minimizing orbit may still be reached
+        # Without a minimum to start from, the search for a minimax orbit takes the most steps and
+        # usually fails; a minimizing orbit may still be reached.
+        if kind < 0 and not is_minimum:
             continue
         residue = _find_extremum(one.kappa, *chain.frame, u, kind, 1 / longer_period)
         if not np.isnan(residue):

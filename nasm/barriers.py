@@ -622,7 +622,7 @@ def _lowest_upper(tree, tol, bracket):
     """Return the scale above a bracket at which converse KAM begins, the target for `upper`.
 
     At a large tol this is farther above the value than the tree was searched, so that few steps
-    suffice.
+    suffice; from tol = 1/first_steps on, the distance no longer grows, and `upper` stays close.
     """
     effort, (value, error) = tree.effort, _value(tree, tol, bracket)
     relative = effort.share_above * min(tol, 1 / effort.first_steps)

@@ -263,7 +263,7 @@ def _breakup(omega, start, profile, q_max, settings, between=None):
         return other, no_crossings
     error = max(abs(scale.value - other.value), min(scale.error, other.error))
     scale = replace(min(scale, other, key=attrgetter("error")), error=error)
-    if between:
+    if between:  # the caller knows that a circle breaks there
         return scale, crossed[0]
     # Between two sheets of the boundary, residues may cross although no circle breaks.
     step = max(4 * scale.error, 2 * scale.value / fractions[n].denominator)
