@@ -57,8 +57,6 @@ class ContinuationSettings:
     max_points : int
         Number of points of the finest grid. The smallest distance from the breakup that can be
         reached is inversely proportional to it, and so is the smallest step.
-    max_rounds : int
-        Maximum number of rounds of the fixed-point iteration for s_c, which usually needs 5 to 20.
     modes : float
         Number of modes that resolve a circle, multiplied by its relative distance from the breakup.
         Of 46 certifications, five failed when it was 3.5, and none when it was 4.5.
@@ -82,7 +80,6 @@ class ContinuationSettings:
     """
 
     max_points: int = 16384
-    max_rounds: int = 50
     modes: float = 5
     two_scale_error: float = 3
     error_without_delta: float = 0.2
@@ -382,22 +379,25 @@ def _extrapolate(scales, log_m, growth, delta, order, settings):
     """Return s_c by Richardson extrapolation, and the result of one order lower; NaN if it fails.
 
     The extrapolation needs the scales at M, M/Λ, …; they are found by interpolating log(s_c - s).
-    It is therefore repeated with the resulting s_c. Beyond twice the last scale it has diverged.
+    It is therefore repeated with the resulting s_c, usually 5 to 20 times. It has diverged if s_c
+    exceeds twice the last scale, or changes no less than in the repetition before.
     """
     levels = [log_m[-1] - k * log(growth) for k in range(1, order + 1)]
     nodes = [_interpolate(scales, log_m, level) for level in levels]
     value = scales[-1] + _linear_distance(scales, log_m, growth, delta)
-    for _ in range(settings.max_rounds):
-        if not scales[-1] < value < 2 * scales[-1]:
-            break
-        guess = value
+    change = inf
+    while scales[-1] < value < 2 * scales[-1]:
+        guess, last_change = value, change
         column = [scales[-1], *(guess - _distance(node, guess) for node in nodes)]
         for power in range(1, order + 1):
             lower_order = column[0]
             column = [a + (a - b) / (delta**power - 1) for a, b in pairwise(column)]
         value = column[0]
-        if abs(value - guess) < settings.newton.max_update * value:
+        change = abs(value - guess)
+        if change < settings.newton.max_update * value:
             return value, lower_order
+        if change >= last_change:
+            break
     return nan, nan
 
 
