@@ -57,17 +57,12 @@ class ResidueSettings:
     ----------
     sheet_period : int
         Shortest period of orbits that resolve the sheets of a boundary. Along the ray, the residues
-        of the first pair of orbits with at least this period are compared.
-    single_sheet_period : int
-        The corresponding period for forcings of one or two kicks, whose boundaries have one sheet.
-        With 20 there is no value for [1;(4)] at an angle of 44.98°, close to a cusp.
+        of the first pair of orbits with at least this period are compared. On rays from zero under
+        one or two kicks, whose boundaries have one sheet, the first pair of orbits suffices.
     min_broken_residue : float
         Both residues of that pair must exceed this value to show a breakup; smaller ones may be due
         to a change of the dominant symmetry line, where residues pass through 0. The default is the
         `small_residue` of `farey.TreeSettings`.
-    rounding : float
-        Relative rounding error of a crossing, divided by the period; at a period of 10⁵, the error
-        of κ_G was at most 2.7e-12.
     max_log_ratio : float
         Largest logarithm of the ratio of residues at a crossing; a larger one shows that they do
         not cross.
@@ -77,15 +72,15 @@ class ResidueSettings:
     Examples
     --------
     >>> from nasm.periodic import ResidueSettings, critical_scale
-    >>> longer = ResidueSettings(single_sheet_period=50)
-    >>> round(critical_scale("gamma", 1.0, q_max=400, settings=longer).value, 6)
-    0.971635
+    >>> longer = ResidueSettings(sheet_period=200)
+    >>> profile = (1.0, 0.7, 0.9)
+    >>> scale = critical_scale("gamma", profile, q_max=1000, settings=longer)
+    >>> abs(scale.value - critical_scale("gamma", profile, q_max=1000).value) < scale.error
+    True
     """
 
     sheet_period: int = SURE_PERIOD
-    single_sheet_period: int = 8
     min_broken_residue: float = DEFAULT_TREE_SETTINGS.small_residue
-    rounding: float = 4e-17
     max_log_ratio: float = 0.1
     max_trusted_ratio: float = 0.05
 
@@ -243,22 +238,21 @@ def _breakup(omega, start, profile, q_max, settings, between=None):
     orbits, period = ConvergentOrbits(start, profile, fractions), len(omega.tail)
     unit = 1 / np.abs(profile).max()
     limits = between or (0.0, (2 + np.abs(start).max()) * unit)
-    shortest = settings.single_sheet_period if has_one_sheet else settings.sheet_period
-    shortest = inf if between else shortest
-    long_enough = [n for n, f in enumerate(fractions[:-period]) if f.denominator >= shortest]
-    n = long_enough[0] if long_enough else len(fractions) - 1 - period
+    shortest = settings.sheet_period if start.any() or not has_one_sheet else 1
+    last = len(fractions) - 1 - period
+    n = next((n for n in range(1, last) if fractions[n].denominator >= shortest), last)
     if n < 1:
         return no_answer(None, Status.NOT_CONVERGED), no_crossings
     near = sum(between) / 2 if between else _first_breakup(orbits, n, n + period, settings)
     if isinstance(near, Status):
         return no_answer(None, near), no_crossings
     crossed = _crossings(orbits, omega, -1, near, limits, settings)
-    scale = _estimate(crossed, profile, settings)
+    scale = _estimate(crossed, profile)
     if scale.status is not Status.OK:
         return scale, no_crossings
     if has_one_sheet:
         return scale, crossed[0]
-    other = _estimate(_crossings(orbits, omega, 1, near, limits, settings), profile, settings)
+    other = _estimate(_crossings(orbits, omega, 1, near, limits, settings), profile)
     if other.status is not Status.OK:
         return other, no_crossings
     error = max(abs(scale.value - other.value), min(scale.error, other.error))
@@ -318,13 +312,14 @@ def _first_breakup(orbits, shorter, longer, settings):
     return inside
 
 
-def _estimate(crossings, profile, settings):
+def _estimate(crossings, profile):
     """Return the CriticalScale, without its ω, that follows from the result of `_crossings`."""
     (periods, scales), status, tail, cusp = crossings
     if status is not Status.OK:
         return no_answer(None, status)
     value, error = _limit(scales, *tail)
-    error = max(error, settings.rounding * periods[-1] * value)
+    # At a period of 10⁵ this is 2.2e-11; the error of κ_G was at most 2.7e-12.
+    error = max(error, np.finfo(float).eps * periods[-1] * value)
     if periods[-1] < 4 * cusp:
         error *= 2
     if error * np.abs(profile).max() > 0.01:
