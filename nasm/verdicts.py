@@ -54,8 +54,8 @@ class VerdictSettings:
         Settings of both searches. Its orbits yield nine digits, and take half the time of those
         that yield eleven.
     max_steps : int
-        Limit on the number of steps of converse KAM. A run of max_steps takes a second or two; it
-        suffices if the forcing is at least 4·10⁻⁶ above the boundary.
+        Limit on the number of steps of converse KAM. Under one or two kicks, this many take a
+        second or two; they suffice if the forcing is at least 4·10⁻⁶ above the boundary.
     proof_seconds : float
         CPU seconds for a proof.
     n_kicks : int

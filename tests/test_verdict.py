@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -11,10 +12,11 @@ from cases import thirds
 from commands import invoke
 
 from nasm import barriers, circles, orbits, periodic
+from nasm.action import ConvergentOrbits
 from nasm.circles import continuation
 from nasm.converse_kam import symmetry_line
 from nasm.maps import MAX_STRENGTH
-from nasm.numbers import parse
+from nasm.numbers import convergents, parse
 from nasm.results import CriticalScale, Status, no_answer
 from nasm.symmetries import ray
 from nasm.verdicts import Answer, Evidence, VerdictSettings, verdict
@@ -311,9 +313,17 @@ def test_the_circle_is_drawn_over_the_whole_period():
 
 
 @pytest.mark.slow
-def test_beyond_bands_where_circles_reappear_more_steps_eliminate_starts():
-    answer = verdict(0.62708 * np.array((1, 0.63, 1)))
-    assert (answer.answer, answer.evidence) == (Answer.TRANSPORT, Evidence.CONVERSE_KAM)
+def test_where_a_circle_reappears_in_a_narrow_band_transport_is_not_claimed():
+    residues = {}
+    for scale in (0.6265, 0.62708, 0.6275):
+        kappa = scale * np.array((1, 0.63, 1))
+        fractions = list(islice(convergents("[0;1,2,1,2,1,3,3,4,4,1,4,1,1,12,(1)]"), 14))
+        orbits = ConvergentOrbits(kappa, 0 * kappa, fractions)
+        residues[scale] = [orbits.at(n, 0.0, -1).residue for n in range(14)]
+    assert min(residues[0.6265][-1], residues[0.6275][-1]) > 1e50
+    assert max(residues[0.62708][5:]) < 0.5
+    assert residues[0.62708][-1] < 0.01
+    assert verdict(0.62708 * np.array((1, 0.63, 1))).answer is not Answer.TRANSPORT
 
 
 def test_a_table_states_if_no_scale_was_proved():

@@ -104,8 +104,8 @@ class SearchSettings:
     Attributes
     ----------
     grids : tuple of (int, float)
-        For each grid, the number of starts, and the position of a start in its cell, from 0 to 1.
-        The grids have no start in common.
+        For each grid, the number of starts on y from 0 to 1/2, and the position of a start in its
+        cell, from 0 to 1. The grids have no start in common.
     width : int
         Number of starts from which the search continues at each level. See `longest_lived` for how
         often each width misses the longest lifetime.
@@ -431,12 +431,14 @@ def _lifetimes(line, y, n_kicks):
 
 
 def search_grids(
-    lifetimes: Callable[[NDArray[np.floating]], FloatArray], settings: SearchSettings
+    lifetimes: Callable[[NDArray[np.floating]], FloatArray],
+    settings: SearchSettings,
+    ends: tuple[float, float] = (0.0, 0.5),
 ) -> tuple[float, float]:
     """Run `beam_search` on each of the grids, until one finds a survivor."""
     starts = []
     for grid in settings.grids:
-        starts.append(beam_search(lifetimes, *grid, settings))
+        starts.append(beam_search(lifetimes, *grid, settings, ends))
         if np.isinf(starts[-1][1]):
             break
     return max(starts, key=lambda start: start[1])
@@ -447,8 +449,9 @@ def beam_search(
     starts: int,
     offset: float,
     settings: SearchSettings,
+    ends: tuple[float, float] = (0.0, 0.5),
 ) -> tuple[float, float]:
-    """Find y in [0, 1/2] of the longest-lived start, or of a survivor, and its lifetime.
+    """Find y of the longest-lived start in an interval, or of a survivor, and its lifetime.
 
     Parameters
     ----------
@@ -457,16 +460,19 @@ def beam_search(
     starts, offset
         One of the grids of the settings: number of starts, and position of a start in its cell.
     settings : SearchSettings
+    ends : pair of floats
+        The interval.
 
     Returns
     -------
     y, lifetime : float
     """
-    cell = 0.5 / starts
-    y = (np.arange(starts) + offset) * cell
+    starts = max(round(starts * 2 * (ends[1] - ends[0])), settings.width)
+    cell = (ends[1] - ends[0]) / starts
+    y = ends[0] + (np.arange(starts) + offset) * cell
     children, width, resolution = settings.children, settings.width, settings.resolution
     offsets = np.arange(children) - (children - 1) / 2
-    best_y, best_time = 0.0, 0.0
+    best_y, best_time = ends[0], 0.0
     while True:
         times = lifetimes(y)
         longest = times.argmax()
