@@ -101,8 +101,6 @@ class Effort:
         shorter than share_above·tol.
     tree : TreeSettings
         Settings that determine which residues in the tree exclude circles.
-    breakup_distance : float
-        Relative distance, below a scale without circles, within which the last breakup is sought.
     orbit_period, last_period : int
         Longest periods of the orbits used for a leap and for the final value; their residues
         yield nine and eleven digits, respectively.
@@ -136,13 +134,20 @@ class Effort:
     max_questions: int = 120
     step: float = 0.25
     tree: TreeSettings = DEFAULT_TREE_SETTINGS
-    breakup_distance: float = 0.05
     orbit_period: int = 1500
     last_period: int = 6000
     cusp_period: int = 30_000
     circles_tried: int = 6
     search_share: float = 0.6
     iterated_kicks: int = 10**7
+
+    @property
+    def breakup_distance(self) -> float:
+        """Relative distance, below a scale without circles, within which a breakup is sought.
+
+        `first_steps` steps of converse KAM eliminate all starts about this far above the breakup.
+        """
+        return 1 / self.first_steps
 
     @property
     def locating_steps(self) -> int:
@@ -153,6 +158,15 @@ class Effort:
     def witness_share(self) -> float:
         """Fraction of the CPU time after which converse KAM ends."""
         return (1 + self.search_share) / 2
+
+    def witness_steps(self, tol: float) -> int:
+        """Return how many steps converse KAM takes at `upper`.
+
+        Closest to the value, it usually eliminates all starts in this many. Where a shorter forcing
+        is near, some starts live longer; at a large tol, the tolerance of the search therefore
+        determines the number.
+        """
+        return int(LONGEST_LIFETIME / (self.share_above * self.search_tol(tol)))
 
     def search_tol(self, tol: float) -> float:
         """Return the tolerance for searching the tree, given the tolerance of the bracket."""
@@ -303,9 +317,9 @@ class _Tree:
         If the time ends before the search does, return (None, [], 1), and record no answer.
         """
         if scale not in self.answers:
-            kappa, settings = self.segment.at(scale), self.effort.tree
+            kappa, effort = self.segment.at(scale), self.effort
             try:
-                found = find_existing_circle(kappa, settings=settings, until=self.end(1))
+                found = find_existing_circle(kappa, effort.locating_steps, effort.tree, self.end(1))
             except TimeoutError:
                 return None, [], 1
             self.answers[scale] = found
@@ -578,7 +592,7 @@ def _search_by_survivors(tree, tol):
             return None
         near = effort.share_above * tol * last.value
         outside = last.value + near
-        n_steps = _steps_to_eliminate(tree, near, last.value)
+        n_steps = effort.witness_steps(tol)
         longest = longest_lived(segment.at(outside), n_steps)
         if longest.kicks < inf:
             inside = last.value - near
@@ -611,13 +625,6 @@ def _later(one, other):
     return one
 
 
-def _steps_to_eliminate(tree, distance, scale):
-    """Return how many steps converse KAM needs to eliminate all starts beyond the breakup."""
-    relative = distance / tree.segment.length(scale, 1)
-    n_steps = LONGEST_LIFETIME / relative
-    return int(np.clip(n_steps, tree.effort.locating_steps, transversal.MAX_STEPS))
-
-
 def _lowest_upper(tree, tol, bracket):
     """Return the scale above a bracket at which converse KAM begins, the target for `upper`.
 
@@ -639,9 +646,7 @@ def _eliminated_above(tree, tol, bracket):
     """
     segment, effort = tree.segment, tree.effort
     value, _ = _value(tree, tol, bracket)
-    near = segment.length(value, effort.share_above * tol)
-    n_steps = _steps_to_eliminate(tree, near, value)
-    scale = _lowest_upper(tree, tol, bracket)
+    n_steps, scale = effort.witness_steps(tol), _lowest_upper(tree, tol, bracket)
     until = tree.end(effort.witness_share)
     while scale < tree.eliminated_scale and not (
         bracket.is_eliminated or tree.is_elimination_over()
