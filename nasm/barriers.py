@@ -162,11 +162,12 @@ class Effort:
     def witness_steps(self, tol: float) -> int:
         """Return how many steps converse KAM takes at `upper`.
 
-        Closest to the value, it usually eliminates all starts in this many. Where a shorter forcing
-        is near, some starts live longer; at a large tol, the tolerance of the search therefore
-        determines the number.
+        At the smallest distance of `upper` from the value, this many usually eliminate all starts.
+        Close to a shorter forcing some starts live longer; at a large tol, the number is therefore
+        that for the tolerance of the search.
         """
-        return int(LONGEST_LIFETIME / (self.share_above * self.search_tol(tol)))
+        n_steps = LONGEST_LIFETIME / (self.share_above * self.search_tol(tol))
+        return int(min(n_steps, transversal.MAX_STEPS))
 
     def search_tol(self, tol: float) -> float:
         """Return the tolerance for searching the tree, given the tolerance of the bracket."""
@@ -317,9 +318,9 @@ class _Tree:
         If the time ends before the search does, return (None, [], 1), and record no answer.
         """
         if scale not in self.answers:
-            kappa, effort = self.segment.at(scale), self.effort
+            kappa, settings = self.segment.at(scale), self.effort.tree
             try:
-                found = find_existing_circle(kappa, effort.locating_steps, effort.tree, self.end(1))
+                found = find_existing_circle(kappa, settings=settings, until=self.end(1))
             except TimeoutError:
                 return None, [], 1
             self.answers[scale] = found

@@ -312,7 +312,7 @@ def _kicks_to_eliminate(kappa: FloatArray, boundary: float, settings: VerdictSet
     """Return the number of kicks in which converse KAM eliminates all starts; inf if some survive.
 
     Try the number of steps that usually suffices, and then four times as many, and so on: close to
-    bands in which circles break and reappear, starts survive longer.
+    a shorter forcing, starts survive longer.
     """
     usual = survivors.LONGEST_LIFETIME / (1 / boundary - 1)
     n_steps, kicks = max(usual, settings.effort.locating_steps), inf

@@ -449,7 +449,7 @@ def beam_search(
     starts: int,
     offset: float,
     settings: SearchSettings,
-    ends: tuple[float, float] = (0.0, 0.5),
+    ends: tuple[float, float],
 ) -> tuple[float, float]:
     """Find y of the longest-lived start in an interval, or of a survivor, and its lifetime.
 
@@ -461,7 +461,7 @@ def beam_search(
         One of the grids of the settings: number of starts, and position of a start in its cell.
     settings : SearchSettings
     ends : pair of floats
-        The interval.
+        The interval. It contains its share of the grid's starts, but at least `settings.width`.
 
     Returns
     -------

@@ -246,9 +246,10 @@ def eliminated_transversals(
     # The caller tests every start, so one grid suffices.
     grid, width = settings.search.grids[:1], settings.search.width
     search = replace(settings.search, grids=grid, final_width=width)
+    settings = replace(settings, search=search)
     while n_steps <= n_max:
         for transversal in _transversals(kappa, list(sites), min_gap=0.0):
-            _, kicks = _bend_while_surviving(transversal, n_steps, search, until, settings)
+            _, kicks = _bend_while_surviving(transversal, n_steps, until, settings)
             if time.thread_time() > until:
                 return
             if kicks < np.inf:
@@ -375,9 +376,7 @@ def _longest_lived(kappa, n_steps, sites, until, settings):
     """
     for transversal in _transversals(kappa, list(sites), settings.min_gap):
         site = transversal.site
-        (x, y), kicks = _bend_while_surviving(
-            transversal, n_steps, settings.search, until, settings
-        )
+        (x, y), kicks = _bend_while_surviving(transversal, n_steps, until, settings)
         if kicks < np.inf or time.thread_time() > until:
             break
     sites.remove(site)
@@ -399,7 +398,7 @@ def _transversals(kappa, sites, min_gap):
         yield Transversal(site, ahead, _first_orbits(ahead, minimax), minimax)
 
 
-def _bend_while_surviving(transversal, n_steps, search, until, settings):
+def _bend_while_surviving(transversal, n_steps, until, settings):
     """Bend each piece of a transversal as long as a start survives on it and time remains.
 
     Once time is up, every start counts as a survivor. Returns (x, y) of the longest-lived start, or
@@ -410,7 +409,8 @@ def _bend_while_surviving(transversal, n_steps, search, until, settings):
     best, longest, piece = (0.0, 0.0), 0.0, 0
     while piece < len(transversal.orbits) - 1:
         # Places on the curve are turns per kick, as on a symmetry line.
-        pair, corners = transversal.orbits[piece:][:2], transversal.corners[piece:][:2]
+        pair = transversal.orbits[piece : piece + 2]
+        corners = np.array([_place(*orbit) for orbit in pair])
         ends = [float(omega) / transversal.kappa.size for omega, _ in pair]
 
         def points_at(place, ends=ends, corners=corners):
@@ -423,7 +423,7 @@ def _bend_while_surviving(transversal, n_steps, search, until, settings):
             _eliminate(*blocks, *points_at(place), n_kicks, True, times, slopes)
             return times
 
-        place, kicks = search_grids(lifetimes, search, ends)
+        place, kicks = search_grids(lifetimes, settings.search, ends)
         if kicks == np.inf:
             if time.thread_time() > until or not transversal.bend(piece, max_period):
                 return points_at(place), kicks
