@@ -724,11 +724,15 @@ def _damped_step(kappa, theta, work, u, stiffness):
     _forces(kappa, theta, u, force, diagonal)
     diagonal += stiffness
     curvature, _, _, n_bad = _newton_step(force, diagonal, 1, 1.0, inverse, pull)
-    change = np.abs(force).max()
-    if n_bad or not curvature > 0 or TWO_PI * np.abs(kappa).max() * change > stiffness + 1e-6:
+    if n_bad or not curvature > 0:
         return max(4 * stiffness, 1e-8), np.inf
+    change = np.abs(force).max()
+    needed = TWO_PI * np.abs(kappa).max() * change
+    best = 2 * np.sqrt(needed * max(stiffness, 1e-8))
+    if needed > stiffness + 1e-6:
+        return best, np.inf
     u += force
-    return stiffness / 4 if stiffness > 1e-8 else 0.0, change
+    return best if best > 1e-8 else 0.0, change
 
 
 @kernel
@@ -775,36 +779,34 @@ def _find_pass(kappa, theta, hop, work, left, right, orbit):
 
     If there is another minimum between them, write this minimum to `orbit` and return -1; return
     NaN if neither a pass nor a minimum is found. Orbits between two adjacent minima descend to one
-    or the other. The boundary of their basins is found by bisection; a descent from that boundary
-    comes close to the pass.
+    or the other. Two orbits on either side of the boundary of their basins descend together, along
+    the boundary, to the pass. Whenever they have moved apart, bisection brings them back together.
     """
-    low, high = left.copy(), right.copy()
+    low, high, n_steps = left.copy(), right.copy(), 0
     # Weights differ from site to site because the pass may be less symmetric than the minima.
     weights = 0.5 + 0.1 * np.cos(np.arange(left.size) ** 2)
-    u, tolerance = left, 1e-2
-    while tolerance > 1e-16:
-        while np.abs(high - low).max() > tolerance:
+    while n_steps < _MAX_DESCENT_STEPS:
+        while np.abs(high - low).max() > (1e-4 if n_steps else 1e-2):
             u = low + weights * (high - low)
             orbit[:] = u
             if not _descend(kappa, theta, work, orbit):
-                break  # the descent stays on the boundary itself
-            if np.abs(orbit - left).max() < _MAX_LAST_STEP:
+                low, high = u, u.copy()  # the descent stays on the boundary itself
+            elif np.abs(orbit - left).max() < _MAX_LAST_STEP:
                 low = u
             elif np.abs(orbit - right).max() < _MAX_LAST_STEP:
                 high = u
             else:
                 return -1.0
-        stiffness, path = 1.5 * np.abs(kappa).max(), u.copy()
-        for _ in range(_MAX_DESCENT_STEPS):
-            orbit[:] = path
+        below = above = 1.5 * np.abs(kappa).max()
+        while n_steps < _MAX_DESCENT_STEPS and np.abs(high - low).max() < 2e-2:
+            orbit[:] = (low + high) / 2
             residue = _saddle(kappa, theta, work, orbit)
-            between = (left < orbit).all() and (orbit < right).all()
+            between = min((orbit - left).min(), (right - orbit).min()) > -FLAT * left.size
             if residue > 0 and between and is_ordered(orbit, hop, kappa.size / left.size):
                 return residue
-            stiffness, change = _damped_step(kappa, theta, work, path, stiffness)
-            if stiffness == 0 and change < 1e-6:
-                break
-        tolerance /= 100
+            below, _ = _damped_step(kappa, theta, work, low, below)
+            above, _ = _damped_step(kappa, theta, work, high, above)
+            n_steps += 1
     return np.nan
 
 

@@ -397,7 +397,7 @@ def _last_breakup(segment, tol, seconds, effort):
             if outside == inf:
                 break
             higher = _search_by_tree(tree, search_tol, upper, outside, survivor)
-        elif _contradicts(tree, tol, upper, *_value(tree, tol, bracket)):  # a leap may miss a band
+        elif upper > _highest_plausible(tree, tol, bracket):  # a leap may miss a band
             higher = _search_by_tree(tree, search_tol, bracket.outside, upper, leaps=False)
         else:
             break
@@ -411,7 +411,7 @@ def _last_breakup(segment, tol, seconds, effort):
     value, error = _value(tree, tol, bracket)
     lower = _certified_below(tree, tol, bracket)
     cusp = periodic.cusp_period(segment.at(value))
-    is_contradicted = _contradicts(tree, tol, upper, value, error)
+    is_contradicted = upper > _highest_plausible(tree, tol, bracket)
     # Longer orbits are joined rather than scanned for: they do not see a cusp reliably.
     if upper > _lowest_upper(tree, tol, bracket) or cusp > action.JOIN_PERIOD:
         error = max(error, upper - value)
@@ -427,10 +427,11 @@ def _last_breakup(segment, tol, seconds, effort):
     return CriticalScale(nan, nan, lower, upper, None, status, "converse KAM")
 
 
-def _contradicts(tree, tol, upper, value, error):
-    """Return True if survivors show that a circle may exist far above the value."""
+def _highest_plausible(tree, tol, bracket):
+    """Return the scale above which a survivor contradicts the value of a bracket."""
+    value, error = _value(tree, tol, bracket)
     relative = max(tol, 1 / tree.effort.first_steps)
-    return upper > value + max(error, tree.segment.length(value, relative))
+    return value + max(error, tree.segment.length(value, relative))
 
 
 def _value(tree, tol, bracket):
@@ -648,7 +649,7 @@ def _eliminated_above(tree, tol, bracket):
     segment, effort = tree.segment, tree.effort
     value, _ = _value(tree, tol, bracket)
     n_steps, scale = effort.witness_steps(tol), _lowest_upper(tree, tol, bracket)
-    until = tree.end(effort.witness_share)
+    until, plausible = tree.end(effort.witness_share), _highest_plausible(tree, tol, bracket)
     while scale < tree.eliminated_scale and not (
         bracket.is_eliminated or tree.is_elimination_over()
     ):
@@ -658,7 +659,8 @@ def _eliminated_above(tree, tol, bracket):
         for omega in candidates(segment.at(scale), longest, n_steps):
             if tree.shows(omega, scale):
                 return scale, omega
-        scale = min(value + 2 * (scale - value), tree.eliminated_scale)
+        farther = min(value + 2 * (scale - value), tree.eliminated_scale)
+        scale = min(farther, plausible) if scale < plausible else farther
     return scale, None
 
 
