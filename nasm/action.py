@@ -36,7 +36,9 @@ The orbits of the convergents of a number ω are found in order of increasing pe
    cannot be reached by moving a single site. Orbits with periods up to 100 are then found by
    descent: the sites of an orbit move along the forces on them. Orbits that descend never cross
    each other; they end at minima, and the pass between two adjacent minima is on the boundary of
-   their basins of attraction. (The same argument shows that the orbits exist.)
+   their basins of attraction. (The same argument shows that the orbits exist.) Two orbits descend
+   along this boundary, one on either side; bisection keeps them close to each other (*edge
+   tracking*: Skufca, Yorke & Eckhardt, Phys. Rev. Lett. 96 (2006) 174101).
 4. *Follow.* Newton's method continues known orbits along the segment of forcings. Longer orbits are
    found by joining known ones end to end.
 
@@ -571,7 +573,7 @@ def _find_by_descent(kappa, chain):
     # The descent starts from a rotation without symmetry, so it cannot end on the boundary between
     # two basins.
     u = np.full(chain.n_sites, 0.3 / chain.q)
-    error = chain.lost(f"they are not at rest after a descent of {_MAX_DESCENT_STEPS} steps")
+    error = chain.lost(f"descents of {_MAX_DESCENT_STEPS} steps did not lead to them")
     if not _descend(kappa, theta, work, u):
         raise error
     first = _widest_gap(chain, u)
@@ -715,8 +717,10 @@ def _damped_step(kappa, theta, work, u, stiffness):
     """Take the step Δu that solves (H + σ) Δu = force for all sites, in place; σ = stiffness.
 
     The step preserves the order of any two orbits as long as H + σ is positive definite and
-    2π|κ_n Δu_n| < σ; otherwise σ is increased and no step is taken. Near a minimum σ falls to 0,
-    and the steps become those of Newton's method.
+    max 2π|κ_n Δu_n| ≤ σ; otherwise no step is taken. Where σ is larger than the curvatures, Δu is
+    proportional to 1/σ, and the geometric mean of the two sides is the smallest σ that preserves
+    order. The next σ is twice this mean. Near a minimum σ falls to 0, and the steps become those of
+    Newton's method.
 
     Returns the next σ and the largest |Δu|; the latter is inf if no step was taken.
     """
@@ -728,11 +732,11 @@ def _damped_step(kappa, theta, work, u, stiffness):
         return max(4 * stiffness, 1e-8), np.inf
     change = np.abs(force).max()
     needed = TWO_PI * np.abs(kappa).max() * change
-    best = 2 * np.sqrt(needed * max(stiffness, 1e-8))
+    following = 2 * np.sqrt(needed * max(stiffness, 1e-8))
     if needed > stiffness + 1e-6:
-        return best, np.inf
+        return following, np.inf
     u += force
-    return best if best > 1e-8 else 0.0, change
+    return following if following > 1e-8 else 0.0, change
 
 
 @kernel
@@ -782,11 +786,11 @@ def _find_pass(kappa, theta, hop, work, left, right, orbit):
     or the other. Two orbits on either side of the boundary of their basins descend together, along
     the boundary, to the pass. Whenever they have moved apart, bisection brings them back together.
     """
-    low, high, n_steps = left.copy(), right.copy(), 0
+    low, high, tolerance, n_steps = left.copy(), right.copy(), 5e-3, 0
     # Weights differ from site to site because the pass may be less symmetric than the minima.
     weights = 0.5 + 0.1 * np.cos(np.arange(left.size) ** 2)
     while n_steps < _MAX_DESCENT_STEPS:
-        while np.abs(high - low).max() > (1e-4 if n_steps else 1e-2):
+        while np.abs(high - low).max() > tolerance:
             u = low + weights * (high - low)
             orbit[:] = u
             if not _descend(kappa, theta, work, orbit):
@@ -797,12 +801,14 @@ def _find_pass(kappa, theta, hop, work, left, right, orbit):
                 high = u
             else:
                 return -1.0
+        tolerance = 1e-4  # from now on; the first bisection alone usually leads to the pass
         below = above = 1.5 * np.abs(kappa).max()
-        while n_steps < _MAX_DESCENT_STEPS and np.abs(high - low).max() < 2e-2:
+        while n_steps < _MAX_DESCENT_STEPS and np.abs(high - low).max() < 1e-2:
             orbit[:] = (low + high) / 2
             residue = _saddle(kappa, theta, work, orbit)
-            between = min((orbit - left).min(), (right - orbit).min()) > -FLAT * left.size
-            if residue > 0 and between and is_ordered(orbit, hop, kappa.size / left.size):
+            # All three orbits may be equal to within rounding at most sites.
+            is_between = min((orbit - left).min(), (right - orbit).min()) > -FLAT * left.size
+            if residue > 0 and is_between and is_ordered(orbit, hop, kappa.size / left.size):
                 return residue
             below, _ = _damped_step(kappa, theta, work, low, below)
             above, _ = _damped_step(kappa, theta, work, high, above)

@@ -91,6 +91,31 @@ def test_a_minimax_orbit_that_is_not_a_maximum_along_any_site_is_found():
     assert 0 < orbit.refined_residue() < 1
 
 
+@pytest.mark.parametrize(("p", "q"), [(10, 1), (61, 6), (81, 8), (192, 19)])
+def test_orbits_are_found_where_the_boundary_between_basins_is_narrow(p, q):
+    # Along the boundary of two basins, orbits descend slowly and leave it before they come to the
+    # pass of 10/1; the orbits of 81/8 and 192/19 are equal to within rounding at most sites.
+    kappa = 0.27328 * rotating_forcing(*ray(45), "10/31", 1 / 124)
+    minimizing, minimax = action.ordered_orbits(kappa, p, q)
+    for orbit, n_negative in (minimizing, 0), (minimax, 1):
+        x = orbit.sites()
+        strengths = np.resize(np.roll(kappa, -orbit.site), x.size)
+        ahead, behind = np.append(x[1:], x[0] + p), np.append(x[-1] - p, x[:-1])
+        forces = ahead - 2 * x + behind - strengths / (2 * np.pi) * np.sin(2 * np.pi * x)
+        assert np.abs(forces).max() < 1e-12
+        hessian = np.diag(2 + strengths * np.cos(2 * np.pi * x))
+        for n in range(x.size):
+            hessian[n, n - 1] -= 1
+            hessian[n - 1, n] -= 1
+        assert (np.linalg.eigvalsh(hessian) < 0).sum() == n_negative
+        sign, logarithm = np.linalg.slogdet(hessian)  # the determinant is -4R
+        assert -sign * np.exp(logarithm) / 4 == pytest.approx(orbit.residue, rel=1e-6)
+    _, not_excluded, _ = farey.find_existing_circle(
+        kappa, settings=farey.TreeSettings(max_mediants=400)
+    )
+    assert len(not_excluded) == 1  # all were excluded; this one required the longest orbit
+
+
 def _random_cases(n_profiles, kicks, n_fractions, seed):
     """Yield (kappa, p, q) with kappa up to twice the last breakup; some forcings repeat kicks."""
     random = np.random.default_rng(seed)
