@@ -94,9 +94,6 @@ _MAX_LAST_STEP = 1e-7
 about the square of it. Minima closer than this are the same one. With 1e-8, none of five circles
 of [0;1,70,(1)] were resolved."""
 
-_EQUAL_GAPS = 0.99
-"""Gaps of at least this fraction of the widest count as equal; orbits begin at the first."""
-
 JOIN_PERIOD = 300
 """Period above which orbits are joined from shorter ones rather than scanned for, although only the
 scan finds the highest maximum."""
@@ -608,10 +605,10 @@ def _roll(u, first):
 
 
 def _widest_gap(chain, u):
-    """Return the site of the widest gap; if several are equally wide, the first of them."""
+    """Return the site of the widest gap; if several are equal to within convergence, the first."""
     gaps = chain.right(u) - u
     by_site = gaps.reshape(-1, chain.period).max(axis=0)
-    site = int(np.argmax(by_site >= _EQUAL_GAPS * by_site.max()))
+    site = int(np.argmax(by_site > by_site.max() - _MAX_LAST_STEP))
     return site + chain.period * int(gaps[site :: chain.period].argmax())
 
 
