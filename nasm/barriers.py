@@ -163,10 +163,11 @@ class Effort:
         """Return how many steps converse KAM takes at `upper`.
 
         At the smallest distance of `upper` from the value, this many usually eliminate all starts.
-        Close to a shorter forcing some starts live longer; at a large tol, the number is therefore
-        that for the tolerance of the search.
+        Close to a shorter forcing, and in rotating maps, some starts live longer; at a large tol,
+        the number is therefore ten times what is usually needed at a distance of
+        share_above/first_steps.
         """
-        n_steps = LONGEST_LIFETIME / (self.share_above * self.search_tol(tol))
+        n_steps = LONGEST_LIFETIME / (self.share_above * min(tol, 0.1 / self.first_steps))
         return int(min(n_steps, transversal.MAX_STEPS))
 
     def search_tol(self, tol: float) -> float:
