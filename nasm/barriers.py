@@ -151,8 +151,8 @@ class Effort:
 
     @property
     def locating_steps(self) -> int:
-        """Number of steps of converse KAM that locate a breakup to about `resolution`."""
-        return round(1 / self.resolution)
+        """Number of steps of converse KAM that locate a breakup to `resolution` or better."""
+        return max(round(1 / self.resolution), self.first_steps)
 
     @property
     def witness_share(self) -> float:
