@@ -299,10 +299,12 @@ def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
 def _last_circle(profile: FloatArray, tol: float) -> tuple[CriticalScale, float]:
     """Bracket the breakup of the last circle, and return its turns per kick, up to symmetry.
 
-    The tree is searched with this tolerance, even if it is larger than by default: with 30 kicks, a
-    search takes about a second.
+    If tol is larger than the default tolerance of the search of the Farey tree, the tree is searched
+    with tol: with 30 kicks, a search takes about a second.
     """
-    effort = barriers.Effort(resolution=min(tol, _LARGEST_SEARCH_TOL))
+    default = barriers.DEFAULT_EFFORT
+    resolution = max(min(tol, _LARGEST_SEARCH_TOL), default.resolution)
+    effort = replace(default, resolution=resolution)
     bracket = barriers.critical_scale(profile, tol, effort=effort)
     turns = np.nan if bracket.omega is None else float(bracket.omega) / profile.size
     return bracket, abs(turns - np.rint(turns))
