@@ -299,8 +299,8 @@ def _last_barriers(coords: Coords, settings: Settings) -> Arrays:
 def _last_circle(profile: FloatArray, tol: float) -> tuple[CriticalScale, float]:
     """Bracket the breakup of the last circle, and return its turns per kick, up to symmetry.
 
-    If tol is larger than the default tolerance of the search of the Farey tree, the tree is searched
-    with tol: with 30 kicks, a search takes about a second.
+    The Farey tree is searched with tol, even where this is more than the default tolerance of that
+    search: with 30 kicks, one search takes about a second.
     """
     default = barriers.DEFAULT_EFFORT
     resolution = max(min(tol, _LARGEST_SEARCH_TOL), default.resolution)
