@@ -8,7 +8,7 @@ from cases import thirds
 from oracles import KAPPA_G
 
 from nasm import circles, farey, periodic
-from nasm.circles import continuation
+from nasm.circles import continuation, fourier, newton
 from nasm.numbers import NAMES, RotationNumber, convergents, parse
 from nasm.results import Status
 from nasm.symmetries import ray
@@ -192,6 +192,24 @@ def test_spurious_circles_just_beyond_the_breakup_are_rejected(case):
 def test_without_a_breakup_nothing_is_certified():
     assert np.isnan(continuation.certified_circle(GAMMA, (1, 0), np.nan, 1e-2)[0])
     assert np.isnan(continuation.certified_circle(GAMMA, (1, 0), 3.0, 1e-2)[0])
+
+
+@pytest.mark.parametrize("above", [0.03, 0.1, 0.3, 1.0])
+@pytest.mark.parametrize(("name", "profile"), KNOWN[1:3])
+def test_approximate_solutions_just_above_a_breakup_are_refused(name, profile, above):
+    omega, profile = parse(name), np.array(profile, float)
+    breakup = periodic.critical_scale(omega, profile).value
+    path = [(0.0, np.zeros((profile.size, newton.MIN_POINTS)))]
+    for distance in (0.5, 0.15, 0.05, 0.015, 5e-3, 1.5e-3):
+        scale = breakup * (1 - distance)
+        u = newton.extrapolate(path, scale, fourier.grid(omega, 5 / distance))
+        assert newton.polish(omega, scale * profile, u)
+        assert newton.polished_is_circle(omega, scale * profile, u)
+        path.append((scale, u))
+    scale = breakup * (1 + above * distance)
+    u = newton.extrapolate(path, scale, fourier.grid(omega, 5 / distance))
+    newton.polish(omega, scale * profile, u)
+    assert not newton.polished_is_circle(omega, scale * profile, u)
 
 
 @pytest.mark.slow
