@@ -431,6 +431,37 @@ class Orbit:
         starts = slice(-self.site % self.start.size, None, self.start.size)
         return x[starts], np.diff(x, prepend=x[-1] - self.chain.p)[starts]
 
+    def minimax_under(self, kappa: FloatArray) -> Orbit | None:
+        """Find the minimax orbit near this one under another forcing, by Newton's method.
+
+        Parameters
+        ----------
+        kappa : ndarray, shape (P,)
+            The forcing, first kick first.
+
+        Returns
+        -------
+        Orbit or None
+            None if Newton's method does not end at an ordered minimax orbit whose sites are all
+            within 1/4q of those of this one, a quarter of the mean distance of two sites.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from nasm.action import ordered_orbits
+        >>> _, minimax = ordered_orbits((0.3, 0.5), 2, 3)
+        >>> orbit = minimax.minimax_under(np.array([0.31, 0.51]))
+        >>> bool(np.isclose(orbit.residue, ordered_orbits((0.31, 0.51), 2, 3)[1].residue))
+        True
+        """
+        (theta, hop, work), u, period = self.chain.frame, self.u.copy(), self.chain.period
+        forcing = _roll(kappa, self.site)
+        residue = _saddle(forcing, theta, work, u)
+        is_near = np.abs(u - self.u).max() < 0.25 / self.chain.q
+        if not (residue > 0 and is_near and is_ordered(u, hop, period / u.size)):
+            return None
+        return Orbit(self.chain, (forcing, 0 * forcing), self.site, -1, u, residue, 0.0)
+
     def move(self, scale: float) -> bool:
         """Continue the orbit to another scale, in place.
 

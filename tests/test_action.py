@@ -158,6 +158,19 @@ def test_every_short_orbit_is_found_up_to_twice_the_breakup(judge, kicks, n_prof
     assert agreed > 0.9 * judged
 
 
+@pytest.mark.parametrize("kappa", [(0.3, 0.2, 0.25), (0.6, -0.4, 0.1, 0.5)])
+def test_an_orbit_found_from_a_nearby_forcing_is_the_one_that_a_search_finds(kappa):
+    kappa = np.array(kappa)
+    for p, q in [(0, 1), (1, 2), (2, 7), (7, 19)]:
+        _, minimax = action.ordered_orbits(0.995 * kappa, p, q)
+        _, searched = action.ordered_orbits(kappa, p, q)
+        orbit = minimax.minimax_under(kappa)
+        assert orbit.residue == pytest.approx(searched.residue, rel=1e-6)
+        for x, wanted in zip(orbit.points(), searched.points(), strict=True):
+            np.testing.assert_allclose(np.sort(x % 1), np.sort(wanted % 1), atol=1e-9)
+    assert minimax.minimax_under(3 * kappa) is None
+
+
 def test_no_orbit_is_joined_twice_at_the_same_scale(monkeypatch):
     # Orbits with residue 0 are not followed from scale to scale; they used to be recomputed, by
     # joining shorter orbits, for each longer orbit.

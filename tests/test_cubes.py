@@ -14,6 +14,7 @@ from oracles import KAPPA_G
 from scipy.io import netcdf_file
 
 from nasm import barriers, numbers, periodic, proofs
+from nasm.maps import rotating_forcing
 from nasm.numbers import moebius
 from nasm.planes import Plane, rotating, three_kicks, two_kicks
 from nasm.results import Status
@@ -92,6 +93,17 @@ def test_last_barriers_of_rotating_maps_have_rotation_numbers_per_kick():
     scales = result["critical_scale"][:, 0]
     assert scales == pytest.approx([KAPPA_G / 8**0.5, KAPPA_G * 2**0.5], rel=1e-9)
     assert result["omega"][:, 0] == pytest.approx([(3 - 5**0.5) / 4, (3 - 5**0.5) / 2], abs=1e-12)
+
+
+@pytest.mark.slow
+def test_at_a_large_tol_errors_cover_a_circle_that_breaks_slightly_later():
+    # The first breakup found at a tolerance of 10⁻² was 2.6·10⁻⁴ below that of another circle.
+    profile = rotating_forcing(*ray(45.0), "5/12", 1 / 48)
+    coarse, _ = rotating_maps._last_circle(profile, 1e-2)
+    fine = barriers.critical_scale(profile, 1e-3)
+    assert abs(coarse.value - fine.value) < coarse.error
+    assert coarse.error >= 0.002 * coarse.value
+    assert fine.error < 1e-6
 
 
 def test_status_codes_are_explained_by_the_flag_meanings():
