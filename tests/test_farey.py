@@ -33,7 +33,7 @@ def test_orbits_under_a_nearby_forcing_do_not_change_the_answer(kicks):
     for scale in (1.5, 1.49, 1.4, 1.0, 0.7, 0.5, 0.3):
         found, *_ = farey.find_existing_circle(scale * kappa, nearby=nearby)
         assert found == farey.find_existing_circle(scale * kappa)[0]
-    assert max(each.denominator for each in nearby) > 10
+    assert len(nearby) > 5
 
 
 MISSED = [((1, 0.45, 1), 0.551), (1 + 1.7084e-5 * RIPPLE, 0.9648), (1 + 1.78e-4 * RIPPLE, 0.957)]
