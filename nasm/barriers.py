@@ -7,13 +7,26 @@ tol, or of 10⁻³ if tol is larger. If it finds bands, narrower ones may lie ab
 therefore the relative error is then at least tol, or 2·10⁻³ if tol is larger, and upper is at least
 value + error. On a segment that does not start at zero, the search looks for the first breakup.
 
-The search proceeds from the outside inwards.
+The route of a search, with the functions of this module in parentheses:
+
+- one or two kicks on a ray from zero: candidates near the longest-lived starts
+  (`_search_by_survivors`);
+- else, or if that fails: a scale without circles (`_outermost`), and from there inwards the Farey
+  tree (`_search_by_tree`), unless two kicks are so close to a cusp that no orbit distinguishes them
+  from it (`_beside_cusp`);
+- then `upper`, by converse KAM (`_eliminated_above`); if it contradicts the value, the search is
+  resumed above (`_confirmed_above`);
+- last `lower`, by a certified circle (`_certified_below`).
+
+The search of the tree proceeds from the outside inwards. It is a loop over two scales: no circle
+was found at `outside`; a circle exists at `inside`, or `inside` is 0 and none is known yet.
 
 1. *Ask.* Search the Farey tree (`nasm.farey`) at one scale for a circle that exists there. If the
    search finds none, it lists the nobles that it could not exclude (or, if it excluded all of them,
    the one that took longest to exclude), and the longest period used; the scale is then treated as
-   having no circles. The first scale is about 1% above the breakup, where converse KAM eliminates
-   all starts in 100 steps (periods of the forcing).
+   having no circles. Short orbits are found from those at the scale asked before. The first scale
+   is about 1% above the breakup, where converse KAM eliminates all starts in 100 steps (periods of
+   the forcing).
 2. *Leap.* Residues (`nasm.periodic`) determine the scale at which one circle breaks: the circle
    just found or, if none was found, the circle of the simplest noble near the first one listed. If
    the precision of this scale is sufficient, and residues show that the circle exists just below
@@ -22,13 +35,12 @@ The search proceeds from the outside inwards.
    not only at one scale, but over a relative distance of order 1/q. The step is a quarter of that,
    or half the distance to a scale with a circle. Whenever the period used has doubled, another leap
    is attempted.
-4. *End.* If the tree shows a circle just above the scale of a leap, this scale is dropped, and the
-   search continues with that circle. If it shows none, this scale is the last breakup, unless
-   residues show that the circle of one of the listed nobles exists above it. The breakup of this
-   rival then replaces the scale; if residues do not determine it precisely, the search ends with
-   the narrow interval that remains. In bands, residues do not converge; the scale is then lowered
-   until the scale without circles and the one with a circle are tol/2 apart, and the value is the
-   midpoint between them.
+4. *End.* If the tree shows a circle just above the breakup to which a leap led, this breakup is
+   dropped, and the loop continues with that circle. If it shows none, this breakup is the last one,
+   unless residues show that the circle of one of the listed nobles exists above it. The breakup of
+   this rival then replaces it; if residues do not determine it precisely, the search ends with the
+   narrow interval that remains. In bands, residues do not converge; the loop then ends when
+   `outside` and `inside` are tol/2 apart, and the value is the midpoint between them.
 
 With one or two kicks there are no bands, and a faster search is tried first. The start that
 converse KAM takes longest to eliminate just beyond the breakup lies near the remains of the last
@@ -381,7 +393,7 @@ class _Tree:
 class _Bracket:
     """Two scales with the last breakup between them: no circle was found at `outside`.
 
-    omega : a circle that exists at `inside`; None if no circle is known there.
+    omega : a circle that exists at `inside`; None if no circle is known, and `inside` may be 0.
     breakup : where this circle breaks according to its residues; None if they do not determine it,
     as in bands, or if time was short. longest_period : the longest period of orbits that may have
     been used.
@@ -398,13 +410,50 @@ class _Bracket:
 
 def _last_breakup(segment, tol, seconds, effort):
     """Return the CriticalScale; its omega is per period of the segment's profile."""
-    tree, search_tol = _Tree(segment, seconds, effort), effort.search_tol(tol)
+    tree = _Tree(segment, seconds, effort)
+    bracket = _first_bracket(tree, tol)
+    if isinstance(bracket, Status):
+        return no_answer(None, bracket, "Farey tree")
+    bracket, upper, survivor = _confirmed_above(tree, tol, bracket)
+    value, error = _value(tree, tol, bracket)
+    lower = _certified_below(tree, tol, bracket)
+    cusp = periodic.cusp_period(segment.at(value))
+    is_contradicted = upper > _highest_plausible(tree, tol, bracket)
+    # Longer orbits are joined rather than scanned for: they do not see a cusp reliably.
+    if upper > _lowest_upper(tree, tol, bracket) or cusp > action.JOIN_PERIOD:
+        error = max(error, upper - value)
+    status = Status.OK if upper - lower <= 2 * segment.length(value, tol) else Status.WIDE
+    if cusp > bracket.longest_period:
+        status = Status.NEAR_CUSP
+    elif survivor is not None or bracket.outside - bracket.inside > segment.length(value, tol):
+        status = Status.NOT_CONVERGED
+    elif is_contradicted:
+        status = Status.UNDECIDED
+    if status in (Status.OK, Status.WIDE):
+        return CriticalScale(value, error, lower, upper, bracket.omega, status, periodic.METHOD)
+    return CriticalScale(nan, nan, lower, upper, None, status, "converse KAM")
+
+
+def _first_bracket(tree, tol):
+    """Return the _Bracket found without converse KAM at `upper`, or the Status if none is found."""
     bracket = _search_by_survivors(tree, tol)
     if bracket is None:
         ends = _outermost(tree)
         if isinstance(ends, Status):
-            return no_answer(None, ends, "Farey tree")
+            return ends
+        search_tol = tree.effort.search_tol(tol)
         bracket = _beside_cusp(tree, tol) or _search_by_tree(tree, search_tol, *ends)
+    return bracket
+
+
+def _confirmed_above(tree, tol, bracket):
+    """Return the _Bracket, `upper`, and None, after converse KAM has been applied above it.
+
+    While converse KAM contradicts a bracket, the tree is searched above it, and a bracket found
+    there replaces it. If the budget ends while a circle is known at `upper`, that circle is
+    returned instead of None, with the lowest scale at which the tree shows no circle.
+    """
+    search_tol = tree.effort.search_tol(tol)
     upper, survivor = _eliminated_above(tree, tol, bracket)
     while not tree.is_search_over():
         if survivor is not None:
@@ -423,23 +472,7 @@ def _last_breakup(segment, tol, seconds, effort):
     if survivor is not None:  # the budget did not suffice to find where its circle breaks
         shown = min(tree.lowest_excluded(upper), tree.eliminated_scale)
         upper = shown if shown < inf else nan
-    value, error = _value(tree, tol, bracket)
-    lower = _certified_below(tree, tol, bracket)
-    cusp = periodic.cusp_period(segment.at(value))
-    is_contradicted = upper > _highest_plausible(tree, tol, bracket)
-    # Longer orbits are joined rather than scanned for: they do not see a cusp reliably.
-    if upper > _lowest_upper(tree, tol, bracket) or cusp > action.JOIN_PERIOD:
-        error = max(error, upper - value)
-    status = Status.OK if upper - lower <= 2 * segment.length(value, tol) else Status.WIDE
-    if cusp > bracket.longest_period:
-        status = Status.NEAR_CUSP
-    elif survivor is not None or bracket.outside - bracket.inside > segment.length(value, tol):
-        status = Status.NOT_CONVERGED
-    elif is_contradicted:
-        status = Status.UNDECIDED
-    if status in (Status.OK, Status.WIDE):
-        return CriticalScale(value, error, lower, upper, bracket.omega, status, periodic.METHOD)
-    return CriticalScale(nan, nan, lower, upper, None, status, "converse KAM")
+    return bracket, upper, survivor
 
 
 def _highest_plausible(tree, tol, bracket):
@@ -500,7 +533,7 @@ def _beside_cusp(tree, tol):
     return _Bracket(cusp.lower, tree.eliminated_scale, cusp.omega, longest_period=0)
 
 
-def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
+def _search_by_tree(tree, search_tol, inside, outside, omega=None, leaps=True):
     """Return the _Bracket of the last breakup between two scales; wider if the budget runs out.
 
     omega : a circle that exists at `inside`, if one is known. leaps : False to lower the scale
@@ -510,29 +543,29 @@ def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
     if tree.is_search_over():
         return _Bracket(inside, outside, omega)
     _, nobles, period = tree.ask(outside)
-    unasked, asked_period = omega, 0  # for leaps: circle to try next, period at the last leap
-    while outside - inside > segment.length(outside, tol / 2) and not tree.is_search_over():
-        step = max(effort.step / period, effort.share_above * tol)
+    untried, leap_period = omega, 0  # circle to leap with next, period at the last leap
+    while outside - inside > segment.length(outside, search_tol / 2) and not tree.is_search_over():
+        step = max(effort.step / period, effort.share_above * search_tol)
         scale = outside - segment.length(outside, step)
         if scale <= inside:
             scale = (inside + outside) / 2
         breakup = None
-        if unasked or (leaps and period >= 2 * asked_period):
-            named = unasked or _simplest_near(nobles[0], segment.at(outside), period)
-            breakup = _breakup(tree, tol, named, inside, outside)
-            unasked, asked_period = None, period
+        if untried or (leaps and period >= 2 * leap_period):
+            named = untried or _simplest_near(nobles[0], segment.at(outside), period)
+            breakup = _breakup(tree, search_tol, named, inside, outside)
+            untried, leap_period = None, period
         if breakup:
-            above = breakup.value + segment.length(outside, effort.share_above * tol)
+            above = breakup.value + segment.length(outside, effort.share_above * search_tol)
             scale = min(above, outside)
         circle, nobles_there, period_there = tree.ask(scale)
         if scale not in tree.answers:  # time has run out
             break
         if circle is not None:
-            inside, omega, unasked = scale, circle, circle
+            inside, omega, untried = scale, circle, circle
             continue
         outside, nobles, period = scale, nobles_there, period_there
         if breakup:
-            final = _with_rivals(tree, tol, breakup, inside, outside, nobles)
+            final = _with_rivals(tree, search_tol, breakup, inside, outside, nobles)
             return final or _Bracket(inside, outside, omega)
     return _Bracket(inside, outside, omega)
 
@@ -546,14 +579,14 @@ def _simplest_near(omega, kappa, period):
     return [*half_shift_nobles(kappa, *near), *nobles_near(*near)][0]
 
 
-def _breakup(tree, tol, omega, inside, outside):
+def _breakup(tree, search_tol, omega, inside, outside):
     """Return a circle's CriticalScale between two scales; None if residues do not determine it."""
     segment, effort = tree.segment, tree.effort
     between = max(inside, outside - segment.length(outside, effort.breakup_distance)), outside
     found = periodic.critical_scale(
         omega, segment.profile, effort.orbit_period, segment.start, between
     )
-    near = segment.length(outside, effort.share_above * tol)
+    near = segment.length(outside, effort.share_above * search_tol)
     if found.status is not Status.OK or not found.error < near / 10:
         return None
     below = found.value - near
@@ -561,7 +594,7 @@ def _breakup(tree, tol, omega, inside, outside):
     return found if exists and between[0] < found.value < outside else None
 
 
-def _with_rivals(tree, tol, breakup, inside, outside, nobles):
+def _with_rivals(tree, search_tol, breakup, inside, outside, nobles):
     """Return the _Bracket of a breakup, or of the later breakup of a rival, below `outside`.
 
     Return None if the time ends before all rivals have been tested.
@@ -573,11 +606,11 @@ def _with_rivals(tree, tol, breakup, inside, outside, nobles):
         distance = segment.length(outside, tree.effort.step / longest)
         just_above = min(breakup.value + distance, outside)
         if omega != breakup.omega and tree.shows(omega, just_above):
-            later = _breakup(tree, tol, omega, inside, outside)
+            later = _breakup(tree, search_tol, omega, inside, outside)
             if later is None or later.value < breakup.value:  # the rival breaks above just_above
                 return _Bracket(just_above, outside, omega)
             breakup = later
-    near = segment.length(outside, tree.effort.share_above * tol)
+    near = segment.length(outside, tree.effort.share_above * search_tol)
     around = breakup.value - near, breakup.value + near
     period = tree.effort.last_period
     if period > tree.effort.orbit_period:
@@ -791,7 +824,7 @@ def boundary(angles: ArrayLike, tol: float = 1e-4) -> list[CriticalScale]:
     angles : float or sequence of floats
         Angles of the rays (κ1, κ2) = s·(cos angle, sin angle), in degrees.
     tol : float
-        As for `critical_scale`; a ray takes 0.25 s of CPU time at 10⁻⁴, and 0.8 s at 2·10⁻⁵.
+        As for `critical_scale`; a ray takes 0.25 s of CPU time at 10⁻⁴, and 1.2 s at 2·10⁻⁵.
 
     Returns
     -------
