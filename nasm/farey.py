@@ -361,7 +361,8 @@ def _between(orbits, left, right, settings):
 def _node(fraction, orbit):
     # A short orbit that is lost is treated as if it had the residue of an orbit at a breakup.
     lost = 0.25 if fraction.denominator <= SURE_PERIOD else inf
-    return _Node(fraction, orbit, max(orbit.residue, 1e-6) if orbit else lost)
+    # A product of NumPy's numbers would warn where it is infinite.
+    return _Node(fraction, orbit, max(float(orbit.residue), 1e-6) if orbit else lost)
 
 
 def _nobles(kappa, one, other):

@@ -3,6 +3,9 @@
 Just beyond breakup, the last circle is still among the candidates that the search returns.
 """
 
+from fractions import Fraction
+from types import SimpleNamespace
+
 import numpy as np
 import oracles
 import pytest
@@ -34,6 +37,13 @@ def test_orbits_under_a_nearby_forcing_do_not_change_the_answer(kicks):
         found, *_ = farey.find_existing_circle(scale * kappa, nearby=nearby)
         assert found == farey.find_existing_circle(scale * kappa)[0]
     assert len(nearby) > 5
+
+
+def test_huge_residues_of_short_orbits_exclude_circles_without_a_warning():
+    nodes = [
+        farey._node(Fraction(p, 5), SimpleNamespace(residue=np.float64(1e200))) for p in (1, 2)
+    ]
+    assert not farey._may_enclose_circle(*nodes, farey.DEFAULT_SETTINGS)
 
 
 MISSED = [((1, 0.45, 1), 0.551), (1 + 1.7084e-5 * RIPPLE, 0.9648), (1 + 1.78e-4 * RIPPLE, 0.957)]

@@ -51,7 +51,7 @@ def parse_frequency(text):
     8,
     2,
     64,
-    "Largest q of the fractions p/q; 34 takes many CPU hours.",
+    "Largest q of the fractions p/q; 34 takes about a CPU hour with --tol 0.01.",
 )
 @several(
     *(
