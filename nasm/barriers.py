@@ -334,7 +334,7 @@ class _Tree:
     def __init__(self, segment, seconds, effort):
         self.segment, self.effort, self.answers = segment, effort, {}
         self.began, self.seconds = thread_time(), seconds
-        self.short_orbits = {}  # those under the forcing that was searched last
+        self.short_orbits = {}  # by fraction, each at the scale where it was found last
         self.eliminated_scale = inf  # a scale at which converse KAM has eliminated all starts
 
     def ask(self, scale):
@@ -441,8 +441,7 @@ def _first_bracket(tree, tol):
         ends = _outermost(tree)
         if isinstance(ends, Status):
             return ends
-        search_tol = tree.effort.search_tol(tol)
-        bracket = _beside_cusp(tree, tol) or _search_by_tree(tree, search_tol, *ends)
+        bracket = _beside_cusp(tree, tol) or _search_by_tree(tree, tol, *ends)
     return bracket
 
 
@@ -453,16 +452,15 @@ def _confirmed_above(tree, tol, bracket):
     there replaces it. If the budget ends while a circle is known at `upper`, that circle is
     returned instead of None, with the lowest scale at which the tree shows no circle.
     """
-    search_tol = tree.effort.search_tol(tol)
     upper, survivor = _eliminated_above(tree, tol, bracket)
     while not tree.is_search_over():
         if survivor is not None:
             outside = tree.lowest_excluded(upper)
             if outside == inf:
                 break
-            higher = _search_by_tree(tree, search_tol, upper, outside, survivor)
+            higher = _search_by_tree(tree, tol, upper, outside, survivor)
         elif upper > _highest_plausible(tree, tol, bracket):  # a leap may miss a band
-            higher = _search_by_tree(tree, search_tol, bracket.outside, upper, leaps=False)
+            higher = _search_by_tree(tree, tol, bracket.outside, upper, leaps=False)
         else:
             break
         if higher.omega is None:
@@ -533,13 +531,13 @@ def _beside_cusp(tree, tol):
     return _Bracket(cusp.lower, tree.eliminated_scale, cusp.omega, longest_period=0)
 
 
-def _search_by_tree(tree, search_tol, inside, outside, omega=None, leaps=True):
+def _search_by_tree(tree, tol, inside, outside, omega=None, leaps=True):
     """Return the _Bracket of the last breakup between two scales; wider if the budget runs out.
 
     omega : a circle that exists at `inside`, if one is known. leaps : False to lower the scale
     only by steps until a circle is found.
     """
-    segment, effort = tree.segment, tree.effort
+    segment, effort, search_tol = tree.segment, tree.effort, tree.effort.search_tol(tol)
     if tree.is_search_over():
         return _Bracket(inside, outside, omega)
     _, nobles, period = tree.ask(outside)

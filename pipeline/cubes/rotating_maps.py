@@ -343,7 +343,7 @@ def _predict_circle(q: int, tol: float) -> float:
     At a tol of 10⁻² it took 0.3 s for q = 3, 3 s for q = 10, and 10 s for q = 34; at 10⁻³ it took
     2.4 times as long, on 40 random rays with q from 7 to 16.
     """
-    return 0.3 * q * (1e-2 / min(tol, 1e-2)) ** 0.4
+    return 0.3 * q * max(_LARGEST_SEARCH_TOL / tol, 1) ** 0.4
 
 
 def _load_ripples(is_long: bool) -> None:
