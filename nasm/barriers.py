@@ -68,12 +68,12 @@ from numpy.typing import ArrayLike
 from nasm import action, circles, escape, periodic
 from nasm.arithmetic.lanes import LANES
 from nasm.checks import floats, real
-from nasm.circles import continuation
+from nasm.circles import hull
 from nasm.converse_kam import aperiodic, symmetry_line, transversal
 from nasm.farey import DEFAULT_SETTINGS as DEFAULT_TREE_SETTINGS
 from nasm.farey import LONGEST_PERIOD, TreeSettings, circle_exists, find_existing_circle
 from nasm.maps import MAX_PERIOD, direction, segment
-from nasm.numbers import RotationNumber, convergents, nobles_near, rational
+from nasm.numbers import RotationNumber, nobles_near, rational
 from nasm.results import CriticalScale, Status, no_answer
 from nasm.survivors import LONGEST_LIFETIME, candidates, longest_lived
 from nasm.symmetries import half_shift_nobles, per_period, ray, shorten
@@ -119,8 +119,8 @@ class Effort:
     cusp_period : int
         Longest period of the orbits that determine the final value if periods up to `last_period`
         are not precise enough, as happens close to a cusp. It also limits the period of the orbits
-        whose hull functions are used to certify circles, and of those that show, with one or two
-        kicks, that the circle exists close to a cusp.
+        that show, with one or two kicks, that the circle exists close to a cusp. If the distance
+        from the breakup is unknown, circles are sought near an orbit of this period or longer.
     circles_tried : int
         Maximum number of circles that are tried at each scale below a bracket, until one is
         certified.
@@ -720,7 +720,7 @@ def _certified_below(tree, tol, bracket):
     if bracket.breakup is not None and not tree.has_spent(1):
         # The part of tol that is left below the value.
         distance = max(tol - (bracket.outside - value) / segment.length(value, 1), tol / 2)
-        lower, _ = continuation.certified_circle(
+        lower, _ = hull.certified_circle(
             bracket.omega, segment.profile, value, distance, segment.start, tree.end(1)
         )
         begin = value - segment.length(value, tol)
@@ -733,44 +733,19 @@ def _certified_below(tree, tol, bracket):
         circle, nobles, _ = tree.ask(scale)
         names = dict.fromkeys([*filter(None, (bracket.omega, circle)), *nobles])
         for omega in islice(names, effort.circles_tried):
-            kappa = segment.at(scale)
-            if tree.shows(omega, scale) and _is_certified(omega, kappa, effort.cusp_period):
+            if tree.shows(omega, scale) and any(
+                hull.circle_near_orbit(omega, segment.at(scale), period) is not None
+                for period in (1, effort.cusp_period)
+            ):
                 return scale
     return lower
-
-
-def _is_certified(omega, kappa, period):
-    """Return True if Newton's method, started from an orbit, certifies the circle of ω.
-
-    The orbit's period is below `period`, and one of its sites is held fixed. Unlike continuation,
-    this does not require a circle under weaker kicks.
-    """
-    fractions = [f for f in islice(convergents(omega), 60) if f.denominator < period]
-    ladder = action.ConvergentOrbits(kappa, 0 * kappa, fractions)
-    try:
-        first, u = ladder.constrained_minimizer(len(fractions) - 1, 0.0)
-    except action.LostError:
-        return False
-    # Deviations at each site of a period, as functions of the phase at the period's start; they
-    # have a mean of 0 at the first site.
-    p, n_sites, site = fractions[-1].numerator, u.size, np.arange(kappa.size)[:, None]
-    hits = (np.arange(0, n_sites, kappa.size) + (site - first) % kappa.size) % n_sites
-    u = u[hits]
-    mean = u[0].mean()
-    phase = (ladder.chains[-1].theta[hits] - site * p / n_sites + mean) % 1
-    order = np.argsort(phase, axis=1)
-    n_points = continuation.DEFAULT_SETTINGS.max_points
-    modes = np.fft.rfft(np.take_along_axis(u - mean, order, 1))[:, : n_points // 3] / u.shape[1]
-    modes = modes * np.exp(-2j * np.pi * phase.min(axis=1)[:, None] * np.arange(modes.shape[1]))
-    start = np.fft.irfft(modes, n_points) * n_points
-    return circles.invariant_circle(omega, kappa, 4 * n_points, start).certified
 
 
 def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCircle:
     """Compute the last circle on the ray, as it is at `scale.lower`, just before it breaks.
 
     It has about 10⁵ points if `scale` is precise to 10⁻⁴. `circles.invariant_circle` runs out of
-    modes so close to the breakup; therefore `circles.continuation.certified_circle` continues the
+    modes so close to the breakup; therefore `circles.hull.certified_circle` continues the
     circle from smaller scales.
 
     Parameters
@@ -806,7 +781,7 @@ def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCi
             "ask for a wider bracket, e.g. critical_scale(profile, tol=1e-3)"
         )
     omega, distance = scale.omega, 1 - scale.lower / scale.value
-    reached, u = continuation.certified_circle(omega, profile, scale.value, distance)
+    reached, u = hull.certified_circle(omega, profile, scale.value, distance)
     if u is None:
         u, status = np.empty((profile.size, 0)), Status.NOT_CERTIFIED
         return circles.InvariantCircle(omega, scale.lower * profile, u, np.nan, status)

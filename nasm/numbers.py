@@ -219,6 +219,26 @@ def as_rotation_number(omega: RotationNumber | str) -> RotationNumber:
     return omega
 
 
+def irrational(omega: RotationNumber | str) -> RotationNumber:
+    """Check the rotation number of a circle, and return it as a RotationNumber.
+
+    Raises
+    ------
+    ValueError
+        If `as_rotation_number` refuses omega, or omega is rational.
+
+    Examples
+    --------
+    >>> from nasm.numbers import irrational
+    >>> irrational("gamma")
+    parse("[0;(1)]")
+    """
+    omega = as_rotation_number(omega)
+    if omega.is_rational:
+        raise ValueError(f"omega={omega} is rational; a circle needs an irrational rotation number")
+    return omega
+
+
 def convergents(omega: RotationNumber | str) -> Iterator[Fraction]:
     """Iterate over the convergents p_k/q_k of ω; the iterator is endless if ω is irrational.
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from nasm import circles, escape, survivors
 from nasm.arithmetic.lanes import LANES
 from nasm.barriers import DEFAULT_EFFORT, Effort, critical_scale
-from nasm.circles import continuation
+from nasm.circles import hull
 from nasm.circles.newton import MAX_POINTS
 from nasm.converse_kam import aperiodic
 from nasm.maps import MAX_PERIOD, MIN_SIZE, forcing
@@ -376,7 +376,7 @@ def _circle_under(
     """Return a certified circle under kappa; None if none is found."""
     omega, distance = boundary.omega, 1 - 1 / boundary.value
     if omega is not None and settings.min_distance <= distance < settings.tol:
-        scale, u = continuation.certified_circle(omega, kappa, boundary.value, distance)
+        scale, u = hull.certified_circle(omega, kappa, boundary.value, distance)
         if u is None or not scale > 1 - 1e-12:  # certified for weaker kicks only
             return None
         error = np.abs(circles.residual(omega, kappa, u)).max()

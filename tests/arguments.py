@@ -50,6 +50,7 @@ STARTS = {
     "circle": circles.invariant_circle(GAMMA, (0.0, 0.0)),
 }
 COUNTS = {"n": 64, "n_max": 100, "n_orbits": 5, "n_modes": 1000, "q_max": 100, "sizes": [1]}
+COUNTS |= {"period": 100}
 TOLERANCES = {"distance": 0.01, "budget": 0.1}
 AXES = {"lo": 0, "hi": 1, "text": "0:1:4"}
 GOOD = FORCINGS | NUMBERS | STARTS | COUNTS | TOLERANCES | AXES

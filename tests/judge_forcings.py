@@ -32,7 +32,7 @@ from judged import Row, image_row, table
 from numba import njit
 
 from nasm import circles
-from nasm.circles import continuation
+from nasm.circles import hull
 from nasm.converse_kam import symmetry_line, transversal
 from nasm.numbers import convergents, distinct_convergents, parse
 from nasm.proofs import transport
@@ -53,16 +53,16 @@ def eliminated(kappa, steps=STEPS):
 
 def circle_below(omega, start, profile, breakup, distance):
     """Return (scale, u) of a certified circle, scale ≤ breakup·(1 - distance), or (nan, None)."""
-    return continuation.certified_circle(omega, profile, breakup, distance, start)
+    return hull.certified_circle(omega, profile, breakup, distance, start)
 
 
 def is_circle(omega, kappa):
     """Return True if Newton's method, started from a long periodic orbit, certifies ω's circle."""
-    u = hull(omega, kappa)
+    u = hull_functions(omega, kappa)
     return u is not None and circles.invariant_circle(omega, kappa, 65_536, u).certified
 
 
-def hull(omega, kappa):
+def hull_functions(omega, kappa):
     """Return the deviations of a long periodic orbit from uniform rotation, shape (P, n).
 
     One site of the orbit is held fixed. Return None if Newton's method does not find the orbit.

@@ -35,7 +35,7 @@ from nasm import (
     symmetries,
     tori,
 )
-from nasm.circles import continuation, fourier
+from nasm.circles import continuation, fourier, hull
 from nasm.converse_kam import aperiodic, symmetry_line, transversal
 from nasm.numbers import parse
 from nasm.results import no_answer
@@ -139,7 +139,7 @@ FORCINGS = {
 NUMBERS = {
     "omega": [
         (
-            (continuation.certified_circle, fourier.grid),
+            (hull.certified_circle, fourier.grid),
             [parse("3/5")],
             "omega=[0;1,1,2] is rational; a circle needs",
         ),
@@ -274,7 +274,7 @@ TOLERANCES = {
         (aperiodic.critical_scale, [1e-7, 0.2], "tol={value} must be from 1e-06"),
         (tori.critical_scale, [0.0, nan], "tol={value} must be positive: the error"),
     ],
-    "distance": [(continuation.certified_circle, [1e-7, 0.6, nan], "={value} must be from")],
+    "distance": [(hull.certified_circle, [1e-7, 0.6, nan], "={value} must be from")],
     "nearest": [(proofs.proved_below, [-1, 1.5, nan], "must be from 0 to 1")],
     "budget": [
         ((proofs.barrier.prove, proofs.barrier.proved_lower), [0, nan], "positive: seconds"),

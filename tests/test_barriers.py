@@ -12,7 +12,7 @@ from oracles import KAPPA_G
 
 from nasm import action, barriers, circles, escape, orbits, periodic, survivors, symmetries
 from nasm.barriers import critical_scale
-from nasm.circles import continuation
+from nasm.circles import continuation, hull
 from nasm.converse_kam import transversal
 from nasm.farey import LONGEST_PERIOD, circle_exists
 from nasm.maps import rotating_forcing
@@ -406,8 +406,8 @@ def test_upper_is_missing_if_the_search_ends_below_an_existing_circle(monkeypatc
 
 
 def test_without_a_circle_certified_near_the_breakup_the_status_is_wide(monkeypatch):
-    monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)
-    monkeypatch.setattr(continuation, "certified_circle", lambda _, *more: (0.997 * more[1], 0))
+    monkeypatch.setattr(hull, "circle_near_orbit", lambda *_: None)
+    monkeypatch.setattr(hull, "certified_circle", lambda _, *more: (0.997 * more[1], 0))
     result = critical_scale(ray(30), 1e-3)
     assert result.status is Status.WIDE
     assert result.lower == 0.997 * result.value < result.value < result.upper

@@ -158,34 +158,11 @@ def test_fake_circles_from_too_few_modes_or_small_updates_are_rejected(n, past):
     n_max = max(n, circles.newton.MIN_POINTS)
     circle = circles.invariant_circle(GAMMA, (kappa,), n_max=n_max, start=fake)
     assert not circle.certified
-    # Polishing does not turn the fake into a circle either.
-    assert not circles.newton.polished_is_circle(GAMMA, np.array([kappa]), fake)
-    assert not circles.newton.polish(GAMMA, np.array([kappa]), fake)
-    assert not circles.newton.polished_is_circle(GAMMA, np.array([kappa]), fake)
+    assert not circles.newton.certified_by_step(GAMMA, np.array([kappa]), fake)
 
 
-@pytest.mark.parametrize("name", ["gamma", "2gamma", "(gamma+1)/(4gamma+5)"])
-def test_a_circle_with_enough_modes_is_still_certified_after_polishing(name):
-    omega, kappa = parse(name), np.array([0.3, 0.2])
-    u = circles.invariant_circle(omega, kappa).u
-    for n_modes in (100, 1000):
-        polished = fourier.resample(u, fourier.grid(omega, n_modes))
-        assert circles.newton.polish(omega, kappa, polished)
-        assert circles.newton.polished_is_circle(omega, kappa, polished)
-        assert np.abs(circles.residual(omega, kappa, polished)).max() < 1e-10
-
-
-def test_a_function_close_to_a_circle_is_polished_and_nan_is_rejected():
-    kappa = np.array([0.3, 0.2])
-    wanted = fourier.resample(circles.invariant_circle(GAMMA, kappa).u, 512)
-    off = wanted + 1e-3 * np.sin(2 * np.pi * np.arange(512) / 512)
-    assert not circles.newton.polished_is_circle(GAMMA, kappa, off)
-    assert circles.newton.polish(GAMMA, kappa, off)
-    np.testing.assert_allclose(off, wanted, atol=1e-8)
-    assert circles.newton.polished_is_circle(GAMMA, kappa, off)
-    nothing = np.full((2, 512), np.nan)  # kernels ignore NaN in max and min, but not in the twist
-    assert not circles.newton.polished_is_circle(GAMMA, kappa, nothing)
-    assert not circles.newton.polish(GAMMA, kappa, nothing)
+def test_nan_is_rejected():
+    kappa, nothing = np.array([0.3, 0.2]), np.full((2, 512), np.nan)
     assert circles.newton.solve(GAMMA, kappa, nothing, 512)[1] is Status.NO_CIRCLE
     assert circles.newton.certify(GAMMA, kappa, nothing)[1] is Status.NOT_CERTIFIED
 

@@ -8,7 +8,7 @@ import pytest
 
 from nasm import periodic
 from nasm.action import LostError, ordered_orbits
-from nasm.circles import continuation
+from nasm.circles import hull
 from nasm.converse_kam import symmetry_line
 from nasm.numbers import convergents, parse
 from nasm.planes import three_kicks, two_kicks
@@ -139,7 +139,7 @@ def judge(found):
         value, error = (float(found[name].values[place]) for name in ("critical_scale", "error"))
         where = str(omega), float(found.angle[place[1]])
         if by_residue[place]:
-            nearest = (continuation.certified_circle(omega, profile, value, d)[0] for d in AWAY)
+            nearest = (hull.certified_circle(omega, profile, value, d)[0] for d in AWAY)
             assert 0.985 * value < np.nanmax([*nearest]) < value + error, where
             above = [(1 + d) * value + 2 * error for d in (1e-3, 3e-3)]
             assert any(no_circle(omega, scale * profile) for scale in above), where

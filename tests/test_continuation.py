@@ -8,7 +8,7 @@ from cases import thirds
 from oracles import KAPPA_G
 
 from nasm import circles, farey, periodic
-from nasm.circles import continuation, fourier, newton
+from nasm.circles import continuation, hull
 from nasm.numbers import NAMES, RotationNumber, convergents, parse
 from nasm.results import Status
 from nasm.symmetries import ray
@@ -99,7 +99,7 @@ def test_resonances_below_the_breakup_are_not_mistaken_for_it(name, profile):
     result = continuation.critical_scale(name, profile, 1e-4)
     assert judge.status is Status.OK
     assert not abs(result.value - judge.value) > result.error + judge.error
-    certified, _ = continuation.certified_circle(name, profile, judge.value, 1e-2)
+    certified, _ = hull.certified_circle(name, profile, judge.value, 1e-2)
     assert certified > 0.9899 * judge.value
     assert farey.circle_exists(name, certified * np.array(profile))
     assert not farey.circle_exists(name, 1.01 * judge.value * np.array(profile))
@@ -149,72 +149,3 @@ def test_in_hard_cases_the_error_covers_the_difference_from_residue_values(case)
     result = continuation.critical_scale(parse(name), profile, tol)
     assert judge.status is result.status is Status.OK
     assert abs(result.value - judge.value) <= result.error < bound
-
-
-KNOWN = [
-    ("gamma", (1,)),
-    ("gamma", ray(20)),
-    ("2gamma", (1, 1)),
-    ("[0;1,2,(1)]", ray(30)),
-    ("(gamma+1)/(4gamma+5)", ray(130)),
-    ("2gamma", ray(30)),
-]
-
-
-@pytest.mark.parametrize(("name", "profile"), KNOWN)
-def test_a_circle_is_certified_at_the_given_distance_and_none_past_breakup(name, profile):
-    omega = parse(name)
-    lower = continuation.critical_scale(omega, profile, 1e-4).lower * np.array(profile)
-    assert circles.invariant_circle(omega, lower, n_max=8192).certified
-    breakup = periodic.critical_scale(omega, profile).value
-    for distance in (0.5, 0.1, 1e-2, 1e-3):
-        scale = continuation.certified_circle(omega, profile, breakup, distance)[0]
-        assert scale == breakup * (1 - distance)
-        if distance > 1e-3:
-            kappa = scale * np.array(profile)
-            assert circles.invariant_circle(omega, kappa, n_max=8192).certified
-    for too_high, distance in ((0.3, 0.1), (1e-2, 5e-3), (1e-3, 5e-4)):
-        wrong = breakup * (1 + too_high)
-        scale = continuation.certified_circle(omega, profile, wrong, distance)[0]
-        assert scale < breakup  # not NaN, as circles at smaller scales were computed first
-
-
-@pytest.mark.parametrize("case", thirds([("gamma", (1,)), ("[0;1,2,(1)]", ray(30))]))
-def test_spurious_circles_just_beyond_the_breakup_are_rejected(case):
-    # This close to the breakup, Newton's method converges even beyond it: a scale above the breakup
-    # would belong to a spurious circle.
-    name, profile = case
-    breakup = periodic.critical_scale(parse(name), profile).value
-    scale = continuation.certified_circle(parse(name), profile, breakup * (1 + 1e-4), 2e-5)[0]
-    assert breakup * (1 - 1e-3) < scale < breakup
-
-
-def test_without_a_breakup_nothing_is_certified():
-    assert np.isnan(continuation.certified_circle(GAMMA, (1, 0), np.nan, 1e-2)[0])
-    assert np.isnan(continuation.certified_circle(GAMMA, (1, 0), 3.0, 1e-2)[0])
-
-
-@pytest.mark.parametrize("above", [0.03, 0.1, 0.3, 1.0])
-@pytest.mark.parametrize(("name", "profile"), KNOWN[1:3])
-def test_approximate_solutions_just_above_a_breakup_are_refused(name, profile, above):
-    omega, profile = parse(name), np.array(profile, float)
-    breakup = periodic.critical_scale(omega, profile).value
-    path = [(0.0, np.zeros((profile.size, newton.MIN_POINTS)))]
-    for distance in (0.5, 0.15, 0.05, 0.015, 5e-3, 1.5e-3):
-        scale = breakup * (1 - distance)
-        u = newton.extrapolate(path, scale, fourier.grid(omega, 5 / distance))
-        assert newton.polish(omega, scale * profile, u)
-        assert newton.polished_is_circle(omega, scale * profile, u)
-        path.append((scale, u))
-    scale = breakup * (1 + above * distance)
-    u = newton.extrapolate(path, scale, fourier.grid(omega, 5 / distance))
-    newton.polish(omega, scale * profile, u)
-    assert not newton.polished_is_circle(omega, scale * profile, u)
-
-
-@pytest.mark.slow
-def test_a_circle_is_certified_exactly_at_the_given_distance_if_possible():
-    profile, distance = ray(23.4375), 1.6e-5
-    breakup = periodic.critical_scale("gamma", profile).value
-    result = continuation.certified_circle("gamma", profile, breakup, distance)[0]
-    assert result == breakup * (1 - distance)

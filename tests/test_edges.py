@@ -27,7 +27,7 @@ from nasm import (
     tori,
     verdict,
 )
-from nasm.circles import continuation
+from nasm.circles import continuation, hull
 from nasm.converse_kam import transversal
 from nasm.results import no_answer
 
@@ -81,7 +81,7 @@ SLOW = {barriers.boundary, barriers.critical_scale, proofs.bracket.critical_scal
 SLOW |= {proofs.barrier.proved_lower, proofs.transport.prove, proofs.transport.proved_upper}
 SLOW |= {proofs.transport_cells.prove_cell_of_plane}
 SLOW |= {proofs.transport_cells.prove_cell, tori.last_critical_scale, tori.upper_scale, verdict}
-SLOW |= {continuation.certified_circle, diffusion.diffusion}
+SLOW |= {hull.certified_circle, diffusion.diffusion}
 SEARCHES = {
     transversal.upper_scale,
     transversal.longest_lived,

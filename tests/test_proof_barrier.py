@@ -11,7 +11,7 @@ from cases import thirds
 from flint import arb, ctx
 
 from nasm import circles, proofs
-from nasm.circles import continuation, fourier
+from nasm.circles import continuation, fourier, hull
 from nasm.numbers import RotationNumber, parse
 from nasm.proofs import barrier
 from nasm.proofs import certificate_checker as checker
@@ -35,7 +35,7 @@ CASES = [("gamma", (0.3, 0.2), 64), ("[0;(3)]", (-0.5,), 128), ("gamma", (0.15, 
 def near(profile, omega, breakup, distance):
     """Return ω, kappa and deviations of a circle at this relative distance below its breakup."""
     omega, profile = parse(omega), np.array(profile)
-    scale, u = continuation.certified_circle(omega, profile, breakup, distance)
+    scale, u = hull.certified_circle(omega, profile, breakup, distance)
     return omega, scale * profile, u
 
 
@@ -247,7 +247,7 @@ def proofs_above(profile, omega, breakup, n, beyond):
     The starts are the best Newton iterate, and a certified circle 2% below the breakup.
     """
     omega, profile = parse(omega), np.array(profile)
-    path = [continuation.certified_circle(omega, profile, breakup, d) for d in (0.04, 0.02)]
+    path = [hull.certified_circle(omega, profile, breakup, d) for d in (0.04, 0.02)]
     kappa = breakup * (1 + beyond) * profile
     ahead = circles.newton.extrapolate(path, breakup * (1 + beyond))
     u = settled(omega, kappa, fourier.resample(ahead, n))

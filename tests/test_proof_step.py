@@ -13,7 +13,7 @@ from flint import arb, arb_poly, ctx
 from test_proof_patches import GAMMA, UNIT, N, made_case, modes_of
 
 from nasm.checks import with_sha256
-from nasm.circles import continuation
+from nasm.circles import hull
 from nasm.numbers import parse
 from nasm.proofs import barrier, patches
 from nasm.proofs import certificate_checker as checker
@@ -25,7 +25,7 @@ RHO = 0.004
 def near_breakup(omega, profile, value, n, distance=0.05):
     """Prove that a circle exists, on so few points that the first step must be computed."""
     omega, profile = parse(omega), np.array(profile)
-    scale, u = continuation.certified_circle(omega, profile, value, distance)
+    scale, u = hull.certified_circle(omega, profile, value, distance)
     return barrier.prove(omega, scale * profile, start=u, n=n)
 
 
@@ -343,7 +343,7 @@ def test_a_step_for_a_different_circle_or_theorem_is_refused(name):
 def test_beyond_breakup_no_step_proves_that_a_circle_exists(beyond):
     omega, profile, value = GAMMA, np.array([1.0]), 0.971635406
     for distance in (0.01, 0.05):
-        _, u = continuation.certified_circle(omega, profile, value, distance)
+        _, u = hull.certified_circle(omega, profile, value, distance)
         for n in (256, 1024, 4096):
             proof = barrier.prove(omega, (1 + beyond) * value * profile, start=u, n=n)
             assert not proof.proved

@@ -13,7 +13,7 @@ from commands import invoke
 
 from nasm import barriers, circles, orbits, periodic
 from nasm.action import ConvergentOrbits
-from nasm.circles import continuation
+from nasm.circles import hull
 from nasm.converse_kam import symmetry_line
 from nasm.maps import MAX_STRENGTH
 from nasm.numbers import convergents, parse
@@ -110,15 +110,15 @@ def test_without_a_certified_circle_the_verdict_is_undecided(monkeypatch, kappa)
         return circles.InvariantCircle(omega, np.array(kappa), u, np.nan, Status.NOT_CERTIFIED)
 
     monkeypatch.setattr(circles, "invariant_circle", failing)
-    monkeypatch.setattr(continuation, "certified_circle", lambda *_: (np.nan, None))
+    monkeypatch.setattr(hull, "certified_circle", lambda *_: (np.nan, None))
     # This avoids long tests of other circles.
-    monkeypatch.setattr(barriers, "_is_certified", lambda *_: False)
+    monkeypatch.setattr(hull, "circle_near_orbit", lambda *_: None)
     result = verdict(kappa, settings=WIDER_BRACKETS)
     assert (result.answer, result.evidence) == (Answer.UNDECIDED, Evidence.NONE)
 
 
 def test_a_circle_certified_further_out_is_a_barrier_under_an_assumption(monkeypatch):
-    monkeypatch.setattr(continuation, "certified_circle", lambda *given: (given[2], None))
+    monkeypatch.setattr(hull, "certified_circle", lambda *given: (given[2], None))
     assert verdict((0.526, 0.69), settings=WIDER_BRACKETS).evidence is Evidence.CIRCLE_BEYOND
 
 

@@ -1,5 +1,6 @@
 from . import continuation as continuation
 from . import fourier as fourier
+from . import hull as hull
 from . import newton as newton
 from . import parameterization as parameterization
 from . import symmetries as symmetries

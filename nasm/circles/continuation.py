@@ -22,25 +22,24 @@ breakup; the paper uses their criterion (arXiv:1606.04824, Sec. VI).
 
 import sys
 from dataclasses import dataclass
-from itertools import chain, islice, pairwise
-from math import ceil, exp, inf, log, nan, sqrt
-from time import thread_time
+from itertools import islice, pairwise
+from math import exp, inf, log, nan, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nasm.arithmetic.reproducible import geometric, powers
-from nasm.checks import positive, real
+from nasm.arithmetic.reproducible import powers
+from nasm.checks import positive
 from nasm.circles import fourier, newton
 from nasm.circles.newton import DEFAULT_NEWTON_SETTINGS, NewtonSettings
 from nasm.farey import circle_exists
-from nasm.maps import TWO_PI, direction, segment
+from nasm.maps import TWO_PI, direction
 from nasm.numbers import as_rotation_number, convergents
 from nasm.results import CriticalScale, Status, no_answer
 from nasm.symmetries import CUSP_EXPONENT, distances_to_shorter, shorten
 from nasm.types import FloatArray, OmegaLike
 
-__all__ = ["ContinuationSettings", "certified_circle", "critical_scale", "fineness"]
+__all__ = ["ContinuationSettings", "critical_scale", "fineness"]
 
 METHOD = "continuation of circles"
 UNSTABLE_EIGENVALUES = {(1,): 1.6279500, (2,): 2.4416, (3,): 3.344, (4,): 4.265}
@@ -57,9 +56,6 @@ class ContinuationSettings:
     max_points : int
         Number of points of the finest grid. The smallest distance from the breakup that can be
         reached is inversely proportional to it, and so is the smallest step.
-    modes : float
-        Number of modes that resolve a circle, multiplied by its relative distance from the breakup.
-        Of 46 certifications, five failed when it was 3.5, and none when it was 4.5.
     two_scale_error : float
         Error assigned to s_c if it is extrapolated from two scales, divided by the distance from
         s_c to the last circle; the largest ratio observed was 2.3.
@@ -80,7 +76,6 @@ class ContinuationSettings:
     """
 
     max_points: int = 16384
-    modes: float = 5
     two_scale_error: float = 3
     error_without_delta: float = 0.2
     max_depth_ratio: float = 4
@@ -171,102 +166,6 @@ def critical_scale(
     if not is_safe and circle_exists(short_omega, beyond * short):
         return CriticalScale(nan, nan, lower, nan, omega, Status.UNDECIDED, METHOD)
     return CriticalScale(value, error, lower, nan, omega, Status.OK, METHOD)
-
-
-def certified_circle(
-    omega: OmegaLike,
-    profile: ArrayLike,
-    breakup: float,
-    distance: float,
-    start: ArrayLike | None = None,
-    until: float = inf,
-    settings: ContinuationSettings = DEFAULT_SETTINGS,
-) -> tuple[float, FloatArray | None]:
-    """Compute a certified circle of ω near a known breakup.
-
-    1. Circles are computed at the relative distances d = 1/2, 0.15, 0.045, … from the breakup, with
-       at least 5/d modes, which resolve their finest structures.
-    2. The circle at d = `distance` is computed with 3/d modes, or with 5/d if fewer do not
-       suffice, and certified on a finer grid. If that fails, a circle at 1.2 times the distance is
-       certified instead, or an earlier one from step 1.
-
-    Parameters
-    ----------
-    omega : RotationNumber or str
-        Rotation number per period, irrational, e.g. "gamma".
-    profile : array_like, shape (P,)
-        Direction of the segment κ = start + s·profile.
-    breakup : float
-        Scale of the breakup, e.g. from `periodic.critical_scale`.
-    distance : float
-        Relative distance, 10⁻⁶ to 1/2.
-    start : array_like, shape (P,), optional
-        Start of the segment; default 0.
-    until : float
-        The `time.thread_time` after which no circle closer to the breakup is attempted.
-    settings : ContinuationSettings
-        Number of modes, and settings of Newton's method.
-
-    Returns
-    -------
-    scale : float
-        breakup·(1 - distance) or below; NaN if no circle is certified.
-    u : ndarray, shape (P, n), or None
-        Deviations of the circle; None if no circle is certified.
-
-    Notes
-    -----
-    The number of modes grows like 1/distance, and the time faster: it is 0.1 s at a distance of
-    10⁻⁴, and 9 s at 10⁻⁵, with 1 GB of memory. Rounding limits the distance: close to a cusp,
-    the smallest attainable distance may be 3·10⁻⁵.
-
-    Examples
-    --------
-    >>> from nasm.circles.continuation import certified_circle
-    >>> scale, u = certified_circle("gamma", 1.0, breakup=0.971635, distance=0.01)
-    >>> round(scale, 6)
-    0.961919
-    """
-    start, profile = segment(start, profile)
-    breakup, distance = real("breakup", breakup), real("distance", distance, 1e-6, 0.5)
-    until = real("until", until)
-    distances = geometric(0.5, distance, 1 + max(1, ceil(log(2 * distance) / log(0.3))))
-    path = _first_circle(omega, start, settings)
-
-    def circle_at(d, n):
-        scale = breakup * (1 - d)
-        u = newton.extrapolate(path, scale, n)
-        is_circle = newton.polish(omega, start + scale * profile, u, settings.newton)
-        return u if is_circle else None
-
-    def grid(n_modes):
-        return fourier.grid(omega, n_modes, settings.newton.grid)
-
-    for d in distances[:-1] if path else []:
-        u = circle_at(d, grid(settings.modes / d)) if thread_time() < until else None
-        if u is None:
-            break
-        path.append((breakup * (1 - d), u))
-    # Fewer modes may suffice for the last circle, from which no other is extrapolated, and they
-    # amplify rounding errors less. Both numbers of modes may lead to the same grid.
-    few, many = grid(0.6 * settings.modes / distance), grid(settings.modes / distance)
-    tries = dict.fromkeys([(distance, few), (distance, many), (min(1.2 * distance, 0.5), few)])
-    nearest = (
-        (breakup * (1 - d), circle_at(d, n)) for d, n in tries if path and thread_time() < until
-    )
-    for scale, u in chain(nearest, reversed(path[1:])):
-        kappa = start + scale * profile
-        if u is not None and newton.polished_is_circle(omega, kappa, u, settings.newton):
-            return scale, u
-    return nan, None
-
-
-def _first_circle(omega, start, settings):
-    """Return the first entry of a path, as [(0.0, u)]; [] if no circle is certified at s = 0."""
-    if not start.any():
-        return [(0.0, np.zeros((start.size, newton.MIN_POINTS)))]
-    circle = newton.invariant_circle(omega, start, settings.max_points, settings=settings.newton)
-    return [(0.0, circle.u)] if circle.certified else []
 
 
 def fineness(u: FloatArray, n_modes: int | None = None) -> float:

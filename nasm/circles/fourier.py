@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nasm.maps import TWO_PI
-from nasm.numbers import convergents, distinct_convergents
+from nasm.numbers import convergents, distinct_convergents, irrational
 from nasm.types import FloatArray, OmegaLike
 
 __all__ = ["GridSettings", "derivative", "resample", "rotate", "solve_cohomology"]
@@ -102,13 +102,13 @@ def grid(omega: OmegaLike, n_modes: float, settings: GridSettings = DEFAULT_GRID
     from rocket_fft import good_size  # like SciPy's next_fast_len, which takes a while to import
 
     factor = settings.size_factor
-    for fraction in convergents(omega):
+    for fraction in convergents(irrational(omega)):
         if fraction.denominator >= max(n_modes, settings.min_modes):
             n_points = (fraction.denominator + 1) / settings.mode_ratio
             n = factor * good_size(ceil(n_points / factor), real=True)
             if cut(omega, n, settings) >= n_modes:  # false if another resonance is just below
                 return n
-    raise ValueError(f"omega={omega} is rational; a circle needs an irrational rotation number")
+    raise AssertionError("the convergents of an irrational number are endless")
 
 
 @lru_cache(maxsize=256)

@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from nasm import circles
 from nasm.checks import count, positive, real
-from nasm.circles import continuation, fourier
+from nasm.circles import fourier, hull
 from nasm.maps import MAX_STRENGTH, MIN_SIZE, direction, forcing
 from nasm.numbers import RotationNumber, as_rotation_number, convergents
 from nasm.planes import Plane
@@ -347,7 +347,7 @@ def proved_lower(
     best, best_proof, distance, until = nan, None, 0.05, time.thread_time() + budget
     while 1e-6 <= distance <= 0.5:
         before = time.thread_time()
-        scale, u = continuation.certified_circle(short_omega, short, value, distance)
+        scale, u = hull.certified_circle(short_omega, short, value, distance)
         proof = u is not None and prove(
             omega, scale * profile, start=u, budget=max(until - before, 1e-3)
         )

@@ -19,7 +19,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from nasm import periodic, proofs, symmetries
-from nasm.circles import continuation
+from nasm.circles import hull
 from nasm.numbers import parse
 from nasm.planes import TWO_KICKS_AXES, Plane, plane_of, three_kicks, two_kicks
 from nasm.proofs.certificates import matrix_in_hex
@@ -503,7 +503,7 @@ def _compute_forcing(coords: Coords, settings: Settings) -> Arrays:
         return {"proved": np.array([code], np.int8)} | pack_certificates([transport])
     omega, found = parse(str(coords["circle"][0])), []
     distance = min(max(-margin, 1e-6), 0.5)
-    _, start = continuation.certified_circle(omega, kappa, 1 / (1 + margin), distance)
+    _, start = hull.certified_circle(omega, kappa, 1 / (1 + margin), distance)
     if start is not None:
         found.append(proofs.barrier.prove(omega, kappa, start=start, budget=seconds))
     code = BARRIER if found and found[0].proved else proofs.cells.OPEN

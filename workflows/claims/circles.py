@@ -12,7 +12,7 @@ from timeit import repeat
 import numpy as np
 
 from nasm import barriers, circles
-from nasm.circles import continuation, fourier, parameterization
+from nasm.circles import fourier, hull, parameterization
 from nasm.maps import kick, step, step_tangent
 from nasm.numbers import moebius, parse
 from nasm.symmetries import ray
@@ -166,7 +166,7 @@ def largest_amplitude():
     heights = []
     for profile in ray(np.linspace(0, 45, 6)):
         best = barriers.critical_scale(profile, 1e-3)
-        _, u = continuation.certified_circle(best.omega, profile, best.value, 1e-3)
+        _, u = hull.certified_circle(best.omega, profile, best.value, 1e-3)
         if u is not None:
             heights += _heights(best.omega, u)
         for part, omega in product((0.3, 0.6, 0.8, 0.9, 0.97), map(parse, others)):

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from nasm import escape, periodic
-from nasm.circles import continuation
+from nasm.circles import continuation, hull
 from nasm.converse_kam import symmetry_line
 from nasm.maps import rotating_forcing, step
 from nasm.numbers import NAMES, parse
@@ -73,7 +73,7 @@ def _blow_up():
     for angle, name in ((0.0, "gamma"), (30.0, "gamma"), (30.0, "[0;1,3,(1)]")):
         omega, profile = parse(name), ray(angle)
         breakup = periodic.critical_scale(omega, profile).value
-        certified = [continuation.certified_circle(omega, profile, breakup, d) for d in distances]
+        certified = [hull.certified_circle(omega, profile, breakup, d) for d in distances]
         away = [1 - scale / breakup for scale, _ in certified]
         fineness = [continuation.fineness(u) for _, u in certified]
         grown.append(-np.polyfit(np.log(away), np.log(fineness), 1)[0])

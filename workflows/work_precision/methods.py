@@ -12,6 +12,7 @@ import numpy as np
 
 from nasm import barriers, circles, escape, orbits, periodic, proofs
 from nasm.circles import continuation as norms
+from nasm.circles import hull
 from nasm.converse_kam import symmetry_line, transversal
 from nasm.numbers import RotationNumber
 from nasm.symmetries import dominant_centre
@@ -157,7 +158,7 @@ def transport_proof(ray, excess):
 
 def barrier_proof(ray, distance):
     """Prove that the circle exists at a relative distance `distance` below its breakup."""
-    _, near = norms.certified_circle(ray.omega, ray.profile, ray.value, distance)
+    _, near = hull.certified_circle(ray.omega, ray.profile, ray.value, distance)
     scale = (1 - distance) * ray.value
     options = {"start": near, "budget": 1000.0}
     proof = proofs.barrier.prove(ray.omega, scale * np.array(ray.profile), **options)
