@@ -17,7 +17,7 @@ from nasm.types import FloatArray
 from pipeline.cubes import escape
 from pipeline.cubes.cube import Cube, Job
 from pipeline.sweep import refine
-from pipeline.sweep.grid import Axis, join_tiles
+from pipeline.sweep.grid import Axis, join_tiles, tile_slices
 from workflows.shared.run import Run
 
 _PREVIEW_SIZE = 4000  # limit on cells and on steps of the preview that predicts the refinement
@@ -166,8 +166,21 @@ def escape_plane(run: Run, grid: Grid) -> xr.Dataset:
     if grid.levels == 1:
         return run.sweep(_level_job(grid, "escape", 0))
 
+    fields: dict[int, tuple[FloatArray, set[tuple[int, ...]]]] = {}  # and the tiles in them
+
     def swept(level, wanted):
-        return run.sweep(_level_job(grid, f"escape_level{level}", level), wanted).escape_time.values
+        job = _level_job(grid, f"escape_level{level}", level)
+        times = run.sweep(job, wanted).escape_time
+        if wanted is None:
+            return times.values
+        # A level has thousands of chunks; only those of new tiles are read.
+        field, known = fields.setdefault(level, (np.full(times.shape, np.nan), set()))
+        for index in sorted(wanted - known):
+            cells = tile_slices(index, job.cube.tile)
+            part = tuple(cells.get(str(dim), slice(None)) for dim in times.dims)
+            field[part] = times[part]
+        known |= wanted
+        return field
 
     def compute():
         field, level = refine.refine(swept, partial(_is_within, grid), grid.levels, grid.tile)
