@@ -51,10 +51,10 @@ is computed: the last circle of the cusp itself is tried at its lower end.
 
 Two *witnesses* confirm the bracket or widen it. Residues and the tree only select which circles are
 tried; what the witnesses show does not depend on them. At `lower`, an invariant circle is certified
-by Newton's method on a finer grid. At `upper`, converse KAM on two unrelated grids finds no start
-that survives. A witness does not set the value. But if a start survives on a circle that exists
-according to its residues, or far above the value, the search is resumed above the value, and a
-circle found in this second search yields a new value.
+by Newton's method, which starts from a long periodic orbit. At `upper`, converse KAM on two
+unrelated grids finds no start that survives. A witness does not set the value. But if a start
+survives on a circle that exists according to its residues, or far above the value, the search is
+resumed above the value, and a circle found in this second search yields a new value.
 """
 
 from dataclasses import dataclass, replace
@@ -733,6 +733,7 @@ def _certified_below(tree, tol, bracket):
         circle, nobles, _ = tree.ask(scale)
         names = dict.fromkeys([*filter(None, (bracket.omega, circle)), *nobles])
         for omega in islice(names, effort.circles_tried):
+            # The distance from the breakup is unknown; a short orbit is tried first.
             if tree.shows(omega, scale) and any(
                 hull.circle_near_orbit(omega, segment.at(scale), period) is not None
                 for period in (1, effort.cusp_period)
@@ -745,8 +746,8 @@ def last_circle(scale: CriticalScale, profile: ArrayLike) -> circles.InvariantCi
     """Compute the last circle on the ray, as it is at `scale.lower`, just before it breaks.
 
     It has about 10⁵ points if `scale` is precise to 10⁻⁴. `circles.invariant_circle` runs out of
-    modes so close to the breakup; therefore `circles.hull.certified_circle` continues the
-    circle from smaller scales.
+    modes so close to the breakup; therefore `circles.hull.certified_circle` computes the circle
+    from a long periodic orbit.
 
     Parameters
     ----------

@@ -30,7 +30,8 @@ SMALLEST = {
     "direct_boundary": "--n-max 100 --n-orbits 4 --n-rays 19 --n-cusp-rays 0",
     "escape_plane": PLANE,
     "flux": "--angle 0 --least-excess 0.1 --q-max 100",
-    "frequencies": "--max-denominator 2 --n-phases 2 --frequency 1/3 --frequency 0.4142135623731",
+    "frequencies": "--max-denominator 2 --n-phases 2 --frequency 1/3 --frequency 0.4142135623731"
+    " --tol 0.1",
     "frequency_map": "0.3 0.2 --position 0:1:8 --momentum 0:1:8 --n-max 100",
     "gallery": "--exhibit period_one",
     "last_barrier": f"{RAYS} --tol 0.1",

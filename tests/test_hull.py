@@ -36,7 +36,7 @@ def test_hull_functions_pass_through_all_sites_of_an_orbit(period, p, q, first):
             alternating = (-1.0) ** numbers[j::period]
             sites[j::period] -= alternating * (alternating @ sites[j::period]) / q
     n = 64
-    u = hull.hull(chain, first, sites, n)
+    u = hull.hull_functions(chain, first, sites, n)
     assert u.shape == (period, n)
     assert abs(u[0].mean()) < 1e-15
     modes = np.fft.rfft(u) / n

@@ -7,7 +7,7 @@ by Greene's residue where continuation does not reach the tolerance or rays do n
 CB_gt itself is bracketed by a certified circle (below) and converse KAM (above), and coloured by
 the last circle to break.
 
-Writes cubes, three tables and a figure to OUT. The defaults take about 80 CPU seconds. For direct
+Writes cubes, three tables and a figure to OUT. The defaults take about 50 CPU seconds. For direct
 iteration at the size used in the paper, add --first -1.1:1.1:1024 --second 0:1.1:512 --levels 5
 --n-max 1000000 --n-orbits 10000.
 """

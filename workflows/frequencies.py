@@ -8,7 +8,7 @@ the smallest scale over the phases, for convergents of an irrational Ω, tends t
 The default irrational numbers are [0;8,(1)], [0;5,(1)], … [0;2,(1)], [0;2,3,(1)], √5 - 2, √2 - 1,
 1 - 1/√2, π - 3, 1/e and 1 - 1/τ - 1/τ², where τ is the tribonacci constant.
 
-Writes a cube, a table and a figure to OUT. The defaults take about 19 CPU minutes;
+Writes a cube, a table and a figure to OUT. The defaults take about 13 CPU minutes;
 --quick takes about two.
 """
 

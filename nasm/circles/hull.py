@@ -45,7 +45,8 @@ class HullSettings:
         Shortest period. Interpolated orbits of this period satisfy the equations of the circle up
         to 3·10⁻⁷, and the circle satisfies them up to 10⁻⁹ (329 cases).
     max_period : int
-        Longest period; no circle is sought if the convergents of ω have none that is suitable.
+        Longest period; a circle that would need a longer orbit is not sought. With two kicks, a
+        period of 1.3·10⁶ takes 1.5 GB of memory.
     period_ratio : float
         Period multiplied by the relative distance from the breakup.
     newton : NewtonSettings
@@ -60,7 +61,7 @@ class HullSettings:
     """
 
     min_period: int = 2**11
-    max_period: int = 10**7
+    max_period: int = 2 * 10**6
     period_ratio: float = 3
     newton: NewtonSettings = DEFAULT_NEWTON_SETTINGS
 
@@ -105,6 +106,11 @@ def certified_circle(
         breakup·(1 - distance) or below; NaN if no circle is certified.
     u : ndarray, shape (P, n), or None
         Deviations of the circle; None if no circle is certified.
+
+    Notes
+    -----
+    With two kicks, a circle takes 0.04 s at a distance of 10⁻⁴, and 0.3 s at 1.6·10⁻⁵ (medians).
+    Rounding limits the distance: at 10⁻⁵, 27 of 30 circles were certified.
 
     Examples
     --------
@@ -168,11 +174,12 @@ def circle_near_orbit(
     except LostError:
         return None
     chain = orbits.chains[-1]
-    u = hull(chain, first, sites, fourier.grid(omega, chain.q, settings.newton.grid))
+    n = fourier.grid(omega, chain.q, settings.newton.grid)
+    u = hull_functions(chain, first, sites, n)
     return u if newton.certified_by_step(omega, kappa, u, settings.newton) else None
 
 
-def hull(chain: Chain, first: int, sites: FloatArray, n: int) -> FloatArray:
+def hull_functions(chain: Chain, first: int, sites: FloatArray, n: int) -> FloatArray:
     """Interpolate the hull functions of an orbit.
 
     Parameters
@@ -196,11 +203,11 @@ def hull(chain: Chain, first: int, sites: FloatArray, n: int) -> FloatArray:
     >>> from fractions import Fraction
     >>> import numpy as np
     >>> from nasm.action import Chain
-    >>> from nasm.circles.hull import hull
+    >>> from nasm.circles.hull import hull_functions
     >>> chain = Chain(1, Fraction(2, 5))
     >>> sites = np.sin(2 * np.pi * chain.theta)
     >>> theta = np.arange(8) / 8
-    >>> bool(np.allclose(hull(chain, 0, sites, 8), np.sin(2 * np.pi * theta)))
+    >>> bool(np.allclose(hull_functions(chain, 0, sites, 8), np.sin(2 * np.pi * theta)))
     True
     """
     period, q = chain.period, chain.q

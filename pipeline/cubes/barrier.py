@@ -60,8 +60,8 @@ def last_barrier(plane: Plane, angles: ArrayLike, tol: float, name: str = "barri
     """
     is_short = len(plane.origin) <= 2  # longer forcings have period 1 or 2 on some rays
     warm_up = partial(load_search, sum(plane.ray(30.0))) if is_short else load_searches
-    seconds = 0.1 + 1.8e-5 / tol if is_short else 0.6 + 3e-4 / tol  # the latter is for P = 3
-    seconds *= (min(max(len(plane.origin), 3), 16) / 3) ** 2
+    seconds = 0.08 + 1e-5 / tol if is_short else 0.4 + 3.5e-5 / tol  # the latter is for P = 3
+    seconds *= (min(max(len(plane.origin), 3), 16) / 3) ** 1.5
     return job_of_barriers(name, plane, angles, seconds, {"tol": tol}, _compute, warm_up)
 
 
@@ -148,7 +148,8 @@ def boundary(angles: ArrayLike, tol: float = 1e-4, plane: Plane | None = None) -
 
     Notes
     -----
-    A ray that is not the image of another ray takes 0.3 s of CPU time at tol 1e-4, and 1 s at 2e-5.
+    A ray that is not the image of another ray takes 0.2 s of CPU time at tol 1e-4, and 0.6 s at
+    2e-5.
 
     Examples
     --------

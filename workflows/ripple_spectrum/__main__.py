@@ -9,7 +9,7 @@ For Ω = p/q the last barrier is computed up to q = 64. For longer periods, such
 accelerator power supplies, only an upper bound on κ_c is known, from converse KAM or from an orbit
 that escapes.
 
-Writes two cubes, a table and a figure to OUT. The defaults take about three CPU minutes; --quick
+Writes two cubes, a table and a figure to OUT. The defaults take about a CPU minute; --quick
 takes half a minute.
 """
 
