@@ -49,8 +49,8 @@ class VerdictSettings:
         Tolerance of the search for the boundary. The value comes from residues, and is usually much
         more precise. Circles closer to their breakup than this are computed from long orbits.
     min_distance : float
-        Distance below the boundary within which no circle is sought. At 10⁻⁵, 27 of 30 circles were
-        certified, in 0.9 s each (median).
+        Distance below the boundary within which no circle is sought. At 10⁻⁵, 24 of 30 circles were
+        certified, in 0.6 s each (median).
     effort : Effort
         Settings of both searches. Its orbits yield nine digits, and take half the time of those
         that yield eleven.
