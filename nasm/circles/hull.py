@@ -42,8 +42,8 @@ class HullSettings:
     Attributes
     ----------
     min_period : int
-        Shortest period. Interpolated orbits of this period satisfy the equations of the circle up
-        to 3·10⁻⁷, and the circle satisfies them up to 10⁻⁹ (329 cases).
+        Shortest period. Interpolated orbits satisfied the equations of the circle up to 2·10⁻⁷, and
+        the circle satisfied them up to 2·10⁻¹⁰ (329 cases).
     max_period : int
         Longest period; a circle that would need a longer orbit is not sought. With two kicks, a
         period of 1.3·10⁶ takes 1.5 GB of memory.
@@ -61,7 +61,7 @@ class HullSettings:
     (1, 1728)
     """
 
-    min_period: int = 2**11
+    min_period: int = 2**12
     max_period: int = 2 * 10**6
     period_ratio: float = 2.5
     newton: NewtonSettings = DEFAULT_NEWTON_SETTINGS
