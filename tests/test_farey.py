@@ -56,7 +56,7 @@ def test_the_tree_finds_circles_that_other_searches_miss(case):
     assert oracles.residues_fall(omega, kappa, 3000)
     # At least one of the circles is certified; others may be too close to their own breakup.
     named = [omega] + [one for one in nobles[:6] if farey.circle_exists(one, kappa)]
-    assert any(barriers._is_certified(one, kappa, 20_000) for one in named)
+    assert any(hull.circle_near_orbit(one, kappa, 20_000) is not None for one in named)
 
 
 @pytest.mark.parametrize(
