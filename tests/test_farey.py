@@ -12,6 +12,7 @@ import pytest
 from cases import thirds
 
 from nasm import barriers, farey
+from nasm.circles import hull
 from nasm.symmetries import ray
 
 RIPPLE = np.array([1, -1, -1, 1])
