@@ -4,9 +4,9 @@ A row that is the image of another row is compared with it. Rows from the litera
 unchecked. In every other row the script checks three statements, by methods independent of the
 search for the last barrier:
 
-1. A circle exists at `lower`. Newton's method in Fourier space must converge, also on a finer grid
-   (`nasm.circles`), starting from circles continued along the ray or from the sites of a long
-   periodic orbit.
+1. A circle exists at `lower`. Newton's method in Fourier space (`nasm.circles`) must certify it,
+   starting from the sites of a long periodic orbit, which this script computes with its own code.
+   Only if the circle is too close to its breakup for that, `nasm.circles.hull` must certify it.
 2. No circle exists at `upper`, or at five scales up to 1% above it. Converse KAM must eliminate all
    sampled starts within 10⁵ periods (`nasm.converse_kam`). In rows with the method "proof",
    interval arithmetic must also prove transport at `upper` (`nasm.proofs.transport`).

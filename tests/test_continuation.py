@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from cases import thirds
 from oracles import KAPPA_G
+from test_hull import KNOWN
 
 from nasm import circles, farey, periodic
 from nasm.circles import continuation, hull
@@ -149,3 +150,10 @@ def test_in_hard_cases_the_error_covers_the_difference_from_residue_values(case)
     result = continuation.critical_scale(parse(name), profile, tol)
     assert judge.status is result.status is Status.OK
     assert abs(result.value - judge.value) <= result.error < bound
+
+
+@pytest.mark.parametrize(("name", "profile"), KNOWN)
+def test_newton_s_method_certifies_the_circle_at_lower_from_zero(name, profile):
+    omega = parse(name)
+    lower = continuation.critical_scale(omega, profile, 1e-4).lower * np.array(profile)
+    assert circles.invariant_circle(omega, lower, n_max=8192).certified
