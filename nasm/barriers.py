@@ -733,11 +733,10 @@ def _certified_below(tree, tol, bracket):
         circle, nobles, _ = tree.ask(scale)
         names = dict.fromkeys([*filter(None, (bracket.omega, circle)), *nobles])
         for omega in islice(names, effort.circles_tried):
-            # The distance from the breakup is unknown; a short orbit is tried first.
-            if tree.shows(omega, scale) and any(
-                hull.circle_near_orbit(omega, segment.at(scale), period) is not None
-                for period in (1, effort.cusp_period)
-            ):
+            if not tree.shows(omega, scale):
+                continue
+            u = hull.circle_near_orbit(omega, segment.at(scale), effort.cusp_period)
+            if u is not None:
                 return scale
     return lower
 

@@ -158,7 +158,7 @@ def test_fake_circles_from_too_few_modes_or_small_updates_are_rejected(n, past):
     n_max = max(n, circles.newton.MIN_POINTS)
     circle = circles.invariant_circle(GAMMA, (kappa,), n_max=n_max, start=fake)
     assert not circle.certified
-    assert not circles.newton.certified_by_step(GAMMA, np.array([kappa]), fake)
+    assert not circles.newton.certify_by_step(GAMMA, np.array([kappa]), fake)
 
 
 def test_nan_is_rejected():

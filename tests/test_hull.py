@@ -112,7 +112,23 @@ def test_without_a_breakup_or_a_suitable_orbit_nothing_is_certified():
     assert np.isnan(hull.certified_circle(GAMMA, (1, 0), 3.0, 1e-2)[0])
     # The convergents of this number have denominators 1, 2 and 2·10⁹ + 1.
     assert hull.circle_near_orbit(f"[0;2,{10**9},(1)]", (0.1, 0.0), 1) is None
-    assert hull.circle_near_orbit("3/8", (0.1, 0.0), 1) is None
+    with pytest.raises(ValueError, match="omega=\\[0;2,1,2\\] is rational"):
+        hull.circle_near_orbit("3/8", (0.1, 0.0), 1)
+
+
+@pytest.mark.parametrize("quotient", [6, 40, pytest.param(200, marks=pytest.mark.slow), 1000])
+def test_a_circle_inside_a_resonance_is_refused_although_the_resonant_mode_is_the_next(quotient):
+    """ω is close to p/q = 2584/4181; the resonance of p/q has the half-width 2√R/(πq²)."""
+    omega = f"[0;{'1,' * 18}{quotient},(1)]"
+    away = 4181 * abs(4181 * float(parse(omega)) - 2584)
+    certified = []
+    for kappa in (0.95, 0.968, 0.97, 0.971, 0.9713):
+        width = 2 / np.pi * periodic.residue((kappa,), 2584, 4181) ** 0.5
+        certified.append(hull.circle_near_orbit(omega, kappa, 1) is not None)
+        assert not certified[-1] or width < 0.5 * away
+    # The circle of 1000 needs more points than allowed at every forcing.
+    assert certified[:2] == [quotient < 1000] * 2
+    assert certified[-2:] == [False, False]
 
 
 @pytest.mark.slow
@@ -132,8 +148,8 @@ def test_a_step_certifies_what_is_close_to_a_circle_and_nothing_else(n):
     exact, _ = circles.newton_step(GAMMA, kappa, exact)
     wave = np.sin(2 * np.pi * np.arange(n) / n)
     near, far = exact + 1e-8 * wave, exact + 1e-3 * wave
-    assert newton.certified_by_step(GAMMA, kappa, near)
+    assert newton.certify_by_step(GAMMA, kappa, near)
     np.testing.assert_allclose(near, exact, rtol=0, atol=1e-12)
-    assert not newton.certified_by_step(GAMMA, kappa, far)
+    assert not newton.certify_by_step(GAMMA, kappa, far)
     nothing = np.full((2, n), np.nan)  # kernels ignore NaN in max and min, but not in the twist
-    assert not newton.certified_by_step(GAMMA, kappa, nothing)
+    assert not newton.certify_by_step(GAMMA, kappa, nothing)

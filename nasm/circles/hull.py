@@ -1,23 +1,26 @@
 """Circles close to their breakup, from the hull functions of long periodic orbits.
 
-The sites of an ordered orbit of rotation number p/q per period are values of its *hull functions*
-h_j at q equidistant angles θ_m = θ_0 + m p/q mod 1:
+P kicks make one period of the forcing. An ordered orbit of rotation number p/q per period samples P
+*hull functions* h_j at angles that are equidistant mod 1:
 
-    x_{mP+j} = h_j(θ_m),     h_j(θ) = θ + j p/(Pq) + u_j(θ),     j = 0, …, P - 1.
+    x_{mP+j} = h_j(θ_m),   θ_m = θ_0 + m p/q,   h_j(θ) = θ + j p/(Pq) + u_j(θ),   j = 0, …, P - 1.
 
-Let p/q be a convergent of ω. Where the circle of ω exists, the hull functions converge to those of
-the circle as q grows (Aubry & Le Daeron, Physica D 8 (1983) 381). At a relative distance d below
-the breakup the circle's finest structure has a length of about d, because its wave number grows
-like d^(-ν) with ν = 0.987 (see `nasm.circles.continuation`); an orbit with a few times 1/d periods
-resolves it. Since |ω - p/q| < 1/q², the interpolated hull functions then satisfy the equations of
-the circle of ω up to about u'/q², and one Newton step for ω certifies the circle.
+Each u_j is the trigonometric polynomial through its q values. Let p/q be a convergent of ω. If the
+circle of ω exists, the u_j approach those of the circle as q grows (Aubry & Le Daeron, Physica D 8
+(1983) 381). At a relative distance d below the breakup, the Fourier modes of the circle decay
+beyond wave numbers of order d^(-ν), where ν is close to 1 (0.987 for golden tails; see
+`nasm.circles.continuation`). An orbit whose period is a few times 1/d therefore resolves the
+circle. With ω in place of p/q, the equations of the circle have a residual of order 1/q², because
+|ω - p/q| < 1/q². If one Newton step reduces it sufficiently, the circle is accepted. This is strong
+evidence, not a proof.
 
-The orbits are those of `nasm.action` that minimize the action with one site held fixed, so no
-symmetry is needed, and no circle under weaker kicks. The interpolation is exact: q values determine
-q/2 modes.
+The orbits minimize the action with one site held fixed (`nasm.action`); on a circle, the force that
+remains on that site is negligible. The method needs neither a symmetry of the forcing nor a circle
+under weaker kicks.
 """
 
 from dataclasses import dataclass
+from fractions import Fraction
 from math import inf, isnan, nan
 from time import thread_time
 
@@ -29,7 +32,7 @@ from nasm.checks import real
 from nasm.circles import fourier, newton
 from nasm.circles.newton import DEFAULT_NEWTON_SETTINGS, NewtonSettings
 from nasm.maps import TWO_PI, forcing, segment
-from nasm.numbers import distinct_convergents, irrational
+from nasm.numbers import convergents, irrational
 from nasm.types import FloatArray, OmegaLike
 
 __all__ = ["HullSettings", "certified_circle"]
@@ -42,16 +45,20 @@ class HullSettings:
     Attributes
     ----------
     min_period : int
-        Shortest period. Interpolated orbits satisfied the equations of the circle up to 2·10⁻⁷, and
-        the circle satisfied them up to 2·10⁻¹⁰ (329 cases).
-    max_period : int
-        Longest period; a circle that would need a longer orbit is not sought. With two kicks, a
-        period of 1.3·10⁶ takes 1.5 GB of memory.
+        Shortest period. In 329 cases max |E_j| was at most 2·10⁻⁷ for the interpolated orbit, and
+        at most 2·10⁻¹⁰ after the Newton step.
     period_ratio : float
-        Period multiplied by the relative distance from the breakup. With 2 instead of 2.5, two of
-        12 circles were not certified at a distance of 1.6·10⁻⁵.
+        The period is at least this number divided by the relative distance from the breakup. With 2
+        instead of 2.5, two of 12 circles were not certified at a distance of 1.6·10⁻⁵.
+    resonance_ratio : float
+        If the next denominator exceeds q by this factor, ω is so close to p/q that the resonance at
+        mode q may destroy the circle; the Newton step then includes the modes up to the next
+        denominator. Tails of ones to fours need only the modes below q.
+    max_points : int
+        Number of points of the finest grid; a circle that needs more is not sought. With two kicks,
+        3.7·10⁶ points take 1.5 GB of memory.
     newton : NewtonSettings
-        Criteria for certification.
+        Settings of the grid, and criteria for certification.
 
     Examples
     --------
@@ -62,8 +69,9 @@ class HullSettings:
     """
 
     min_period: int = 2**12
-    max_period: int = 2 * 10**6
     period_ratio: float = 2.5
+    resonance_ratio: float = 5
+    max_points: int = 6 * 10**6
     newton: NewtonSettings = DEFAULT_NEWTON_SETTINGS
 
 
@@ -82,7 +90,8 @@ def certified_circle(
     """Compute a certified circle of ω near a known breakup.
 
     The circle at the relative distance d = `distance` is sought near an orbit with a period of at
-    least 2.5/d. If it is not certified, circles at 1.2, 4, 16, … times that distance are tried.
+    least 2.5/d. If it is not certified, circles at 1.2, 4, 16, … times that distance, up to 1/2,
+    are tried.
 
     Parameters
     ----------
@@ -93,7 +102,8 @@ def certified_circle(
     breakup : float
         Scale of the breakup, e.g. from `periodic.critical_scale`; NaN if it is unknown.
     distance : float
-        Relative distance, 10⁻⁶ to 1/2.
+        Relative distance, 10⁻⁶ to 1/2; distances that need more than `max_points` are skipped, for
+        the golden circle those below 1.9·10⁻⁶.
     start : array_like, shape (P,), optional
         Start of the segment; default 0.
     until : float
@@ -120,7 +130,7 @@ def certified_circle(
     >>> round(scale, 6)
     0.961919
     """
-    omega, (start, profile) = irrational(omega), segment(start, profile)
+    start, profile = segment(start, profile)
     breakup, distance = real("breakup", breakup), real("distance", distance, 1e-6, 0.5)
     until = real("until", until)
     distances = [min(ratio * distance, 0.5) for ratio in (1, 1.2, *(4**n for n in range(1, 11)))]
@@ -156,7 +166,7 @@ def circle_near_orbit(
     Returns
     -------
     ndarray, shape (P, n), or None
-        Deviations of the circle, from `newton.certified_by_step`; None if no circle is certified.
+        Deviations of the circle; None if no circle is certified.
 
     Examples
     --------
@@ -164,20 +174,34 @@ def circle_near_orbit(
     >>> [circle_near_orbit("gamma", kappa, period=2000) is None for kappa in (0.97, 0.98)]
     [False, True]
     """
-    kappa, period = forcing(kappa), max(period, settings.min_period)
-    fractions = distinct_convergents(omega, settings.max_period)
-    longer = [n for n, fraction in enumerate(fractions) if fraction.denominator >= period]
-    if not longer:
+    omega, kappa, grid = irrational(omega), forcing(kappa), settings.newton.grid
+    *shorter, nearest, following = _convergents(omega, max(period, settings.min_period))
+    # Newton's method keeps all modes below n_modes, and perhaps more.
+    is_isolated = following.denominator < settings.resonance_ratio * nearest.denominator
+    n_modes = nearest.denominator if is_isolated else following.denominator
+    if n_modes > grid.mode_ratio * settings.max_points:
         return None
-    orbits = ConvergentOrbits(kappa, 0 * kappa, fractions[: longer[0] + 1])
+    n_points = fourier.grid(omega, n_modes, grid)
+    if n_points > settings.max_points:
+        return None
+    orbits = ConvergentOrbits(kappa, 0 * kappa, [*shorter, nearest])
     try:
-        first, sites = orbits.constrained_minimizer(longer[0], 0.0)
+        first, sites = orbits.constrained_minimizer(len(shorter), 0.0)
     except LostError:
         return None
-    chain = orbits.chains[-1]
-    n = fourier.grid(omega, chain.q, settings.newton.grid)
-    u = hull_functions(chain, first, sites, n)
-    return u if newton.certified_by_step(omega, kappa, u, settings.newton) else None
+    u = hull_functions(orbits.chains[-1], first, sites, n_points)
+    return u if newton.certify_by_step(omega, kappa, u, settings.newton) else None
+
+
+def _convergents(omega: OmegaLike, period: int) -> list[Fraction]:
+    """Return the distinct convergents up to the first with q ≥ period, and the one after it."""
+    fractions: dict[int, Fraction] = {}
+    for fraction in convergents(omega):
+        is_last = max(fractions, default=0) >= period
+        fractions[fraction.denominator] = fraction
+        if is_last:
+            break
+    return list(fractions.values())
 
 
 def hull_functions(chain: Chain, first: int, sites: FloatArray, n: int) -> FloatArray:
@@ -211,12 +235,15 @@ def hull_functions(chain: Chain, first: int, sites: FloatArray, n: int) -> Float
     >>> bool(np.allclose(hull_functions(chain, 0, sites, 8), np.sin(2 * np.pi * theta)))
     True
     """
-    period, q = chain.period, chain.q
+    n_kicks, q = chain.period, chain.q
     # The orbit hits θ_0 + i/q in the period i p⁻¹ mod q.
     periods = np.arange(q) * pow(chain.p, -1, q) % q
-    u = sites[(period * periods + np.arange(-first, period - first)[:, None]) % chain.n_sites]
+    u = sites[(n_kicks * periods + np.arange(-first, n_kicks - first)[:, None]) % chain.n_sites]
     mean = u[0].mean()
-    modes = np.fft.rfft(u - mean)[:, : n // 2 + 1] * (n / q)
+    modes = np.fft.rfft(u - mean) * (n / q)
+    if q % 2 == 0:  # the values determine only the sum of the modes q/2 and -q/2
+        modes[:, -1] /= 2
+    modes = modes[:, : n // 2 + 1]
     origin = (mean - first * chain.p / chain.n_sites) % 1
     modes *= np.exp(-1j * TWO_PI * origin * np.arange(modes.shape[1]))
     return np.fft.irfft(modes, n)

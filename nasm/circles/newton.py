@@ -77,11 +77,12 @@ class NewtonSettings:
         into updates of u above `max_update`.
     certificate_ratio : int
         Number of points on the certification grid, divided by the number on the circle's grid.
-    max_residual, reduction : float
-        Largest max |E_j| from which one step may certify a circle, and the factor by which the step
-        must reduce it. In 177 cases, at five distances from 3·10⁻³ to 1.6·10⁻⁵ below the breakups
-        of 47 circles under one to six kicks, the factor was 0.012 or less; in 354 cases at 0.03 and
-        0.1 times these distances above, it was 0.035 or more.
+    max_residual : float
+        Largest max |E_j| from which a single step may certify a circle.
+    reduction : float
+        Largest ratio of max |E_j| after that step to max |E_j| before it. At distances d from
+        1.6·10⁻⁵ to 3·10⁻³ below 47 breakups under one to six kicks, the ratio was at most 0.012
+        (177 cases); at 0.03 d and 0.1 d above them, it was at least 0.035 (354 cases).
     rounding : float
         max |E_j| that is attributed to rounding.
     grid : GridSettings
@@ -286,18 +287,18 @@ def certify(
     return error, status if status in (Status.OK, Status.NEARLY_RATIONAL) else Status.NOT_CERTIFIED
 
 
-def certified_by_step(
+def certify_by_step(
     omega: OmegaLike,
     kappa: FloatArray,
     u: FloatArray,
     settings: NewtonSettings = DEFAULT_NEWTON_SETTINGS,
 ) -> bool:
-    """Take one Newton step from u, in place; return True if it certifies that u is a circle.
+    """Take one Newton step from u, in place; return True if the result is accepted as a circle.
 
-    Near a circle Newton's method converges quadratically: max |E_j| must fall to 1/40 or less, or
-    to the level of rounding, with h_j' > 0. This is meant for the hull functions of long orbits,
-    which satisfy the equations up to 10⁻⁶ already; far from a solution, a step may also reduce
-    max |E_j| where there is no circle.
+    max |E_j| must be below `max_residual` before the step, and must fall below `reduction` times
+    its value, or below `rounding`; h_j' must be positive after the step. These limits were measured
+    for hull functions of orbits that resolve the circle. Elsewhere a step may reduce max |E_j|
+    although no circle exists.
 
     Parameters
     ----------
@@ -313,7 +314,8 @@ def certified_by_step(
     if not (before < settings.max_residual and slope > 0 and twist > 0.5):
         return False
     after = np.abs(residual(omega, kappa, u)).max()
-    return bool(after < max(settings.reduction * before, settings.rounding))
+    is_reduced = after < max(settings.reduction * before, settings.rounding)
+    return bool(is_reduced and fourier.derivative(u).min() > -1)
 
 
 def newton_step(omega: OmegaLike, kappa: ArrayLike, u: ArrayLike) -> tuple[FloatArray, float]:
