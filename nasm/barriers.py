@@ -732,11 +732,10 @@ def _certified_below(tree, tol, bracket):
             break
         circle, nobles, _ = tree.ask(scale)
         names = dict.fromkeys([*filter(None, (bracket.omega, circle)), *nobles])
+        kappa, period = segment.at(scale), effort.cusp_period
         for omega in islice(names, effort.circles_tried):
-            if not tree.shows(omega, scale):
-                continue
-            u = hull.circle_near_orbit(omega, segment.at(scale), effort.cusp_period)
-            if u is not None:
+            exists = tree.shows(omega, scale)
+            if exists and hull.circle_near_orbit(omega, kappa, period) is not None:
                 return scale
     return lower
 

@@ -1,4 +1,4 @@
-"""Invariant circles: Newton's method, continuation to the breakup, and symmetries."""
+"""Invariant circles: Newton's method, circles close to a breakup, continuation, symmetries."""
 
 import lazy_loader
 

@@ -74,7 +74,7 @@ def turns(omega: OmegaLike, n_modes: int) -> NDArray[np.complex128]:
     >>> turns("gamma", 2).round(3)
     array([ 1.   +0.j   , -0.737-0.675j])
     """
-    max_q = 10**12  # k·p stays below 2⁶³ up to k = 9·10⁶; grids have up to 10⁶ points
+    max_q = 10**12  # k·p stays below 2⁶³ up to k = 9·10⁶, more than half of the points of any grid
     p, q = distinct_convergents(omega, max_q)[-1].as_integer_ratio()
     k = np.arange(n_modes, dtype=np.int64) * (p % q) % q
     values = np.exp(1j * TWO_PI * (np.where(2 * k > q, k - q, k) / q))

@@ -20,7 +20,7 @@ under weaker kicks.
 """
 
 from dataclasses import dataclass
-from fractions import Fraction
+from itertools import dropwhile, islice
 from math import inf, isnan, nan
 from time import thread_time
 
@@ -32,7 +32,7 @@ from nasm.checks import real
 from nasm.circles import fourier, newton
 from nasm.circles.newton import DEFAULT_NEWTON_SETTINGS, NewtonSettings
 from nasm.maps import TWO_PI, forcing, segment
-from nasm.numbers import convergents, irrational
+from nasm.numbers import convergents, distinct_convergents, irrational
 from nasm.types import FloatArray, OmegaLike
 
 __all__ = ["HullSettings", "certified_circle"]
@@ -175,7 +175,9 @@ def circle_near_orbit(
     [False, True]
     """
     omega, kappa, grid = irrational(omega), forcing(kappa), settings.newton.grid
-    *shorter, nearest, following = _convergents(omega, max(period, settings.min_period))
+    period = max(period, settings.min_period)
+    longer = dropwhile(lambda fraction: fraction.denominator < period, convergents(omega))
+    nearest, following = islice(longer, 2)
     # Newton's method keeps all modes below n_modes, and perhaps more.
     is_isolated = following.denominator < settings.resonance_ratio * nearest.denominator
     n_modes = nearest.denominator if is_isolated else following.denominator
@@ -184,24 +186,14 @@ def circle_near_orbit(
     n_points = fourier.grid(omega, n_modes, grid)
     if n_points > settings.max_points:
         return None
-    orbits = ConvergentOrbits(kappa, 0 * kappa, [*shorter, nearest])
+    fractions = distinct_convergents(omega, nearest.denominator)
+    orbits = ConvergentOrbits(kappa, 0 * kappa, fractions)
     try:
-        first, sites = orbits.constrained_minimizer(len(shorter), 0.0)
+        first, sites = orbits.constrained_minimizer(len(fractions) - 1, 0.0)
     except LostError:
         return None
     u = hull_functions(orbits.chains[-1], first, sites, n_points)
     return u if newton.certify_by_step(omega, kappa, u, settings.newton) else None
-
-
-def _convergents(omega: OmegaLike, period: int) -> list[Fraction]:
-    """Return the distinct convergents up to the first with q ≥ period, and the one after it."""
-    fractions: dict[int, Fraction] = {}
-    for fraction in convergents(omega):
-        is_last = max(fractions, default=0) >= period
-        fractions[fraction.denominator] = fraction
-        if is_last:
-            break
-    return list(fractions.values())
 
 
 def hull_functions(chain: Chain, first: int, sites: FloatArray, n: int) -> FloatArray:

@@ -21,9 +21,11 @@ c_j (w_{j+1} - w_j). Its free constant is fixed by ⟨Σ_j (w_{j+1} - w_j)⟩ = 
 Fourier space: O(n log n).
 
 With too few modes Newton's method converges to "circles" far beyond the breakup. Therefore a circle
-is certified only if the method converges again, with h' > 0, on a grid four times finer.
+is certified only if the method converges again, with h' > 0, on a grid four times finer. Circles
+that are too close to their breakup for that are certified by a single step from a long periodic
+orbit, in `nasm.circles.hull`.
 
-Inside kernels, np.fft is provided by rocket-fft, which Numba loads. Grids have up to 10⁶ points;
+Inside kernels, np.fft is provided by rocket-fft, which Numba loads. Grids have up to 6·10⁶ points;
 see `nasm.arithmetic.memory` for programs that compute many circles.
 """
 

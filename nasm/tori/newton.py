@@ -101,7 +101,7 @@ class TorusSettings:
         was large enough in 172 of 177 cases.
     newton : NewtonSettings
         Criteria for the convergence of Newton's method, and the ratio of modes to points along an
-        axis. Its fields for the certificate and for `polish` apply to circles only.
+        axis. Its fields for certificates apply to circles only.
 
     Examples
     --------
