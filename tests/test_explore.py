@@ -26,7 +26,7 @@ from tornado.httpclient import AsyncHTTPClient
 
 from nasm import action, barriers, diffusion, escape
 from nasm.numbers import parse
-from nasm.planes import rotating, three_kicks, two_kicks
+from nasm.planes import pairs, rotating, three_kicks, two_kicks
 from nasm.verdicts import Answer, verdict
 from pipeline.store import Refused
 from workflows.explore import field, plane, rays, server
@@ -194,19 +194,71 @@ def test_a_view_needs_a_limited_number_of_rays_and_none_the_second_time(plane):
         assert known.missing(view) == []
 
 
-@pytest.mark.parametrize(("change", "n_rays"), [(99.0, 5), (20.3, 9)])
-def test_a_zoomed_view_has_few_rays_except_where_the_last_circle_changes(change, n_rays):
-    view, plane, computed = View((0.8, 1.0), (0.25, 0.45), (540, 540)), two_kicks(), []
-    known = Rays(plane)
+BOUNDARIES = {  # scale as a function of an angle in degrees
+    "a circle": lambda angle: 0.9,
+    "a line": lambda angle: 0.8 / np.cos(np.deg2rad(angle - 10.0)),
+    "cusps": lambda angle: 1.0 - 0.1 * np.sqrt(abs(angle - 17.3)),
+    "a jump": lambda angle: 0.6 if angle < 17.3 else 0.9,
+}
+
+
+def compute_all(known, view, scale, circle=lambda angle: "[0;(1)]"):
+    """Let `known` choose all rays of a view, with made-up breakups; return the number of rays."""
+    n_rays = 0
     while angles := known.missing(view):
-        computed += angles
-        for at in np.concatenate([plane.unfold(angle) for angle in angles]) % 360:
-            circle = "[0;(1)]" if abs((at + 45) % 90 - 45) < change else "[0;1,2,(1)]"
-            known.known[float(at)] = Breakup(0.95, 0.0, circle, 0.618)
-    assert len(computed) == n_rays
-    around = np.searchsorted(sorted(computed), change)
-    if around < n_rays:
-        assert np.diff(sorted(computed))[around - 1] < np.ptp(computed) / 63
+        n_rays += len(angles)
+        for angle in angles:
+            breakup = Breakup(scale(angle), 0.0, circle(angle), 0.618)
+            known.known |= {at % 360: breakup for at in known.plane.unfold(angle).tolist()}
+    return n_rays
+
+
+@pytest.mark.parametrize(
+    ("shape", "middle", "half", "most"),
+    [
+        ("a circle", (0.0, 0.0), 1.1, 15),
+        ("a line", (0.0, 0.0), 1.1, 20),
+        ("cusps", (0.0, 0.0), 1.1, 35),
+        ("a jump", (0.0, 0.0), 1.1, 25),
+        ("a circle", (0.636, 0.636), 0.1, 5),
+        ("cusps", (0.93, 0.28), 0.1, 25),
+    ],
+)
+def test_a_line_through_few_rays_follows_the_boundary(shape, middle, half, most):
+    """It misses the boundary by 3 pixels at most, except where tips are narrower than 2 pixels."""
+    plane, (a, b) = pairs("1/3"), middle
+    known = Rays(plane)
+
+    def scale(folded):  # the rays at 0° and 90° are equivalent, those at 45° and 135° are mirrors
+        return BOUNDARIES[shape](folded if folded <= 45 else 90 - folded)
+
+    view = View((a - half, a + half), (b - half, b + half), (594, 594))
+    assert compute_all(known, view, scale) <= most
+    angles = np.arange(0.0, 360, 0.004)
+    radius = np.array([scale(angle) for angle in plane.fold(angles)[0]])
+    exact = radius * np.exp(1j * np.deg2rad(angles))
+    inside = (np.abs(exact.real - middle[0]) < half) & (np.abs(exact.imag - middle[1]) < half)
+    line = sorted(known.known)
+    points = np.array([known.known[at].scale * np.exp(1j * np.deg2rad(at)) for at in line])
+    after = np.searchsorted(line, angles, side="right") % len(line)
+    start, chord = points[after - 1], points[after] - points[after - 1]
+    part = ((exact - start) / chord).real.clip(0, 1)
+    pixel = view.pixel[0]
+    width = np.deg2rad(np.diff(line, append=360))[after - 1] * np.abs(start)
+    assert inside.sum() > 500
+    assert np.abs(exact - start - part * chord)[inside & (width > 2 * pixel)].max() < 3 * pixel
+
+
+def test_rays_are_added_where_the_last_circle_changes():
+    plane, known, change = two_kicks(), Rays(two_kicks()), 20.3
+    view = View((0.8, 1.0), (0.25, 0.45), (594, 594))
+    straight = BOUNDARIES["a circle"]
+    few = compute_all(Rays(plane), view, straight)
+    more = compute_all(known, view, straight, lambda angle: "ab"[angle > change])
+    assert few < more < 2 * few
+    angles = np.array(sorted(known.known))
+    after = np.searchsorted(angles, change)
+    assert np.deg2rad(angles[after] - angles[after - 1]) * 0.9 < 32 * view.pixel[0]
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from functools import partial
 from html import escape
 from math import inf, isfinite
+from time import monotonic
 
 import numpy as np
 from bokeh import models
@@ -61,7 +62,8 @@ class PlanePanel:
             sizing_mode="stretch_width", css_classes=["message"], min_height=40
         )
         self.legend = models.Div(sizing_mode="stretch_width")
-        self.cubes = self.shown = self.request = None  # cubes in OUT, Field shown, request
+        # Cubes in OUT, Field shown, latest request and its time.
+        self.cubes = self.shown = self.request = self.asked = None
         lanes = {"cubes": None, "plane": None, "boundary": "verdict", "circle": "verdict"}
         self.lanes = {name: work.latest(name, kernels) for name, kernels in lanes.items()}
         circle = widgets.field(models.AutocompleteInput(**_CIRCLE, value=state.omega), state.follow)
@@ -102,7 +104,7 @@ class PlanePanel:
         known = self.cubes is not None and widgets.pixels_of(self.plot, _MAX_PIXELS)
         if request == self.request or not known:  # the cubes in OUT are shown first
             return
-        self.request = request
+        self.request, self.asked = request, monotonic()
         self.work.progress("view")
         self.mapper.high = state.steps
         where = shared.client, state.plane
@@ -126,7 +128,7 @@ class PlanePanel:
             shared.fields[view, state.steps] = self.shown
             if len(shared.fields) > _MAX_FIELDS:
                 del shared.fields[next(iter(shared.fields))]
-            args = shared.client, shared.rays, view
+            args = shared.client, shared.rays, view, self.asked
             self.lanes["boundary"].submit(rays.computed, *args, done=self._show_rays)
         self.sources["times"].data = _image(view, times.astype(np.float32))
         self.work.progress("plane", progress)

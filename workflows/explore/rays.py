@@ -20,15 +20,14 @@ from workflows.explore.work import spread
 from workflows.figures.colours import circle_class, circle_style, longest_arcs
 from workflows.shared.tables import columns, dataset
 
-_SPACING = 2.0  # degrees between rays, in a view that contains the origin
-_N_RAYS, _STRIDES = (
-    65,
-    (16, 8, 4, 2, 1),
-)  # rays in other views, in addition to the diagonals; every 16th ray comes first
-_CUSP_OFFSETS = np.geomspace(2.0, 0.02, 6)  # degrees from the diagonals, where cusps are
+_FIRST = 15.0, 4  # first rays: degrees between them around the origin; gaps across other views
+_FOLLOWED = 1.0, 64  # the same for rays on which a circle is followed
+_MAX_BEND = 1.0  # pixels by which the drawn line may miss the boundary between rays, as estimated
+_MAX_CHANGE = 32.0  # pixels between rays with different last circles, so that colours are right
+_DECIMALS = 7  # of angles in degrees; images of a ray may differ by rounding
 _PARTS = 8  # groups of the rays of a circle, each computed separately
-_BRACKET = 1e-3  # relative width of brackets
-_WIDE_VIEW = 0.2  # width of a view above which a wide bracket suffices
+_MIN_TOL, _MAX_TOL = 1e-4, 1e-3  # relative widths of brackets; between these, about a pixel
+_SHORT_PERIODS, _LONG_PERIODS = 300, 1500  # longest periods of orbits for the followed circle
 _MIN_RAYS = 8  # with at most this many rays in a view, the legend also names circles outside it
 _PICTURE_PAUSE = 1.0  # seconds between successive pictures
 _START_DELAY = 0.5  # seconds to wait for a newer view, because computing a ray cannot be stopped
@@ -127,29 +126,41 @@ class Rays:
     def missing(self, view):
         """Return the rays to compute next for a view, in degrees, one for each set of images.
 
-        If the origin is outside the view, these are a few rays at first, then rays between known
-        rays with different circles.
+        These are a few rays across the view at first. Then each gap is halved in which the boundary
+        bends by more than a pixel, or in which the last circle changes.
         """
-        angles, spacing = _across(view, _SPACING)
-        if spacing == _SPACING:
-            cusps = np.add.outer(
-                np.arange(0, 360, 45), [*-_CUSP_OFFSETS, 0, *_CUSP_OFFSETS]
-            ).ravel()
-            return self._unknown(np.concatenate([angles, cusps]), 0.0)
-        for stride in _STRIDES:
-            some = angles[(np.arange(angles.size) % stride == 0) | (angles % 45 == 0)]
-            if stride < _STRIDES[0]:
-                known = np.array(sorted(self.known))
-                circles = np.array([self.known[angle].circle for angle in known.tolist()])
-                after = np.searchsorted(known, some % 360)
-                some = some[circles[after - 1] != circles[after % known.size]]
-            if folded := self._unknown(some, spacing / 2):
-                return folded
-        return []
+        angles, spacing = _across(view, *_FIRST)
+        return self._unknown(angles, spacing / 2) or self._unknown(self._between(view), 0.0)
+
+    def _between(self, view):
+        """Return the middles of the gaps in which the line through the known points is too coarse.
+
+        The bend at a point is its distance from the chord between its neighbours. If the gaps
+        beside it are g and h, a smooth curve is within about bend · h / 4g of the chord of h.
+        """
+        angles, points, circles = self._points()
+        if angles.size < 3:
+            return angles[:0]
+        gap = (np.roll(angles, -1) - angles) % 360  # from each point to the next
+        low, size = np.array([view.a[0], view.b[0]]), np.array(view.shape[::-1])
+        ends = ((np.stack([points.real, points.imag], axis=-1) - low) / view.pixel).T  # in pixels
+        after, before = np.roll(ends, -1, axis=1), np.roll(ends, 1, axis=1)
+        (a, b), (x, y) = after - ends, after - before
+        bend = np.abs(a * y - b * x) / np.hypot(x, y)
+        miss = gap / 4 * np.maximum(bend / np.roll(gap, 1), np.roll(bend, -1) / np.roll(gap, -1))
+        error = np.array([self.known[angle].error for angle in angles.tolist()]) / view.pixel.min()
+        coarse = miss > np.maximum(_MAX_BEND, error)
+        coarse |= (circles != np.roll(circles, -1)) & (
+            np.hypot(a, b) > np.maximum(_MAX_CHANGE, error)
+        )
+        coarse &= np.deg2rad(gap) * np.abs(points) > _MAX_BEND * view.pixel.min()  # not at a jump
+        left, right = np.minimum(ends, after), np.maximum(ends, after)
+        is_beside = ((right < 0) | (left > size[:, None])).any(axis=0)
+        return (angles + gap / 2)[coarse & ~is_beside & (gap <= _MAX_GAP)]
 
     def _unknown(self, angles, apart):
         """Return the rays that are not close to a known one, ordered so that they spread evenly."""
-        folded = np.unique(self.plane.fold(angles)[0].round(9))
+        folded = np.unique(self.plane.fold(angles)[0].round(_DECIMALS))
         known = np.array(sorted(self.known))
         if known.size:
             gaps = np.abs((folded[:, None] - known + 180) % 360 - 180).min(axis=1)
@@ -158,21 +169,23 @@ class Rays:
         return folded[spread_evenly].tolist()
 
 
-def computed(client, rays, view):
+def computed(client, rays, view, asked):
     """Compute the rays of a view; yield (`Rays.known`, number of these rays as text) for a picture.
 
     None is yielded while no picture is due. client : function that returns a dask Client; one
-    worker is left for other tasks. rays : the Rays known so far.
+    worker is left for other tasks. rays : the Rays known so far. asked : `monotonic` time at which
+    the user asked for the view.
     """
     own, n_rays, shown = Rays(rays.plane), 0, monotonic()
     own.known |= rays.known
+    tol = _tolerance(view)
     while angles := own.missing(view):
         if not n_rays:
-            sleep(_START_DELAY)
+            sleep(max(0.0, asked + _START_DELAY - monotonic()))
             yield None
         workers, n_rays = client(), n_rays + len(angles)
         max_workers = max(1, len(workers.nthreads()) - 1)
-        calls = deque((None, _on_ray, own.plane, angle, _effort(view)[0]) for angle in angles)
+        calls = deque((None, _on_ray, own.plane, angle, tol) for angle in angles)
         for ended in spread(workers, calls, max_workers, priority=-1):
             if ended:
                 own.add(ended[1])
@@ -180,6 +193,7 @@ def computed(client, rays, view):
             if late := monotonic() - shown > _PICTURE_PAUSE:
                 shown = monotonic()
             yield (dict(own.known), plural(n_rays, "ray")) if late else None
+    if n_rays:
         yield dict(own.known), plural(n_rays, "ray")
 
 
@@ -188,11 +202,12 @@ def circle(client, plane, omega, view):
 
     None is yielded while nothing is added to the line.
     """
-    angles, _ = _across(view, 1.0)
+    angles, _ = _across(view, *_FOLLOWED)
     folded, where = np.unique(plane.fold_keeping_circles(angles), return_inverse=True)
     scale, call = np.full(folded.size, np.nan), (_circle_on_rays, plane, omega)
     parts = np.array_split(np.arange(folded.size), _PARTS)
-    calls = deque((part, *call, folded[part], _effort(view)[1]) for part in parts)
+    q_max = _SHORT_PERIODS if _tolerance(view) == _MAX_TOL else _LONG_PERIODS
+    calls = deque((part, *call, folded[part], q_max) for part in parts)
     for ended in spread(client(), calls, priority=-1):
         if ended is None:
             yield None
@@ -225,26 +240,21 @@ def named_by(text):
     return noble, f"a noble number that rounds to it: {noble}"
 
 
-def _effort(view):
-    """Return the width of brackets and the longest period of orbits for a view."""
-    return (_BRACKET, 300) if max(np.ptp(view.a), np.ptp(view.b)) > _WIDE_VIEW else (1e-4, 1500)
+def _tolerance(view):
+    return float(np.clip(view.pixel.min(), _MIN_TOL, _MAX_TOL))
 
 
-def _across(view, spacing):
+def _across(view, spacing, gaps):
     """Return the angles of rays across a view, and their spacing.
 
-    The spacing is `spacing` if the origin is in the view; otherwise there are 65 rays, in
-    addition to the diagonals.
+    The spacing is `spacing` if the origin is in the view; otherwise there are this many gaps.
     """
-    corners = np.array([complex(a, b) for a in view.a for b in view.b])
     if view.a[0] <= 0 <= view.a[1] and view.b[0] <= 0 <= view.b[1]:
         return np.arange(0, 360 + spacing, spacing), spacing
+    corners = np.array([complex(a, b) for a in view.a for b in view.b])
     middle = corners.mean()
     towards, turns = np.rad2deg(np.angle(middle)), np.rad2deg(np.angle(corners / middle))
-    low, high = towards + turns.min(), towards + turns.max()
-    angles, spacing = np.linspace(low, high, _N_RAYS, retstep=True)
-    diagonals = np.arange(np.ceil(low / 45), np.floor(high / 45) + 1) * 45  # where the cusps are
-    return np.union1d(angles, diagonals), spacing
+    return np.linspace(towards + turns.min(), towards + turns.max(), gaps + 1, retstep=True)
 
 
 def _on_ray(plane, angle, tol):
@@ -253,8 +263,8 @@ def _on_ray(plane, angle, tol):
     A wide bracket suffices if residues determine the value to within the tolerance.
     """
     angles = np.unique(plane.unfold(angle))
-    table = boundary(angles, max(tol, _BRACKET), plane)
-    is_precise = tol >= _BRACKET or float((table.error / table.critical_scale).max()) <= tol
+    table = boundary(angles, _MAX_TOL, plane)
+    is_precise = tol == _MAX_TOL or float((table.error / table.critical_scale).max()) <= tol
     return table if is_precise else boundary(angles, tol, plane)
 
 
