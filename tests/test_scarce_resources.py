@@ -76,7 +76,7 @@ def test_a_tile_that_runs_out_of_memory_fails_alone(here, tmp_path):
 @pytest.mark.filterwarnings("ignore:Consolidated metadata")
 def test_two_drivers_of_one_cube_lose_nothing(here, place):
     """As on an object store, no lock stops the second driver. The cube is verified meanwhile."""
-    plan, job, outcomes, faults = toy.cube(tile=1), toy.job(tile=1), [], []
+    plan, job, outcomes, faults = toy.cube(5, 5, 1), toy.job(5, 5, 1), [], []
 
     def drive():
         outcomes.append(sweep(here, place, job, Progress("toy", io.StringIO())))

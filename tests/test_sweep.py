@@ -274,10 +274,10 @@ def test_workers_listen_on_loopback_only_and_answer_only_their_own_driver(client
 
     def talk_to(port):
         with pytest.raises((OSError, HTTPException)):
-            urlopen(f"http://127.0.0.1:{port}/info/main/workers.html", timeout=5)
+            urlopen(f"http://127.0.0.1:{port}/info/main/workers.html", timeout=1)
         with (
             suppress(OSError),
-            socket.create_connection(("127.0.0.1", port), timeout=5) as other,
+            socket.create_connection(("127.0.0.1", port), timeout=1) as other,
             anyone.wrap_socket(other) as secret,
         ):
             spoke.append(port)
@@ -349,8 +349,9 @@ def test_one_clear_error_reports_a_machine_on_which_workers_would_hang(
         client()
 
 
-def test_a_user_s_dask_settings_apply_only_to_workers_on_other_machines(client):
+def test_a_user_s_dask_settings_apply_only_to_workers_on_other_machines(client, monkeypatch):
     """Some of these settings would make workers on this machine hang."""
+    monkeypatch.setattr(cluster, "_ANSWER_PATIENCE", 0.5)
     theirs = {
         "temporary-directory": "/proc/nowhere",
         "distributed.worker.multiprocessing-method": "fork",
@@ -405,7 +406,8 @@ def test_connect_waits_for_the_scheduler_file(client, tmp_path, monkeypatch):
         pass
 
 
-def test_mismatched_tls_files_or_addresses_give_one_clear_message(client, tmp_path):
+def test_mismatched_tls_files_or_addresses_give_one_clear_message(client, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "_ANSWER_PATIENCE", 0.5)
     file, (ca, _, key) = elsewhere(client, tmp_path)
     plain = client().scheduler.address.replace("tls", "tcp")
     other, made = tmp_path / "other.pem", Security.temporary()

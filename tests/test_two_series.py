@@ -6,6 +6,7 @@ from math import nan
 
 import numpy as np
 import pytest
+from cases import thirds
 from commands import invoke
 from figure_faults import faults
 from oracles import KAPPA_G
@@ -145,7 +146,7 @@ def test_thresholds_and_panels_are_legible(column):
     assert "CB_gt meets the axes, where the map is the standard map, at 2. " in said
 
 
-@OF_A_DELAY
+@pytest.mark.parametrize("delay", thirds(["1/2", "1/4", "3/8", "1/3", "2/5"]))
 def test_one_series_alone_has_the_threshold_of_the_standard_map(delay):
     result = barriers.critical_scale(pairs(delay).forcing(1.0, 0.0), 1e-2)
     assert abs(result.value - KAPPA_G) <= result.error + 1e-12

@@ -55,6 +55,7 @@ _WITHOUT_SCIPY = "from nasm.arithmetic.kernels import begin_without_scipy; begin
 _TLS_FILES = "tls_ca_file", "tls_client_cert", "tls_client_key"
 _ADDRESS = re.compile(r"(tcp|tls)://[^/@\s]+:\d+")
 _FILE_PATIENCE = 10  # seconds to wait for the scheduler file to appear
+_ANSWER_PATIENCE = 5  # seconds to wait for a scheduler elsewhere to answer; it may be starting
 _GUARD = (
     'workers import the script that starts them: put what it does below if __name__ == "__main__":'
 )
@@ -255,7 +256,7 @@ def _remote(address: str, tls: Sequence[str] | None) -> Iterator["Client"]:
 
     security = tls and Security(require_encryption=True, **dict(zip(_TLS_FILES, tls, strict=True)))
     try:
-        client = Client(address, security=security, timeout=5, set_as_default=False)
+        client = Client(address, security=security, timeout=_ANSWER_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise ClusterError(
             f"no dask scheduler answers at {address} ({error}); start one with `dask scheduler`, "

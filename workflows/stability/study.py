@@ -111,7 +111,7 @@ def disguised_fractions(quick):
     of longer orbits.
     """
     kappa, large = np.array([0.3, 0.2]), (10, 100, 10**6)
-    ones = range(3, 10 if quick else 17)
+    ones = range(3, 10, 3) if quick else range(3, 17)
     q = [list(convergents(RotationNumber((0, *[1] * n))))[-1].denominator for n in ones]
     omegas = [[RotationNumber((0, *[1] * n, a), (1,)) for n in ones] for a in large]
 
@@ -143,7 +143,7 @@ def disguised_fractions(quick):
 
 def beyond_the_twist(quick):
     """4. Apply the methods at scales up to 3; where |κ2| ≥ 2, a step is no longer a twist map."""
-    angles, scales = (0.0, 20.0, 45.0, 90.0, 135.0), np.linspace(0.25, 3.0, 12 if quick else 23)
+    angles, scales = (0.0, 20.0, 45.0, 90.0, 135.0), np.linspace(0.25, 3.0, 8 if quick else 23)
     x = np.arange(400) / 400
 
     def answers(angle, scale):
