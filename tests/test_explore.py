@@ -14,6 +14,7 @@ import urllib.request
 import webbrowser
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
+from math import nan
 from types import SimpleNamespace
 from urllib.parse import parse_qsl
 
@@ -202,6 +203,9 @@ BOUNDARIES = {  # scale as a function of an angle in degrees
 }
 
 
+NOBLES = "[0;(1)]", "[0;1,2,(1)]"
+
+
 def compute_all(known, view, scale, circle=lambda angle: "[0;(1)]"):
     """Let `known` choose all rays of a view, with made-up breakups; return the number of rays."""
     n_rays = 0
@@ -221,6 +225,7 @@ def compute_all(known, view, scale, circle=lambda angle: "[0;(1)]"):
         ("cusps", (0.0, 0.0), 1.1, 35),
         ("a jump", (0.0, 0.0), 1.1, 25),
         ("a circle", (0.636, 0.636), 0.1, 5),
+        ("a circle", (0.51, 0.0), 0.5, 20),  # the origin is just outside
         ("cusps", (0.93, 0.28), 0.1, 25),
     ],
 )
@@ -249,12 +254,49 @@ def test_a_line_through_few_rays_follows_the_boundary(shape, middle, half, most)
     assert np.abs(exact - start - part * chord)[inside & (width > 2 * pixel)].max() < 3 * pixel
 
 
+def test_rays_without_a_breakup_do_not_end_the_refinement():
+    def scale(angle):
+        return nan if angle in (33.75, 37.5) else 0.9 + 0.3 * np.exp(-(((angle - 37.5) / 6) ** 2))
+
+    known = Rays(rotating("1/3"))
+    compute_all(known, View((-1.2, 1.2), (-1.2, 1.2), (594, 594)), scale)
+    assert {33.75, 37.5} < known.known.keys()
+    angles, points, _ = known._points()
+    near = (angles >= 30) & (angles <= 45)
+    assert np.diff(angles[near]).max() < 4
+    assert np.diff(np.abs(points[near])).max() < 0.1
+
+
+def test_points_that_coincide_do_not_stop_the_choice_of_rays():
+    known, view = Rays(two_kicks()), View((-1, 1), (-1, 1), (594, 594))
+    assert compute_all(known, view, lambda angle: 0.0 if angle < 45 else 0.9) < 30
+
+
+def test_scattered_scales_do_not_keep_the_workers_busy(monkeypatch):
+    random = np.random.default_rng(1)
+
+    def spread(client, calls, *_, **__):
+        yield from ((None, angle) for _, _, _, angle, _ in calls)
+
+    def add(self, angle):
+        breakup = Breakup(0.9 + 1e-4 * random.normal(), 0.0, NOBLES[0], 0.618)
+        self.known |= {at % 360: breakup for at in self.plane.unfold(angle).tolist()}
+
+    monkeypatch.setattr(rays, "spread", spread)
+    monkeypatch.setattr(Rays, "add", add)
+    view = View((-1e-3, 1e-3), (0.899, 0.901), (594, 594))
+    workers = SimpleNamespace(nthreads=lambda: {"one": 1, "another": 1})
+    pictures = rays.computed(lambda: workers, Rays(rotating("1/3")), view, 0.0)
+    *_, (known, words) = filter(None, pictures)
+    assert (len(known), words) == (300, "150 rays")
+
+
 def test_rays_are_added_where_the_last_circle_changes():
     plane, known, change = two_kicks(), Rays(two_kicks()), 20.3
     view = View((0.8, 1.0), (0.25, 0.45), (594, 594))
     straight = BOUNDARIES["a circle"]
     few = compute_all(Rays(plane), view, straight)
-    more = compute_all(known, view, straight, lambda angle: "ab"[angle > change])
+    more = compute_all(known, view, straight, lambda angle: NOBLES[angle > change])
     assert few < more < 2 * few
     angles = np.array(sorted(known.known))
     after = np.searchsorted(angles, change)

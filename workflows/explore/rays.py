@@ -6,6 +6,7 @@ for a ray also applies to its images under the symmetries of the plane.
 
 import re
 from collections import deque, namedtuple
+from math import ceil
 from time import monotonic, sleep
 
 import numpy as np
@@ -20,13 +21,16 @@ from workflows.explore.work import spread
 from workflows.figures.colours import circle_class, circle_style, longest_arcs
 from workflows.shared.tables import columns, dataset
 
-_FIRST = 15.0, 4  # first rays: degrees between them around the origin; gaps across other views
-_FOLLOWED = 1.0, 64  # the same for rays on which a circle is followed
-_MAX_BEND = 1.0  # pixels by which the drawn line may miss the boundary between rays, as estimated
+# Largest gap in degrees between rays; number of gaps across a view that is away from the origin.
+_FIRST = 15.0, 4  # for the first rays
+_FOLLOWED = 1.0, 64  # for the rays on which a circle is followed
+_MAX_MISS = 1.0  # pixels by which the drawn line may miss the boundary between rays, as estimated
 _MAX_CHANGE = 32.0  # pixels between rays with different last circles, so that colours are right
+_MIN_WIDTH = 1.0  # pixels between rays; narrower gaps stay as they are, for example at a jump
+_MAX_RAYS = 150  # for one view, if scales scatter by more than their errors
 _DECIMALS = 7  # of angles in degrees; images of a ray may differ by rounding
 _PARTS = 8  # groups of the rays of a circle, each computed separately
-_MIN_TOL, _MAX_TOL = 1e-4, 1e-3  # relative widths of brackets; between these, about a pixel
+_MIN_TOL, _MAX_TOL = 1e-4, 1e-3  # relative widths of brackets; between these, a pixel at scale 1
 _SHORT_PERIODS, _LONG_PERIODS = 300, 1500  # longest periods of orbits for the followed circle
 _MIN_RAYS = 8  # with at most this many rays in a view, the legend also names circles outside it
 _PICTURE_PAUSE = 1.0  # seconds between successive pictures
@@ -70,7 +74,7 @@ class Rays:
         inside = (view.a[0] <= points.real) & (points.real <= view.a[1])
         inside &= (view.b[0] <= points.imag) & (points.imag <= view.b[1])
         seen = inside if inside.sum() > _MIN_RAYS else np.ones_like(inside)
-        classes = np.array([circle_class(circle, self._reflection) for circle in circles])
+        classes = self._classes(circles)
         shades = [circle_style(text)["color"] for text in classes]
         named = longest_arcs(angles[seen], classes[seen])
         colours = {text: circle_style(text)["color"] for text in named}
@@ -126,17 +130,18 @@ class Rays:
     def missing(self, view):
         """Return the rays to compute next for a view, in degrees, one for each set of images.
 
-        These are a few rays across the view at first. Then each gap is halved in which the boundary
-        bends by more than a pixel, or in which the last circle changes.
+        These are a few rays across the view at first. Then gaps are halved in which the line is
+        estimated to miss the boundary by more than a pixel, or in which the last circle changes.
         """
         angles, spacing = _across(view, *_FIRST)
-        return self._unknown(angles, spacing / 2) or self._unknown(self._between(view), 0.0)
+        return self._unknown(angles, spacing / 4) or self._unknown(self._between(view), 0.0)
 
     def _between(self, view):
         """Return the middles of the gaps in which the line through the known points is too coarse.
 
-        The bend at a point is its distance from the chord between its neighbours. If the gaps
-        beside it are g and h, a smooth curve is within about bend · h / 4g of the chord of h.
+        The bend at a point is its distance from the chord between its neighbours. A smooth curve
+        is within about bend · h / 4g of the chord of the gap h, if g is the gap on the other side
+        of the point.
         """
         angles, points, circles = self._points()
         if angles.size < 3:
@@ -145,18 +150,30 @@ class Rays:
         low, size = np.array([view.a[0], view.b[0]]), np.array(view.shape[::-1])
         ends = ((np.stack([points.real, points.imag], axis=-1) - low) / view.pixel).T  # in pixels
         after, before = np.roll(ends, -1, axis=1), np.roll(ends, 1, axis=1)
-        (a, b), (x, y) = after - ends, after - before
-        bend = np.abs(a * y - b * x) / np.hypot(x, y)
+        (x, y), (u, v) = after - ends, after - before
+        bend = np.abs(x * v - y * u) / np.maximum(np.hypot(u, v), np.finfo(float).tiny)
         miss = gap / 4 * np.maximum(bend / np.roll(gap, 1), np.roll(bend, -1) / np.roll(gap, -1))
-        error = np.array([self.known[angle].error for angle in angles.tolist()]) / view.pixel.min()
-        coarse = miss > np.maximum(_MAX_BEND, error)
-        coarse |= (circles != np.roll(circles, -1)) & (
-            np.hypot(a, b) > np.maximum(_MAX_CHANGE, error)
-        )
-        coarse &= np.deg2rad(gap) * np.abs(points) > _MAX_BEND * view.pixel.min()  # not at a jump
+        classes, pixel = self._classes(circles), view.pixel.min()
+        error = np.fmax(0, [self.known[angle].error for angle in angles.tolist()]) / pixel
+        error = np.max([np.roll(error, k) for k in (1, 0, -1, -2)], axis=0)  # of the four points
+        is_coarse = miss > np.maximum(_MAX_MISS, error)
+        changes = classes != np.roll(classes, -1)
+        is_coarse |= changes & (np.hypot(x, y) > np.maximum(_MAX_CHANGE, error))
         left, right = np.minimum(ends, after), np.maximum(ends, after)
         is_beside = ((right < 0) | (left > size[:, None])).any(axis=0)
-        return (angles + gap / 2)[coarse & ~is_beside & (gap <= _MAX_GAP)]
+        every, middles = np.array(sorted(self.known)), []
+        for i in np.flatnonzero(is_coarse & ~is_beside & (gap <= _MAX_GAP)):
+            # Rays without a known breakup may divide the gap into parts; halve the widest one.
+            parts = (every - angles[i]) % 360
+            parts = np.sort(parts[parts <= gap[i]])
+            widest = np.argmax(np.diff(parts))
+            width = parts[widest + 1] - parts[widest]
+            if np.deg2rad(width) * np.abs(points[i]) > _MIN_WIDTH * pixel:
+                middles.append(angles[i] + parts[widest] + width / 2)
+        return np.array(middles)
+
+    def _classes(self, circles):
+        return np.array([circle_class(circle, self._reflection) for circle in circles])
 
     def _unknown(self, angles, apart):
         """Return the rays that are not close to a known one, ordered so that they spread evenly."""
@@ -179,7 +196,7 @@ def computed(client, rays, view, asked):
     own, n_rays, shown = Rays(rays.plane), 0, monotonic()
     own.known |= rays.known
     tol = _tolerance(view)
-    while angles := own.missing(view):
+    while angles := own.missing(view)[: _MAX_RAYS - n_rays]:
         if not n_rays:
             sleep(max(0.0, asked + _START_DELAY - monotonic()))
             yield None
@@ -244,17 +261,19 @@ def _tolerance(view):
     return float(np.clip(view.pixel.min(), _MIN_TOL, _MAX_TOL))
 
 
-def _across(view, spacing, gaps):
-    """Return the angles of rays across a view, and their spacing.
+def _across(view, spacing, n_gaps):
+    """Return the angles of rays across a view, and the degrees between them.
 
-    The spacing is `spacing` if the origin is in the view; otherwise there are this many gaps.
+    These are `spacing` if the origin is in the view; otherwise there are `n_gaps` gaps, or more
+    where they would be wider than `spacing`.
     """
     if view.a[0] <= 0 <= view.a[1] and view.b[0] <= 0 <= view.b[1]:
         return np.arange(0, 360 + spacing, spacing), spacing
     corners = np.array([complex(a, b) for a in view.a for b in view.b])
     middle = corners.mean()
     towards, turns = np.rad2deg(np.angle(middle)), np.rad2deg(np.angle(corners / middle))
-    return np.linspace(towards + turns.min(), towards + turns.max(), gaps + 1, retstep=True)
+    n_rays = 1 + max(n_gaps, ceil(np.ptp(turns) / spacing))
+    return np.linspace(towards + turns.min(), towards + turns.max(), n_rays, retstep=True)
 
 
 def _on_ray(plane, angle, tol):
