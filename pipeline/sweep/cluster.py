@@ -9,6 +9,7 @@ a picture, and commands read complete cubes, before they need it or without it.
 import json
 import logging
 import multiprocessing
+import os
 import re
 import resource
 import signal
@@ -173,6 +174,13 @@ def _local(n_workers: int) -> Iterator["Client"]:
     client = Client(cluster, set_as_default=False)
     try:
         yield client
+    except KeyboardInterrupt:
+        # Dask would wait four seconds for the tiles in flight, which are abandoned.
+        for nanny in cluster.workers.values():
+            nanny.auto_restart = False
+            with suppress(OSError, TypeError):  # it has no process
+                os.kill(nanny.pid, signal.SIGKILL)
+        raise
     finally:
         for opened in client, cluster:
             with suppress(TimeoutError):  # occurs on busy machines; both end with this process
