@@ -126,7 +126,7 @@ def test_only_nasm_proofs_claims_that_something_is_proved(module):
 
 
 def test_the_explorer_imports_slow_libraries_only_after_its_first_picture():
-    slow = {"dask.array", "distributed", "matplotlib", "scipy.ndimage"}
+    slow = {"dask.array", "distributed", "matplotlib", "pandas", "scipy.ndimage", "xarray", "zarr"}
     code = f"import sys, workflows.explore.server; print({slow} & sys.modules.keys())"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

@@ -6,37 +6,10 @@ and its data exist*; there is no separate list of done tiles. A copy made during
 records without data: their tiles count as missing. Each file appears whole or not at all.
 Workers and drivers may write in any order: data written twice are identical, except for proofs,
 whose bounds depend on the speed of the machine. The store depends neither on the mathematics nor on
-clusters.
+clusters. Modules are imported when they are first used, because xarray and zarr take half a second;
+`__init__.pyi` lists them.
 """
 
-from pipeline.store.metadata import (
-    COMPUTED_BY,
-    changes,
-    check,
-    create,
-    has_digests,
-    is_visible,
-    names,
-    replace,
-)
-from pipeline.store.place import (
-    Place,
-    Refused,
-    StoreFailed,
-    driver_lock,
-    place_of,
-    printable,
-    store_errors,
-    without_password,
-)
-from pipeline.store.tiles import (
-    certificates_key,
-    commit,
-    is_committed,
-    missing,
-    read,
-    record_failure,
-    tiles_of,
-    wanted_key,
-)
-from pipeline.store.verify import State, free, status, verify
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

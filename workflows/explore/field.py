@@ -14,7 +14,6 @@ from time import monotonic
 import numpy as np
 
 from nasm import escape
-from pipeline.cubes.escape import SECONDS_PER_KICK
 from pipeline.sweep.refine import boundary_cells
 from workflows.explore.work import spread
 
@@ -210,6 +209,8 @@ class Quadtree:
         self.picture()
 
     def _seconds(self, times):
+        from pipeline.cubes.escape import SECONDS_PER_KICK
+
         return times * (SECONDS_PER_KICK["single"] * ORBITS * len(self.plane.origin))
 
 

@@ -6,8 +6,6 @@ import json
 
 from bokeh.models import Button, CustomJS, Div, Select
 
-from pipeline.cubes.cube import plain_attributes
-
 _ENDINGS = {"CSV": "csv", "netCDF": "nc"}
 
 
@@ -35,6 +33,8 @@ def panel(state, work):
 
 def _file(kind, name, shown, point):
     """Return a panel's Dataset as JSON: the file's name, and its content in base64."""
+    from pipeline.cubes.cube import plain_attributes
+
     file = io.BytesIO()
     if kind == "CSV":
         if "which" in shown:  # a row for each point of the orbits

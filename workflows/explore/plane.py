@@ -14,7 +14,6 @@ from nasm.numbers import NAMES
 from nasm.planes import plane_of
 from nasm.verdicts import Answer
 from pipeline import store
-from pipeline.cubes.barrier import unfolded
 from workflows.explore import rays, widgets
 from workflows.explore.field import BLOCKS, Field, View, computed, precision_of
 from workflows.explore.state import LINES
@@ -287,6 +286,8 @@ def _cubes(place, plane):
         cubes = _of_plane(place, plane)
         yield (fields := _fields(cubes, plane)), None
         if "barrier" in cubes:
+            from pipeline.cubes.barrier import unfolded
+
             angles = np.unique(plane.unfold(cubes["barrier"].angle.values))
             yield fields, unfolded(cubes["barrier"].load(), angles)
     except store.Refused:

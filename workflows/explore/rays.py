@@ -13,9 +13,6 @@ import numpy as np
 
 from nasm.numbers import nobles_near, parse
 from nasm.texts import abbreviate, parse_float
-from pipeline.cubes.barrier import boundary
-from pipeline.cubes.breakdown import by_residue
-from pipeline.cubes.cube import angles_of_rays
 from pipeline.sweep.progress import plural
 from workflows.explore.work import spread
 from workflows.figures.colours import circle_class, circle_style, longest_arcs
@@ -120,6 +117,8 @@ class Rays:
 
     def table(self):
         """Return all known rays as a Dataset with the dim angle; None if there are none."""
+        from pipeline.cubes.cube import angles_of_rays
+
         if not self.known:
             return None
         angles = sorted(self.known)
@@ -281,6 +280,8 @@ def _on_ray(plane, angle, tol):
 
     A wide bracket suffices if residues determine the value to within the tolerance.
     """
+    from pipeline.cubes.barrier import boundary
+
     angles = np.unique(plane.unfold(angle))
     table = boundary(angles, _MAX_TOL, plane)
     is_precise = tol == _MAX_TOL or float((table.error / table.critical_scale).max()) <= tol
@@ -289,6 +290,8 @@ def _on_ray(plane, angle, tol):
 
 def _circle_on_rays(plane, omega, angles, q_max):
     """Compute, on a worker, the scales at which the circle of ω breaks on rays."""
+    from pipeline.cubes.breakdown import by_residue
+
     job = by_residue(plane, [parse(omega)], angles, q_max)
     arrays = job.compute({"circle": [omega], "angle": angles}, job.cube.settings)
     return arrays["critical_scale"][0]

@@ -6,7 +6,6 @@ This module does not import matplotlib, because the explorer shows its first pic
 from functools import cache
 
 import numpy as np
-from pandas import Series
 
 from nasm.numbers import moebius, parse
 
@@ -117,6 +116,8 @@ def longest_arcs(angle, classes):
 
 def arcs(angle, names):
     """Return the fraction of all angles that each name covers, as a Series, the largest first."""
+    from pandas import Series  # the explorer sends its page before it needs pandas
+
     width = np.diff(np.r_[angle[0], (angle[1:] + angle[:-1]) / 2, angle[-1]]) / np.ptp(angle)
     shares = Series(width).groupby(np.asarray(names), sort=False).sum()
     return shares.sort_values(ascending=False, kind="stable")

@@ -7,9 +7,9 @@ small box shows as many points as the whole cell.
 
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from nasm import orbits
@@ -17,6 +17,9 @@ from nasm.action import LostError, ordered_orbits
 from nasm.maps import forcing
 from nasm.types import FloatArray
 from workflows.shared.tables import dataset, described
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Box = tuple[float, float, float, float]
 """Left, bottom, width and height of a part of phase space."""
@@ -30,7 +33,7 @@ _MAX_KICKS = 10**8  # iterating so many kicks takes a second or two
 _MAX_POINTS = 2 * 10**5  # enough for a screen
 
 
-def portrait(kappa: ArrayLike) -> xr.Dataset:
+def portrait(kappa: ArrayLike) -> "xr.Dataset":
     """Return the portrait of the whole cell, as in the figure of `ask`; see `portraits`."""
     return next(portraits(kappa, first=_STEPS))
 
@@ -41,7 +44,7 @@ def portraits(
     added: ArrayLike = (),
     every: int | None = None,
     first: int = 1000,
-) -> Iterator[xr.Dataset]:
+) -> Iterator["xr.Dataset"]:
     """Yield the portrait of a box with more and more points, doubling the steps each time.
 
     Parameters
