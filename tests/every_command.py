@@ -74,8 +74,6 @@ COMPUTING = {
     "nasm.periodic": ["critical_scale", "residue"],
     "nasm.tori": ["critical_scale", "invariant_torus"],
 }
-# Constants without an option of a command, which determine how much is computed.
-SMALLER = {"workflows.shared.proved_plane": {"_N_RAYS": 13}}
 PROVING = ("ask", "labels", "proved_boundary", "proved_map", "work_precision")
 
 
@@ -131,10 +129,10 @@ def main(out, commands, runs, *hidden):
     from commands import invoke
     from toy import workers_here
 
+    from workflows.shared import proved_plane
     from workflows.shared.cli import main_of
 
-    for module, constants in SMALLER.items():
-        vars(import_module(module)).update(constants)
+    proved_plane._N_RAYS = 13  # no option changes this number
     output = {}
     with workers_here() as client:
         workers = ["--scheduler", client().scheduler.address]

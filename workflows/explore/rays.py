@@ -18,7 +18,7 @@ from workflows.explore.work import spread
 from workflows.figures.colours import circle_class, circle_style, longest_arcs
 from workflows.shared.tables import columns, dataset
 
-# Largest gap in degrees between rays; number of gaps across a view that is away from the origin.
+# Largest gap in degrees between rays; smallest number of gaps across a view without the origin.
 _FIRST = 15.0, 4  # for the first rays
 _FOLLOWED = 1.0, 64  # for the rays on which a circle is followed
 _MAX_MISS = 1.0  # pixels by which the drawn line may miss the boundary between rays, as estimated
@@ -146,20 +146,21 @@ class Rays:
         if angles.size < 3:
             return angles[:0]
         gap = (np.roll(angles, -1) - angles) % 360  # from each point to the next
-        low, size = np.array([view.a[0], view.b[0]]), np.array(view.shape[::-1])
-        ends = ((np.stack([points.real, points.imag], axis=-1) - low) / view.pixel).T  # in pixels
+        size, pixel = np.array(view.shape[::-1])[:, None], view.pixel.min()
+        ends = np.stack([points.real - view.a[0], points.imag - view.b[0]])
+        ends /= view.pixel[:, None]  # in pixels
         after, before = np.roll(ends, -1, axis=1), np.roll(ends, 1, axis=1)
         (x, y), (u, v) = after - ends, after - before
         bend = np.abs(x * v - y * u) / np.maximum(np.hypot(u, v), np.finfo(float).tiny)
         miss = gap / 4 * np.maximum(bend / np.roll(gap, 1), np.roll(bend, -1) / np.roll(gap, -1))
-        classes, pixel = self._classes(circles), view.pixel.min()
+        classes = self._classes(circles)
         error = np.fmax(0, [self.known[angle].error for angle in angles.tolist()]) / pixel
         error = np.max([np.roll(error, k) for k in (1, 0, -1, -2)], axis=0)  # of the four points
         is_coarse = miss > np.maximum(_MAX_MISS, error)
         changes = classes != np.roll(classes, -1)
         is_coarse |= changes & (np.hypot(x, y) > np.maximum(_MAX_CHANGE, error))
         left, right = np.minimum(ends, after), np.maximum(ends, after)
-        is_beside = ((right < 0) | (left > size[:, None])).any(axis=0)
+        is_beside = ((right < 0) | (left > size)).any(axis=0)
         every, middles = np.array(sorted(self.known)), []
         for i in np.flatnonzero(is_coarse & ~is_beside & (gap <= _MAX_GAP)):
             # Rays without a known breakup may divide the gap into parts; halve the widest one.
@@ -284,7 +285,7 @@ def _on_ray(plane, angle, tol):
 
     angles = np.unique(plane.unfold(angle))
     table = boundary(angles, _MAX_TOL, plane)
-    is_precise = tol == _MAX_TOL or float((table.error / table.critical_scale).max()) <= tol
+    is_precise = tol >= _MAX_TOL or float((table.error / table.critical_scale).max()) <= tol
     return table if is_precise else boundary(angles, tol, plane)
 
 
