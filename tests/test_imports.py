@@ -141,9 +141,25 @@ assert b"<script" in asyncio.run(send()).body
 """
 
 
-def test_the_explorer_imports_slow_libraries_only_after_it_has_sent_its_page():
+WORKING = """
+import sys
+import numpy as np
+from nasm.planes import two_kicks
+from workflows.explore import field, on_workers, rays
+
+on_workers.load_portrait_kernels()
+assert on_workers.timed_verdict((0.3, 0.2))
+assert field._escapes(np.ones((1, 2)), 10).shape == (1,)
+assert rays._on_ray(two_kicks(), 30.0, 0.1)
+assert rays._circle_on_rays(two_kicks(), "gamma", [30.0], 100)
+"""
+
+
+@pytest.mark.parametrize(("code", "more"), [(SENDING, []), (WORKING, ["bokeh"])])
+def test_the_explorer_imports_slow_libraries_only_when_it_uses_them(code, more):
+    """It sends its page first. Its workers never need these libraries."""
     slow = {"dask.array", "distributed", "matplotlib", "pandas", "scipy.ndimage", "xarray", "zarr"}
-    code = f"{SENDING}print({slow} & sys.modules.keys())"
+    code += f"print({slow.union(more)} & sys.modules.keys())"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
 

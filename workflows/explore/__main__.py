@@ -33,6 +33,10 @@ def main(plane, port, no_browser, out, **cluster):
     from workflows.shared.places import place_of, usage_errors
 
     cluster["n_workers"] = cluster.pop("workers")
+    if cluster["n_workers"] is None and cluster["scheduler"] is None:
+        from dask.system import CPU_COUNT
+
+        cluster["n_workers"] = CPU_COUNT + 1  # one is left to clicks while others compute rays
     place = place_of(out)
     with usage_errors(place):
         serve(plane, place, port, not no_browser, cluster)

@@ -7,7 +7,6 @@ Single pixels are computed along the boundary; elsewhere, only the pixels with t
 are computed, up to 0.3 s of CPU time.
 """
 
-from collections import deque
 from dataclasses import dataclass
 from time import monotonic
 
@@ -97,7 +96,7 @@ def computed(client, plane, view, steps, fields):
         yield *tree.picture(), "known times"
     workers, shown, pause = client(), monotonic(), _FIRST_PAUSE
     for calls in tree.rounds():
-        for ended in spread(workers, calls) if calls else ():
+        for ended in spread(workers, iter(calls)) if calls else ():
             if ended is not None:
                 tree.accept(*ended)
             if monotonic() - shown < pause:
@@ -136,10 +135,10 @@ class Quadtree:
         self._selected = np.zeros(self._times.shape, bool)
 
     def rounds(self):
-        """Yield the calls of each round: a deque of (cells, function, forcings, steps).
+        """Yield the calls of each round: a list of (cells, function, forcings, steps).
 
-        The caller removes all calls of a round, and passes their cells and results to `accept`.
-        The next round depends on the results.
+        The caller passes the cells and the result of each call to `accept`. The next round depends
+        on the results.
         """
         steps = self.steps
         for self.block in BLOCKS:
@@ -197,7 +196,7 @@ class Quadtree:
             self._images = _images(self.plane, self.view, self.block)
         self._selected = wanted
         self._computed = cells = np.unique(self._images[wanted])
-        self._results, calls = np.full(self._images.size, np.nan), deque()
+        self._results, calls = np.full(self._images.size, np.nan), []
         likely = self._times.ravel()[cells]
         seconds = np.cumsum(self._seconds(np.where(likely <= steps, likely, steps)))  # NaN → steps
         batch = seconds // np.clip(seconds[-1:] / 4, _MIN_BATCH, _MAX_BATCH)

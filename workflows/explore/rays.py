@@ -1,17 +1,18 @@
 """Known breakups of the last circle on rays, and the rays still to be computed for a view.
 
-Breakups are computed as in arXiv:1606.04824, Sec. VI, by `pipeline.cubes.barrier`. The result
+Breakups are computed as in arXiv:1606.04824, Sec. VI, by `nasm.barriers`. The result
 for a ray also applies to its images under the symmetries of the plane.
 """
 
 import re
-from collections import deque, namedtuple
-from math import ceil
+from collections import namedtuple
+from math import ceil, nan
 from time import monotonic, sleep
 
 import numpy as np
 
-from nasm.numbers import nobles_near, parse
+from nasm import barriers, periodic
+from nasm.numbers import moebius, nobles_near, parse
 from nasm.texts import abbreviate, parse_float
 from pipeline.sweep.progress import plural
 from workflows.explore.work import spread
@@ -126,14 +127,18 @@ class Rays:
         variables, coords = columns("angle", _COLUMNS, rays), {"angle": angles_of_rays(angles)}
         return dataset("Where the last circle breaks", coords, variables, self.plane.record)
 
-    def missing(self, view):
+    def missing(self, view, started=()):
         """Return the rays to compute next for a view, in degrees, one for each set of images.
 
         These are a few rays across the view at first. Then gaps are halved in which the line is
         estimated to miss the boundary by more than a pixel, or in which the last circle changes.
+
+        started : rays that were returned before, and may not be known yet; they are left out.
         """
         angles, spacing = _across(view, *_FIRST)
-        return self._unknown(angles, spacing / 4) or self._unknown(self._between(view), 0.0)
+        return self._unknown(angles, spacing / 4, started) or self._unknown(
+            self._between(view), 2 * 10.0**-_DECIMALS, started
+        )
 
     def _between(self, view):
         """Return the middles of the gaps in which the line through the known points is too coarse.
@@ -175,12 +180,15 @@ class Rays:
     def _classes(self, circles):
         return np.array([circle_class(circle, self._reflection) for circle in circles])
 
-    def _unknown(self, angles, apart):
-        """Return the rays that are not close to a known one, ordered so that they spread evenly."""
+    def _unknown(self, angles, apart, started):
+        """Return the rays more than `apart` from any known or started one.
+
+        They are ordered so that they spread evenly.
+        """
         folded = np.unique(self.plane.fold(angles)[0].round(_DECIMALS))
-        known = np.array(sorted(self.known))
-        if known.size:
-            gaps = np.abs((folded[:, None] - known + 180) % 360 - 180).min(axis=1)
+        taken = np.array([*self.known, *started])
+        if taken.size:
+            gaps = np.abs((folded[:, None] - taken + 180) % 360 - 180).min(axis=1)
             folded = folded[gaps > apart]
         spread_evenly = np.argsort(np.arange(folded.size) * 0.6180339887 % 1)
         return folded[spread_evenly].tolist()
@@ -189,29 +197,39 @@ class Rays:
 def computed(client, rays, view, asked):
     """Compute the rays of a view; yield (`Rays.known`, number of these rays as text) for a picture.
 
-    None is yielded while no picture is due. client : function that returns a dask Client; one
-    worker is left for other tasks. rays : the Rays known so far. asked : `monotonic` time at which
-    the user asked for the view.
+    None is yielded while no picture is due. client : function that returns a dask Client. rays :
+    the Rays known so far. asked : `monotonic` time at which the user asked for the view.
     """
-    own, n_rays, shown = Rays(rays.plane), 0, monotonic()
+    own, started, shown = Rays(rays.plane), [], monotonic()
     own.known |= rays.known
+    if not own.missing(view):
+        return
+    sleep(max(0.0, asked + _START_DELAY - monotonic()))
+    yield None
+    for ended in spread(client(), _calls(own, view, started), leaves_one=True, priority=-1):
+        if ended:
+            own.known |= ended[1]
+        # Drawing the lines takes longer than computing a ray.
+        if late := monotonic() - shown > _PICTURE_PAUSE:
+            shown = monotonic()
+        yield (dict(own.known), plural(len(started), "ray")) if late else None
+    yield dict(own.known), plural(len(started), "ray")
+
+
+def _calls(rays, view, started):
+    """Yield the calls that compute the missing rays of a view, as for `work.spread`.
+
+    rays : the Rays known; results are added to them in the meantime. started : list to which the
+    angle of each ray is added when its call is yielded.
+    """
     tol = _tolerance(view)
-    while angles := own.missing(view)[: _MAX_RAYS - n_rays]:
-        if not n_rays:
-            sleep(max(0.0, asked + _START_DELAY - monotonic()))
-            yield None
-        workers, n_rays = client(), n_rays + len(angles)
-        max_workers = max(1, len(workers.nthreads()) - 1)
-        calls = deque((None, _on_ray, own.plane, angle, tol) for angle in angles)
-        for ended in spread(workers, calls, max_workers, priority=-1):
-            if ended:
-                own.add(ended[1])
-            # Drawing the lines takes longer than computing a ray.
-            if late := monotonic() - shown > _PICTURE_PAUSE:
-                shown = monotonic()
-            yield (dict(own.known), plural(n_rays, "ray")) if late else None
-    if n_rays:
-        yield dict(own.known), plural(n_rays, "ray")
+    while len(started) < _MAX_RAYS:
+        angles = rays.missing(view, started)[: _MAX_RAYS - len(started)]
+        for angle in angles:
+            started.append(angle)
+            yield None, _on_ray, rays.plane, angle, tol
+        if not angles:
+            yield None  # until one of the rays that are being computed is known
 
 
 def circle(client, plane, omega, view):
@@ -224,8 +242,8 @@ def circle(client, plane, omega, view):
     scale, call = np.full(folded.size, np.nan), (_circle_on_rays, plane, omega)
     parts = np.array_split(np.arange(folded.size), _PARTS)
     q_max = _SHORT_PERIODS if _tolerance(view) == _MAX_TOL else _LONG_PERIODS
-    calls = deque((part, *call, folded[part], q_max) for part in parts)
-    for ended in spread(client(), calls, priority=-1):
+    calls = ((part, *call, folded[part], q_max) for part in parts)
+    for ended in spread(client(), calls, leaves_one=True, priority=-1):
         if ended is None:
             yield None
             continue
@@ -277,22 +295,25 @@ def _across(view, spacing, n_gaps):
 
 
 def _on_ray(plane, angle, tol):
-    """Compute, on a worker, the boundary on all images of a ray.
+    """Return {angle: Breakup} for all images of a ray; called on a worker.
 
     A wide bracket suffices if residues determine the value to within the tolerance.
     """
-    from pipeline.cubes.barrier import boundary
-
-    angles = np.unique(plane.unfold(angle))
-    table = boundary(angles, _MAX_TOL, plane)
-    is_precise = tol >= _MAX_TOL or float((table.error / table.critical_scale).max()) <= tol
-    return table if is_precise else boundary(angles, tol, plane)
+    images = np.unique(plane.unfold(angle))
+    folded, shifts = plane.fold(images)
+    start, profile = plane.ray(folded[0])
+    found = barriers.critical_scale(profile, _MAX_TOL, start)
+    if tol < _MAX_TOL and not found.error <= tol * found.value:
+        found = barriers.critical_scale(profile, tol, start)
+    breakups = {}
+    for image, shift in zip(images.tolist(), shifts.tolist(), strict=True):
+        omega = moebius(found.omega, -1, shift) if found.omega and shift else found.omega
+        number = nan if omega is None else float(omega)
+        breakups[image] = Breakup(found.value, found.error, str(omega or ""), number)
+    return breakups
 
 
 def _circle_on_rays(plane, omega, angles, q_max):
-    """Compute, on a worker, the scales at which the circle of ω breaks on rays."""
-    from pipeline.cubes.breakdown import by_residue
-
-    job = by_residue(plane, [parse(omega)], angles, q_max)
-    arrays = job.compute({"circle": [omega], "angle": angles}, job.cube.settings)
-    return arrays["critical_scale"][0]
+    """Return the scales at which the circle of ω breaks on rays; called on a worker."""
+    start, profiles = plane.ray(angles)
+    return [periodic.critical_scale(omega, profile, q_max, start).value for profile in profiles]

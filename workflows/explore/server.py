@@ -35,13 +35,11 @@ from tornado.routing import AnyMatches, HostMatches, Rule, RuleRouter
 from tornado.web import Application as WebApplication
 from tornado.web import OutputTransform, RequestHandler
 
-from nasm import escape
 from nasm.arithmetic.kernels import are_missing
-from nasm.verdicts import verdict
 from pipeline.sweep.cluster import NO_SCHEDULER, ClusterError, connect
+from workflows.explore.on_workers import load_portrait_kernels, load_verdict_kernels
 from workflows.explore.page import fill
 from workflows.explore.rays import Rays
-from workflows.shared.phase_space import portrait
 
 _HOST = "127.0.0.1"
 _NAMES = "localhost", _HOST, "[::1]"
@@ -56,6 +54,7 @@ _POLICY = (  # Bokeh evaluates strings as code; its page and ours have inline sc
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; object-src 'none'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
+_KERNELS = {"portrait": load_portrait_kernels, "verdict": load_verdict_kernels}  # by first use
 _HEADERS = {
     "Content-Security-Policy": _POLICY,
     "X-Frame-Options": "DENY",
@@ -83,7 +82,7 @@ class Shared:
         self.plane, self.place, self._client = plane, place, client
         self.rays, self.fields = Rays(plane), {}
         self.opened, self.connected = Event(), Event()
-        self.loaded, self._lock = {name: Event() for name in _WARM_UPS}, Lock()
+        self.loaded, self._lock = {name: Event() for name in _KERNELS}, Lock()
         self.preparing = "starting the workers"
 
     def client(self):
@@ -101,18 +100,22 @@ class Shared:
     def prepare(self):
         """Start the workers and load the kernels; `serve` calls this in a thread.
 
-        The kernels are compiled in a worker, so that this process can meanwhile show the
-        cubes in OUT. Workers that start earlier would delay this first picture.
+        Workers that start earlier would delay the first picture, of the cubes in OUT. Kernels that
+        must be compiled are compiled in a worker, so that this process can show it meanwhile.
         """
         self.opened.wait(_HEAD_START)
         try:
             client = self._connected()
             self.connected.set()
+            are_compiled = not are_missing()
             missing = "compiling the kernels, once per machine: about half a minute"
-            self.preparing = missing if are_missing() else "loading the kernels"
-            for name, warm_up in _WARM_UPS.items():
-                client.submit(warm_up, pure=False).result()
-                warm_up()
+            self.preparing = "loading the kernels" if are_compiled else missing
+            for name, load in _KERNELS.items():
+                on_worker = client.submit(load, pure=False)
+                if not are_compiled:
+                    on_worker.result()
+                load()
+                on_worker.result()
                 self.loaded[name].set()
             self.preparing = ""
         except ClusterError as error:
@@ -122,20 +125,6 @@ class Shared:
         finally:
             for event in (self.connected, *self.loaded.values()):
                 event.set()
-
-
-def warm_up_portrait():
-    """Use the kernels for escape times and portraits once; this may compile them."""
-    escape.first_escape([[0.0, 0.0]], *escape.ensemble(1), [1], 1, precision="single")
-    portrait((0.3, 0.2))
-
-
-def warm_up_verdict():
-    """Use the kernels for verdicts once."""
-    verdict((0.3, 0.2))
-
-
-_WARM_UPS = {"portrait": warm_up_portrait, "verdict": warm_up_verdict}  # in order of first use
 
 
 def serve(plane, place, port, opens, cluster):

@@ -1,12 +1,11 @@
 """The verdict as sentences, and the view as a Python program."""
 
 import time
-from collections import deque
 from html import escape
 
 from bokeh.models import Button, CustomJS, Div
 
-from nasm.verdicts import verdict
+from workflows.explore.on_workers import timed_verdict
 from workflows.explore.work import spread
 from workflows.shared.verdict_sentences import sentences
 
@@ -47,13 +46,8 @@ def copy_button(state):
 def _verdict_and_seconds(client, kappa):
     """Return the verdict and its computing time; wait first, as workers cannot be interrupted."""
     time.sleep(_START_DELAY)
-    results = spread(client(), deque([(None, _timed, kappa)]), priority=1)
+    results = spread(client(), iter([(None, timed_verdict, kappa)]), priority=1)
     return next(result[1] for result in results if result)
-
-
-def _timed(kappa):
-    begin = time.perf_counter()
-    return verdict(kappa), time.perf_counter() - begin
 
 
 def _html(lines):

@@ -6,6 +6,7 @@ says otherwise.
 """
 
 from contextlib import suppress
+from functools import partial
 from inspect import isgenerator
 from math import inf
 from threading import Thread
@@ -134,17 +135,18 @@ class Latest:
         self.start()
 
 
-def spread(client, calls, max_workers=inf, priority=0):
+def spread(client, calls, leaves_one=False, priority=0):
     """Run calls on the workers; yield (key, result) as each one ends, and None while waiting.
 
-    client : dask Client. calls : deque of (key, function, *args). max_workers, priority : as for
-    `submit.as_completed`. Four calls are in flight for each worker, so that the scheduler
-    always has one to run before any call with a lower priority. All calls in flight are cancelled
-    when this generator is closed.
+    client : dask Client. calls : iterator of (key, function, *args), or None while there is no
+    call to make. leaves_one : True to leave one of several workers to other tasks, because the
+    calls take long and cannot be interrupted. priority : as for `submit.as_completed`. Four calls
+    are in flight for each worker, or one if `leaves_one`, so that the scheduler always has one to
+    run before any call with a lower priority. All calls in flight are cancelled when this
+    generator is closed.
     """
-    for item in as_completed(
-        client, lambda: calls.popleft() if calls else None, 4, max_workers, _YIELD_SECONDS, priority
-    ):
+    most = max(1, len(client.nthreads()) - 1) if leaves_one else inf
+    for item in as_completed(client, partial(next, calls, None), 4, most, _YIELD_SECONDS, priority):
         if item and isinstance(item[1], Exception):
             raise item[1]
         yield item
