@@ -24,6 +24,8 @@ import psutil
 import pytest
 import toy
 from bokeh.server.util import bind_sockets
+from commands import invoke
+from dask.system import CPU_COUNT
 from tornado.httpclient import AsyncHTTPClient
 
 from nasm import action, barriers, diffusion, escape
@@ -31,11 +33,11 @@ from nasm.numbers import parse
 from nasm.planes import pairs, rotating, three_kicks, two_kicks
 from nasm.verdicts import Answer, verdict
 from pipeline.store import Refused
-from workflows.explore import field, plane, rays, server
+from workflows.explore import field, plane, rays, server, work
 from workflows.explore.field import Field, View
 from workflows.explore.rays import Breakup, Rays
 from workflows.explore.state import State
-from workflows.explore.work import Work
+from workflows.explore.work import Work, spread
 from workflows.figures.style import circle_style
 from workflows.shared import on_demand, phase_space
 from workflows.shared.orbit_sentences import describe_orbit
@@ -380,6 +382,34 @@ def test_only_the_latest_computation_counts():
     document.run(lambda: not work.busy)
     assert result == [4]
     assert work.failed == {"number": "ZeroDivisionError('integer division or modulo by zero')"}
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [([], CPU_COUNT + 1), (["--workers", "3"], 3), (["--scheduler", "tcp://127.0.0.1:1"], None)],
+)
+def test_one_worker_more_than_cores_is_started_by_default(options, expected, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(server, "serve", lambda *args: asked.append(args[-1]["n_workers"]))
+    invoke("explore", tmp_path, *options)
+    assert asked == [expected]
+
+
+@pytest.mark.parametrize(("workers", "expected"), [(1, 1), (2, 1), (5, 4)])
+def test_calls_that_cannot_be_interrupted_leave_one_worker_free(workers, expected, monkeypatch):
+    running, most = [], []
+
+    def as_completed(client, next_call, each, limit, *_):
+        while len(running) < min(limit, each * workers) and (call := next_call()):
+            running.append(call)
+        most.append(len(running))
+        yield running.pop()[0], None
+
+    monkeypatch.setattr(work, "as_completed", as_completed)
+    client = SimpleNamespace(nthreads=lambda: dict.fromkeys(range(workers), 1))
+    calls = ((number, abs, number) for number in range(50))
+    assert next(spread(client, calls, leaves_one=True)) == (expected - 1, None)
+    assert most == [expected]
 
 
 def test_a_closed_tab_ends_its_generators():

@@ -499,7 +499,7 @@ class _Directory(click.ParamType):
 
 
 FILE, DIRECTORY = _File(exists=True, dir_okay=False), _Directory()
-_WORKERS = "Worker processes on this machine.  [default: one per core]"
+_WORKERS = "Worker processes on this machine.  [default: one per core, and one more for explore]"
 _OUT = "Directory for the results; an earlier run in it is resumed."
 _RUNS = "Directory of one or more runs; every folder in it that contains cubes is a run."
 _STORE = """Keep the cubes in an object store, s3://BUCKET/PREFIX (or gs://, az://), or in another
