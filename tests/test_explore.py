@@ -32,6 +32,7 @@ from nasm import action, barriers, diffusion, escape
 from nasm.numbers import parse
 from nasm.planes import pairs, rotating, three_kicks, two_kicks
 from nasm.verdicts import Answer, verdict
+from pipeline.cubes import barrier
 from pipeline.store import Refused
 from workflows.explore import field, plane, rays, server, work
 from workflows.explore.field import Field, View
@@ -184,6 +185,20 @@ def test_the_distance_to_the_boundary_is_measured_along_the_ray():
         assert (known.excess(a, b) > 0).tolist() == [[False, False], [True, True]]
     assert np.isnan(known.excess(-0.1, 0.5))  # far from all rays
     assert known.nearest(np.cos(0.36), np.sin(0.36)) == known.known[20.0]
+
+
+@pytest.mark.parametrize(("plane", "angle"), [(two_kicks(), 20.0), (three_kicks(0.2), 100.0)])
+def test_a_ray_gives_the_boundary_on_all_its_images(plane, angle):
+    found = rays._on_ray(plane, angle, 1e-2)
+    table = Rays(plane)
+    table.add(barrier.boundary(sorted(found), 1e-2, plane))
+    assert sorted(found) == sorted(plane.unfold(angle).tolist())
+    assert found.keys() == table.known.keys()
+    for image, breakup in found.items():
+        stored = table.known[image]
+        assert breakup.circle == stored.circle
+        assert breakup.omega == pytest.approx(stored.omega, rel=1e-14)
+        assert breakup.scale == pytest.approx(stored.scale, abs=stored.error)
 
 
 @pytest.mark.parametrize("plane", [two_kicks(), rotating("1/3"), three_kicks(0.2)])

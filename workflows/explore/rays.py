@@ -1,7 +1,7 @@
 """Known breakups of the last circle on rays, and the rays still to be computed for a view.
 
-Breakups are computed as in arXiv:1606.04824, Sec. VI, by `nasm.barriers`. The result
-for a ray also applies to its images under the symmetries of the plane.
+Breakups are computed as in arXiv:1606.04824, Sec. VI, by `nasm.barriers`. The result for a ray also
+applies to its images under the symmetries of the plane.
 """
 
 import re
