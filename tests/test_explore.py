@@ -12,9 +12,9 @@ import threading
 import time
 import urllib.request
 import webbrowser
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from fractions import Fraction
-from math import nan
+from math import inf, nan
 from pathlib import Path
 from types import SimpleNamespace
 from urllib.parse import parse_qsl
@@ -34,7 +34,7 @@ from nasm.planes import pairs, rotating, three_kicks, two_kicks
 from nasm.verdicts import Answer, verdict
 from pipeline.cubes import barrier
 from pipeline.store import Refused
-from workflows.explore import field, plane, rays, server, work
+from workflows.explore import field, plane, rays, server
 from workflows.explore.field import Field, View
 from workflows.explore.rays import Breakup, Rays
 from workflows.explore.state import State
@@ -233,7 +233,7 @@ def compute_all(known, view, scale, circle=lambda angle: "[0;(1)]", n_workers=1)
         while len(running) < n_workers and (call := next(calls, None)):
             running.append(call[-2])
         if not running:
-            assert len(started) == len(set(started))
+            assert np.diff(sorted(started)).min(initial=inf) > 1e-6
             return len(started)
         angle = running.pop(random.integers(len(running)))
         breakup = Breakup(scale(angle), 0.0, circle(angle), 0.618)
@@ -302,7 +302,9 @@ def test_points_that_coincide_do_not_stop_the_choice_of_rays():
 def test_scattered_scales_do_not_keep_the_workers_busy(monkeypatch):
     random = np.random.default_rng(1)
 
-    def spread(client, calls, *_, **__):
+    def spread(client, calls, leaves_one, priority):
+        assert leaves_one
+        assert priority < 0
         for _, _, where, angle, _ in calls:
             breakup = Breakup(0.9 + 1e-4 * random.normal(), 0.0, NOBLES[0], 0.618)
             yield None, {at % 360: breakup for at in where.unfold(angle).tolist()}
@@ -410,21 +412,26 @@ def test_one_worker_more_than_cores_is_started_by_default(options, expected, tmp
     assert asked == [expected]
 
 
-@pytest.mark.parametrize(("workers", "expected"), [(1, 1), (2, 1), (5, 4)])
-def test_calls_that_cannot_be_interrupted_leave_one_worker_free(workers, expected, monkeypatch):
-    running, most = [], []
+@pytest.mark.parametrize(("n_workers", "expected"), [(1, 1), (2, 1), (5, 4)])
+def test_calls_that_cannot_be_interrupted_leave_one_worker_free(n_workers, expected):
+    running = []
 
-    def as_completed(client, next_call, each, limit, *_):
-        while len(running) < min(limit, each * workers) and (call := next_call()):
-            running.append(call)
-        most.append(len(running))
-        yield running.pop()[0], None
+    def submit(function, *args, pure, priority):
+        running.append(Future())
+        running[-1].release = lambda: None
+        return running[-1]
 
-    monkeypatch.setattr(work, "as_completed", as_completed)
-    client = SimpleNamespace(nthreads=lambda: dict.fromkeys(range(workers), 1))
-    calls = ((number, abs, number) for number in range(50))
-    assert next(spread(client, calls, leaves_one=True)) == (expected - 1, None)
-    assert most == [expected]
+    nothing = lambda *_: None  # noqa: E731
+    client = SimpleNamespace(submit=submit, cancel=nothing, status="running")
+    client.nthreads = lambda: dict.fromkeys(range(n_workers), 1)
+    results = spread(client, ((number, abs, number) for number in range(50)), leaves_one=True)
+    assert next(results) is None
+    assert len(running) == expected
+    running[0].set_result("a result")
+    assert next(results) == (0, "a result")
+    assert next(results) is None
+    assert len(running) == expected + 1
+    results.close()
 
 
 def test_a_closed_tab_ends_its_generators():

@@ -151,7 +151,7 @@ on_workers.load_portrait_kernels()
 assert on_workers.timed_verdict((0.3, 0.2))
 assert field._escapes(np.ones((1, 2)), 10).shape == (1,)
 assert rays._on_ray(two_kicks(), 30.0, 0.1)
-assert rays._circle_on_rays(two_kicks(), "gamma", [30.0], 100)
+assert rays._circle_on_rays(two_kicks(), "gamma", [30.0], 100)[0] > 0
 """
 
 

@@ -27,7 +27,7 @@ def as_completed(
     client: "Client",
     next_call: Callable[[], tuple[Any, ...] | None],
     each: int = 2,
-    most: float = inf,
+    leaves_one: bool = False,
     look: float = _ROLL_CALL,
     priority: int = 0,
 ) -> Iterator[tuple[Any, Any] | None]:
@@ -42,8 +42,11 @@ def as_completed(
     next_call : callable
         () → (key, function, *args), or None while there is no call to make. The iteration stops
         when `next_call` returns None and all calls have ended.
-    each, most : int
-        Maximum number of calls in flight, for each worker and in total.
+    each : int
+        Maximum number of calls in flight for each worker.
+    leaves_one : bool
+        True to leave one of several workers to other tasks. Then each of the others has one call
+        in flight.
     look : float
         Seconds to wait for a call to end before None is yielded.
     priority : int
@@ -76,7 +79,7 @@ def as_completed(
                         raise ConnectionError("no workers are left; run again to resume")
                     print("no workers are left; waiting until some join", file=sys.stderr)
                     alive = inf  # print this only once
-            window = min(most, each * max(1, workers))
+            window = max(1, workers - 1) if leaves_one else each * max(1, workers)
             while len(in_flight) < window and (call := next_call()) is not None:
                 key, function, *args = call
                 future = client.submit(function, *args, pure=False, priority=priority)

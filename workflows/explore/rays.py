@@ -6,7 +6,8 @@ applies to its images under the symmetries of the plane.
 
 import re
 from collections import namedtuple
-from math import ceil, nan
+from functools import partial
+from math import ceil, inf, nan
 from time import monotonic, sleep
 
 import numpy as np
@@ -26,8 +27,8 @@ _MAX_MISS = 1.0  # pixels by which the drawn line may miss the boundary between 
 _MAX_CHANGE = 32.0  # pixels between rays with different last circles, so that colours are right
 _MIN_WIDTH = 1.0  # pixels between rays; narrower gaps stay as they are, for example at a jump
 _MAX_RAYS = 150  # for one view, if scales scatter by more than their errors
-_DECIMALS = 7  # of angles in degrees; images of a ray may differ by rounding
-_PARTS = 8  # groups of the rays of a circle, each computed separately
+_DECIMALS, _SAME = 7, 2e-7  # of angles in degrees; rays that differ by rounding are the same
+_PART = 8  # rays of a circle that are computed in one call
 _MIN_TOL, _MAX_TOL = 1e-4, 1e-3  # relative widths of brackets; between these, a pixel at scale 1
 _SHORT_PERIODS, _LONG_PERIODS = 300, 1500  # longest periods of orbits for the followed circle
 _MIN_RAYS = 8  # with at most this many rays in a view, the legend also names circles outside it
@@ -137,7 +138,7 @@ class Rays:
         """
         angles, spacing = _across(view, *_FIRST)
         return self._unknown(angles, spacing / 4, started) or self._unknown(
-            self._between(view), 2 * 10.0**-_DECIMALS, started
+            self._between(view), _SAME, started
         )
 
     def _between(self, view):
@@ -186,6 +187,7 @@ class Rays:
         They are ordered so that they spread evenly.
         """
         folded = np.unique(self.plane.fold(angles)[0].round(_DECIMALS))
+        folded = folded[np.diff(folded, prepend=-inf) > _SAME]  # images of a ray are rounded
         taken = np.array([*self.known, *started])
         if taken.size:
             gaps = np.abs((folded[:, None] - taken + 180) % 360 - 180).min(axis=1)
@@ -200,20 +202,18 @@ def computed(client, rays, view, asked):
     None is yielded while no picture is due. client : function that returns a dask Client. rays :
     the Rays known so far. asked : `monotonic` time at which the user asked for the view.
     """
-    own, started, shown = Rays(rays.plane), [], monotonic()
+    own, started = Rays(rays.plane), []
     own.known |= rays.known
     if not own.missing(view):
         return
     sleep(max(0.0, asked + _START_DELAY - monotonic()))
     yield None
-    for ended in spread(client(), _calls(own, view, started), leaves_one=True, priority=-1):
-        if ended:
-            own.known |= ended[1]
-        # Drawing the lines takes longer than computing a ray.
-        if late := monotonic() - shown > _PICTURE_PAUSE:
-            shown = monotonic()
-        yield (dict(own.known), plural(len(started), "ray")) if late else None
-    yield dict(own.known), plural(len(started), "ray")
+    results = spread(client(), _calls(own, view, started), leaves_one=True, priority=-1)
+    yield from _pictures(
+        results,
+        lambda _, found: own.known.update(found),
+        lambda: (dict(own.known), plural(len(started), "ray")),
+    )
 
 
 def _calls(rays, view, started):
@@ -233,23 +233,36 @@ def _calls(rays, view, started):
 
 
 def circle(client, plane, omega, view):
-    """Yield the known part of the line on which the circle of ω (a string) breaks, or None.
-
-    None is yielded while nothing is added to the line.
-    """
+    """Yield the known part of the line on which the circle of ω (a string) breaks, or None."""
     angles, _ = _across(view, *_FOLLOWED)
     folded, where = np.unique(plane.fold_keeping_circles(angles), return_inverse=True)
     scale, call = np.full(folded.size, np.nan), (_circle_on_rays, plane, omega)
-    parts = np.array_split(np.arange(folded.size), _PARTS)
+    parts = np.array_split(np.arange(folded.size), ceil(folded.size / _PART))
     q_max = _SHORT_PERIODS if _tolerance(view) == _MAX_TOL else _LONG_PERIODS
     calls = ((part, *call, folded[part], q_max) for part in parts)
-    for ended in spread(client(), calls, leaves_one=True, priority=-1):
-        if ended is None:
-            yield None
-            continue
-        scale[ended[0]] = ended[1]
+
+    def line():
         points = scale[where] * np.exp(1j * np.deg2rad(angles))
-        yield {"a": points.real, "b": points.imag}
+        return {"a": points.real, "b": points.imag}
+
+    results = spread(client(), calls, leaves_one=True, priority=-1)
+    yield from _pictures(results, partial(np.put, scale), line)
+
+
+def _pictures(results, accept, picture):
+    """Call accept(key, result) for each result of `work.spread`, and yield pictures or None.
+
+    A picture is due at the end, and about once a second until then, because drawing it takes longer
+    than computing a ray. None is yielded while no picture is due.
+    """
+    shown = monotonic()
+    for ended in results:
+        if ended:
+            accept(*ended)
+        if late := monotonic() - shown > _PICTURE_PAUSE:
+            shown = monotonic()
+        yield picture() if late else None
+    yield picture()
 
 
 def named_by(text):

@@ -100,8 +100,8 @@ class Shared:
     def prepare(self):
         """Start the workers and load the kernels; `serve` calls this in a thread.
 
-        Workers that start earlier would delay the first picture, of the cubes in OUT. Kernels that
-        must be compiled are compiled in a worker, so that this process can show it meanwhile.
+        Workers that start earlier would delay the first picture, of the cubes in OUT. If no kernels
+        have been compiled, a worker compiles them, so that this process can show it meanwhile.
         """
         self.opened.wait(_HEAD_START)
         try:

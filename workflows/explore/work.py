@@ -8,7 +8,6 @@ says otherwise.
 from contextlib import suppress
 from functools import partial
 from inspect import isgenerator
-from math import inf
 from threading import Thread
 
 from pipeline.store import Refused
@@ -139,14 +138,13 @@ def spread(client, calls, leaves_one=False, priority=0):
     """Run calls on the workers; yield (key, result) as each one ends, and None while waiting.
 
     client : dask Client. calls : iterator of (key, function, *args), or None while there is no
-    call to make. leaves_one : True to leave one of several workers to other tasks, because the
-    calls take long and cannot be interrupted. priority : as for `submit.as_completed`. Four calls
-    are in flight for each worker, or one if `leaves_one`, so that the scheduler always has one to
-    run before any call with a lower priority. All calls in flight are cancelled when this
-    generator is closed.
+    call to make. leaves_one : as for `submit.as_completed`; for calls that take long, because they
+    cannot be interrupted. Otherwise four calls are in flight for each worker, so that the scheduler
+    always has one to run before any call with a lower `priority`. All calls in flight are cancelled
+    when this generator is closed.
     """
-    most = max(1, len(client.nthreads()) - 1) if leaves_one else inf
-    for item in as_completed(client, partial(next, calls, None), 4, most, _YIELD_SECONDS, priority):
+    next_call = partial(next, calls, None)
+    for item in as_completed(client, next_call, 4, leaves_one, _YIELD_SECONDS, priority):
         if item and isinstance(item[1], Exception):
             raise item[1]
         yield item
