@@ -421,9 +421,12 @@ def test_calls_that_cannot_be_interrupted_leave_one_worker_free(n_workers, expec
         running[-1].release = lambda: None
         return running[-1]
 
-    nothing = lambda *_: None  # noqa: E731
-    client = SimpleNamespace(submit=submit, cancel=nothing, status="running")
-    client.nthreads = lambda: dict.fromkeys(range(n_workers), 1)
+    client = SimpleNamespace(
+        status="running",
+        nthreads=lambda: dict.fromkeys(range(n_workers), 1),
+        submit=submit,
+        cancel=lambda futures: None,
+    )
     results = spread(client, ((number, abs, number) for number in range(50)), leaves_one=True)
     assert next(results) is None
     assert len(running) == expected

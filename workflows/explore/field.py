@@ -96,7 +96,7 @@ def computed(client, plane, view, steps, fields):
         yield *tree.picture(), "known times"
     workers, shown, pause = client(), monotonic(), _FIRST_PAUSE
     for calls in tree.rounds():
-        for ended in spread(workers, iter(calls)) if calls else ():
+        for ended in spread(workers, calls) if calls else ():
             if ended is not None:
                 tree.accept(*ended)
             if monotonic() - shown < pause:

@@ -28,7 +28,7 @@ _MAX_CHANGE = 32.0  # pixels between rays with different last circles, so that c
 _MIN_WIDTH = 1.0  # pixels between rays; narrower gaps stay as they are, for example at a jump
 _MAX_RAYS = 150  # for one view, if scales scatter by more than their errors
 _DECIMALS, _SAME = 7, 2e-7  # of angles in degrees; rays that differ by rounding are the same
-_PART = 8  # rays of a circle that are computed in one call
+_RAYS_PER_CALL = 8  # on which a circle is followed
 _MIN_TOL, _MAX_TOL = 1e-4, 1e-3  # relative widths of brackets; between these, a pixel at scale 1
 _SHORT_PERIODS, _LONG_PERIODS = 300, 1500  # longest periods of orbits for the followed circle
 _MIN_RAYS = 8  # with at most this many rays in a view, the legend also names circles outside it
@@ -182,9 +182,9 @@ class Rays:
         return np.array([circle_class(circle, self._reflection) for circle in circles])
 
     def _unknown(self, angles, apart, started):
-        """Return the rays more than `apart` from any known or started one.
+        """Return the rays that are more than `apart` degrees from all known and started rays.
 
-        They are ordered so that they spread evenly.
+        They are ordered so that the first few are spread evenly.
         """
         folded = np.unique(self.plane.fold(angles)[0].round(_DECIMALS))
         folded = folded[np.diff(folded, prepend=-inf) > _SAME]  # images of a ray are rounded
@@ -237,7 +237,7 @@ def circle(client, plane, omega, view):
     angles, _ = _across(view, *_FOLLOWED)
     folded, where = np.unique(plane.fold_keeping_circles(angles), return_inverse=True)
     scale, call = np.full(folded.size, np.nan), (_circle_on_rays, plane, omega)
-    parts = np.array_split(np.arange(folded.size), ceil(folded.size / _PART))
+    parts = np.array_split(np.arange(folded.size), ceil(folded.size / _RAYS_PER_CALL))
     q_max = _SHORT_PERIODS if _tolerance(view) == _MAX_TOL else _LONG_PERIODS
     calls = ((part, *call, folded[part], q_max) for part in parts)
 

@@ -100,19 +100,19 @@ class Shared:
     def prepare(self):
         """Start the workers and load the kernels; `serve` calls this in a thread.
 
-        Workers that start earlier would delay the first picture, of the cubes in OUT. If no kernels
-        have been compiled, a worker compiles them, so that this process can show it meanwhile.
+        The workers wait for the first picture, of the cubes in OUT, because they would delay it. If
+        no kernels have been compiled yet, a worker compiles them before this process loads them.
         """
         self.opened.wait(_HEAD_START)
         try:
             client = self._connected()
             self.connected.set()
-            are_compiled = not are_missing()
-            missing = "compiling the kernels, once per machine: about half a minute"
-            self.preparing = "loading the kernels" if are_compiled else missing
+            must_compile = are_missing()
+            compiling = "compiling the kernels, once per machine: about half a minute"
+            self.preparing = compiling if must_compile else "loading the kernels"
             for name, load in _KERNELS.items():
                 on_worker = client.submit(load, pure=False)
-                if not are_compiled:
+                if must_compile:
                     on_worker.result()
                 load()
                 on_worker.result()

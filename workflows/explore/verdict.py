@@ -46,7 +46,7 @@ def copy_button(state):
 def _verdict_and_seconds(client, kappa):
     """Return the verdict and its computing time; wait first, as workers cannot be interrupted."""
     time.sleep(_START_DELAY)
-    results = spread(client(), iter([(None, timed_verdict, kappa)]), priority=1)
+    results = spread(client(), [(None, timed_verdict, kappa)], priority=1)
     return next(result[1] for result in results if result)
 
 

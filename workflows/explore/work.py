@@ -137,13 +137,13 @@ class Latest:
 def spread(client, calls, leaves_one=False, priority=0):
     """Run calls on the workers; yield (key, result) as each one ends, and None while waiting.
 
-    client : dask Client. calls : iterator of (key, function, *args), or None while there is no
+    client : dask Client. calls : iterable of (key, function, *args), or None while there is no
     call to make. leaves_one : as for `submit.as_completed`; for calls that take long, because they
     cannot be interrupted. Otherwise four calls are in flight for each worker, so that the scheduler
     always has one to run before any call with a lower `priority`. All calls in flight are cancelled
     when this generator is closed.
     """
-    next_call = partial(next, calls, None)
+    next_call = partial(next, iter(calls), None)
     for item in as_completed(client, next_call, 4, leaves_one, _YIELD_SECONDS, priority):
         if item and isinstance(item[1], Exception):
             raise item[1]

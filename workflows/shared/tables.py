@@ -1,7 +1,7 @@
 """Functions to make and write Datasets: labelled variables, outcomes as CF flags, CSV tables.
 
-Functions import xarray when they are called: its import takes 0.4 s, and the explorer shows its
-page before.
+Functions import xarray, which takes 0.4 s, when they are called, so that the explorer can send its
+page first.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
