@@ -876,6 +876,21 @@ def test_workers_count_as_started_while_kernels_are_being_compiled(monkeypatch):
     assert shared.loaded["portrait"].is_set()
 
 
+@pytest.mark.parametrize("must_compile", [True, False])
+def test_kernels_that_must_be_compiled_are_compiled_in_a_worker(must_compile, monkeypatch):
+    events = []
+    on_worker = SimpleNamespace(result=lambda: events.append("worker"))
+    client = SimpleNamespace(status="running", submit=lambda call, pure: on_worker)
+    monkeypatch.setattr(server, "are_missing", lambda: must_compile)
+    monkeypatch.setattr(server, "_KERNELS", {"portrait": lambda: events.append("server")})
+    shared = server.Shared(two_kicks(), None, lambda: client)
+    shared.opened.set()
+    shared.prepare()
+    assert shared.preparing == ""
+    assert events[0] == ("worker" if must_compile else "server")
+    assert {*events} == {"worker", "server"}
+
+
 LOADING = """
 from first_calls import loaded
 from workflows.explore import on_workers
